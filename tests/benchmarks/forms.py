@@ -9,11 +9,10 @@ largest chain runs once.
 
 from __future__ import annotations
 
-import re
 import sys
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,10 +20,9 @@ import gearlib as gl
 from gearlib.run.forms.scene_form import BACKENDS, FORMS
 from gearlib.solvers.problem import Floats
 from tests.benchmarks.references import SCENES
+from tests.measured import Part
 from tests.run.test_forms import FourBar, four_bar
 
-PAGE = Path(__file__).parents[2] / "docs" / "solvers.md"
-BEGIN, END = "<!-- forms: begin, written by tests/benchmarks/forms.py -->\n", "<!-- forms: end -->\n"
 RTOL, REPEATED = 1e-10, 5
 ONCE = "M1-1000"
 Case = tuple[str, Callable[[], gl.System], Floats, Callable[[dict[str, Floats]], float], tuple[str, ...], int]
@@ -67,10 +65,9 @@ def cases(wanted: Sequence[str] = ()) -> list[Case]:
     return found
 
 
-def table(wanted: Sequence[str] = ()) -> str:
-    """The table, and the factors below it."""
-    lines = ["| scene | form | unknowns | steps | error | native, ms | scikit-sundae, ms |", "|---|---|---|---|---|---|---|"]
-    elimination, native = [], []
+def measured(wanted: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """Least times (ms) and errors of each scene and form."""
+    rows = []
     for title, make, times, error, names, repeated in cases(wanted):
         system, least = make(), {}
         for repeat in range(repeated + 1):
@@ -84,33 +81,49 @@ def table(wanted: Sequence[str] = ()) -> str:
                         least[form, backend] = min(before, (taken, result), key=lambda pair: pair[0])
         for form in FORMS:
             (fast, result), (slow, _) = least[form, "native"], least[form, "sksundae"]
+            counts = {key: int(result.stats[key]) for key in ("unknowns", "steps")}
             found = error({n: result[n] for n in names})
-            lines.append(
-                f"| {title if form == 'ode' else ''} | {form} | {result.stats['unknowns']} | {result.stats['steps']} | {found:.1e} | "
-                f"{1e3 * fast:.0f} | {1e3 * slow:.0f} |"
-            )
-        elimination.append(least["dae", "native"][0] / least["ode", "native"][0])
-        native.append(least["ode", "sksundae"][0] / least["ode", "native"][0])
+            rows.append({"scene": title, "form": form, **counts, "error": found, "native": 1e3 * fast, "sksundae": 1e3 * slow})
+    return rows
+
+
+def text(rows: list[dict[str, Any]]) -> str:
+    """The table, and the factors below it."""
+    lines = [
+        "",
+        "| scene | form | unknowns | steps | error | native, ms | scikit-sundae, ms |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {r['scene'] if r['form'] == 'ode' else ''} | {r['form']} | {r['unknowns']} | {r['steps']} | {r['error']:.1e} | "
+        f"{r['native']:.0f} | {r['sksundae']:.0f} |"
+        for r in rows
+    ]
+    by_form = {form: [r for r in rows if r["form"] == form] for form in FORMS}
+    elimination = [dae["native"] / ode["native"] for dae, ode in zip(by_form["dae"], by_form["ode"], strict=True)]
+    native = [r["sksundae"] / r["native"] for r in by_form["ode"]]
     lines += [
         "",
         f"Elimination is worth a factor of {min(elimination):.1f} to {max(elimination):.1f} (`dae` over `ode`, both native), and the "
         f"native backend one of {min(native):.0f} to {max(native):.0f} (`ode`, scikit-sundae over native). Processor times, native the "
         f"least of {REPEATED} (of the largest chain one), scikit-sundae of one; rtol = {RTOL:g}; the error is the largest over the "
         "signal's peak, against solutions that share no code with gearlib.",
+        "",
     ]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines)
+
+
+TABLE = Part("forms", "solvers", text)
+PARTS = [TABLE]
 
 
 def main() -> None:
     """Write the table into the page, or print some rows of it."""
     if sys.argv[1:]:
-        print(table(sys.argv[1:]))
-        return
-    text = PAGE.read_text(encoding="utf-8")
-    pattern = re.escape(BEGIN) + ".*?" + re.escape(END)
-    made = BEGIN + "\n" + table() + "\n" + END
-    PAGE.write_text(re.sub(pattern, lambda _: made, text, flags=re.DOTALL), encoding="utf-8")
-    print(made)
+        print(text(measured(sys.argv[1:])))
+    else:
+        TABLE.store(measured())
+        print(TABLE.shown())
 
 
 if __name__ == "__main__":

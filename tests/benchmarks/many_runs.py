@@ -1,4 +1,4 @@
-"""Runs per second: ``python tests/benchmarks/many_runs.py`` prints tables.
+"""Runs per second: ``python -m tests.benchmarks.many_runs 256`` writes the table of docs/many_runs.md, and prints another.
 
 The XP train (8 states, 0.5 s, rtol 1e-6): a loop over `System.simulate`, sweeps in this process (one after another, in lanes, by matrix
 exponentials), by threads, by processes and on dask (where it is installed), and SciPy, joblib and heyoka beside them. Then the scenes of
@@ -19,6 +19,7 @@ import numpy as np
 
 import gearlib as gl
 import gearparts as gp
+from tests.measured import Part, table
 
 T_END, SAMPLES = 0.5, 501
 INPUTS = {"tau_in": 100.0}
@@ -130,19 +131,39 @@ def scenes(count: int) -> Iterator[tuple[str, str, Callable[[], Any], int]]:
             yield name, way, lambda s=system, t=turned, v=chosen, g=given, e=times[-1]: s.sweep({t: v}, e, **g), len(chosen)  # type: ignore[misc]
 
 
+def text(kept: dict[str, Any]) -> str:
+    """The table, and what it says of lanes and of exponentials."""
+    us = {(r["way"], r["method"]): r["us"] for r in kept["rows"]}
+    rows = [[way, method and f'`"{method}"`', f"{value:.0f}"] for (way, method), value in us.items()]
+    loop, lanes = us["loop over simulate", "rk5"], us["sweep", "rk5"]
+    many = us["loop over simulate", "auto"] / us["sweep", "auto"]
+    said = (
+        f"With Runge-Kutta, lanes are {loop / lanes:.1f} times as fast as a loop on the XP train; with exponentials, a sweep is {many:.0f} "
+        "times as fast as a loop."
+    )
+    batch = us.get(("heyoka, batches of 8, end value", ""))
+    if batch is not None:
+        said += f" The end values by lanes take {us['sweep, end values', 'rk5'] / batch:.1f} times as long as heyoka's batches."
+    return table([f"{kept['count']} runs of the XP train", "method", "us a run"], rows) + f"\n\n{said}"
+
+
+TABLE = Part("many_runs", "many_runs", text)
+PARTS = [TABLE]
+
+
 def main(count: int) -> None:
-    """Print the tables."""
+    """Write the table of the XP train's runs, and print that of other scenes."""
     system = gl.compile(gp.ZhouCui2022(), outputs=["w_out"])
     K_g = np.linspace(1e8, 3e8, count)
-    print(f"| {count} runs of the XP train | method | us a run | runs per second |\n|---|---|---|---|")
+    rows = []
     for method in ("rk5", "auto"):
         for name, function in ways(system, K_g, method):
             function()  # compiled, and workers begun
-            us = least(function, count)
-            print(f"| {name} | {method} | {us:.0f} | {1e6 / us:.0f} |", flush=True)
+            rows.append({"way": name, "method": method, "us": least(function, count)})
     for name, function in others(system, min(count, 16)):
-        us = least(function, min(count, 16))
-        print(f"| {name} | | {us:.0f} | {1e6 / us:.0f} |", flush=True)
+        rows.append({"way": name, "method": "", "us": least(function, min(count, 16))})
+    TABLE.store({"count": count, "rows": rows})
+    print(TABLE.shown(), flush=True)
     print("\n| scene | method | how | us a run |\n|---|---|---|---|")
     for name, way, function, runs in scenes(min(count, 128)):
         stats = function().stats

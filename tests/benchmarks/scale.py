@@ -21,7 +21,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.measured import ROOT, Part
+
 SIZES = {
     "chain": [10, 100, 1000, 10_000],
     "star": [20, 50, 200],
@@ -159,14 +160,28 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def table() -> str:
-    """The page docs/scale.md."""
+def measured() -> Row:
+    """All that the page shows."""
+    keys = ("kind", "n", "components", "equations", "states", "compile", "again", "program", "native", "source", "memory")
+    rows = [{key: measure(kind, n)[key] for key in keys} for kind, sizes in SIZES.items() for n in sizes]
+    theirs = {form: [rumoca(form, n) for n in (100, 1000)] for form in RUMOCAS}
+    processes = [{"method": method, **second_process(method)} for method in ("auto", "rk", "ida")]
+    host = {"python": platform.python_version(), "machine": platform.machine()}
+    return {**host, "rows": rows, "rumoca": theirs, "processes": processes}
+
+
+RUMOCAS = {
+    "rumoca_components": "rumoca, the chain as components and `connect` (what gearlib is given)",
+    "rumoca_equations": "rumoca, the chain as flat equations (nothing to connect, no aliases)",
+}
+
+
+def text(kept: Row) -> str:
+    """The page docs/scale.md below its title."""
     heads = [head for head, _ in COLUMNS.values()]
     lines = [
-        "# Translation at scale",
-        "",
         "Processor seconds, each the median of three processes that began with an empty cache; "
-        f"Python {platform.python_version()}, one core of an {platform.machine()} machine that also did other work. *Translate* is "
+        f"Python {kept['python']}, one core of an {kept['machine']} machine that also did other work. *Translate* is "
         "`gl.compile`; *again* is a second model of that size in the same process, whose classes are known; *program* is the sorted "
         "program that a run needs, made at the first run; *machine code* is its compilation, which the cache keeps (loading LLVM "
         "included). Linear scenes that are solved exactly need no machine code. Memory is the peak of the process before LLVM was "
@@ -175,40 +190,35 @@ def table() -> str:
         f"| model | {' | '.join(heads)} |",
         f"|---|{'---:|' * len(heads)}",
     ]
-    rows = [(TITLES[kind], measure(kind, n)) for kind, sizes in SIZES.items() for n in sizes]
-    for title, r in rows:
+    for r in kept["rows"]:
         cells = [form.format({**r, "megabytes": r["memory"] / 2**20}[key]) for key, (_, form) in COLUMNS.items()]
-        lines += [f"| {title} | {' | '.join(cells)} |"]
+        lines += [f"| {TITLES[r['kind']]} | {' | '.join(cells)} |"]
     lines += ["", "![Time to translate against the number of components](images/scale.png)", ""]
-    for kind, sizes in SIZES.items():
-        small, large = (measure(kind, n) for n in sizes[-2:])
-        lines.append(f"- {TITLES[kind]}: time grows with the components to the power of {exponent(small, large, 'again'):.2f} between the "
+    for kind, title in TITLES.items():
+        small, large = [r for r in kept["rows"] if r["kind"] == kind][-2:]
+        lines.append(f"- {title}: time grows with the components to the power of {exponent(small, large, 'again'):.2f} between the "
                      "two largest (classes known).")  # fmt: skip
-    return "\n".join([*lines, "", *_comparison(), "", *_process(), ""])
+    return "\n".join([*lines, "", *_comparison(kept), "", *_process(kept["processes"])])
 
 
-def _comparison() -> list[str]:
-    found = {form: [rumoca(form, n) for n in (100, 1000)] for form in ("rumoca_components", "rumoca_equations")}
-    if any(r is None for rows in found.values() for r in rows):
+def _comparison(kept: Row) -> list[str]:
+    if any(r is None for rows in kept["rumoca"].values() for r in rows):
         return ["## Beside rumoca", "", "Not measured: the package rumoca was not installed."]
-    what = {
-        "rumoca_components": "rumoca, the chain as components and `connect` (what gearlib is given)",
-        "rumoca_equations": "rumoca, the chain as flat equations (nothing to connect, no aliases)",
-    }
-    version = found["rumoca_components"][0]["version"]  # type: ignore[index]
+    version = kept["rumoca"]["rumoca_components"][0]["version"]
+    ours = {r["n"]: r["compile"] for r in kept["rows"] if r["kind"] == "chain"}
     lines = [
         "## Beside rumoca", "",
         f"rumoca {version}, `Session.loads` of the same chain, in the same run; the factor is against gearlib's `gl.compile` in a new "
         "process.", "", "| | N = 100, s | N = 1000, s | factor at N = 1000 |", "|---|---:|---:|---:|",
-        f"| gearlib | {measure('chain', 100)['compile']:.3f} | {measure('chain', 1000)['compile']:.3f} | 1 |",
+        f"| gearlib | {ours[100]:.3f} | {ours[1000]:.3f} | 1 |",
     ]  # fmt: skip
-    for form, rows in found.items():
-        hundred, thousand = (r["seconds"] for r in rows if r is not None)
-        lines.append(f"| {what[form]} | {hundred:.3f} | {thousand:.2f} | {thousand / measure('chain', 1000)['compile']:.0f} |")
+    for form, title in RUMOCAS.items():
+        hundred, thousand = (r["seconds"] for r in kept["rumoca"][form])
+        lines.append(f"| {title} | {hundred:.3f} | {thousand:.2f} | {thousand / ours[1000]:.0f} |")
     return lines
 
 
-def _process() -> list[str]:
+def _process(rows: list[Row]) -> list[str]:
     lines = [
         "## A second process", "",
         "The XP train (`gp.ZhouCui2022`), from the start of the process to `w_out`, with a warm cache; beside it a process that only "
@@ -216,11 +226,16 @@ def _process() -> list[str]:
         "| method | first process, s | second process, s | imports, s | integration, s | second / (imports + integration) |",
         "|---|---:|---:|---:|---:|---:|",
     ]  # fmt: skip
-    for method in ("auto", "rk", "ida"):
-        r = second_process(method)
-        lines.append(f"| {method} | {r['first']:.2f} | {r['total']:.2f} | {r['imports']:.2f} | {r['run']:.4f} | "
-                     f"{r['total'] / (r['imports'] + r['run']):.2f} |")  # fmt: skip
+    lines += [
+        f"| {r['method']} | {r['first']:.2f} | {r['total']:.2f} | {r['imports']:.2f} | {r['run']:.4f} | "
+        f"{r['total'] / (r['imports'] + r['run']):.2f} |"
+        for r in rows
+    ]
     return lines
+
+
+PAGE = Part("scale", "scale", text)
+PARTS = [PAGE]
 
 
 def plot(path: Path) -> None:
@@ -270,4 +285,4 @@ def refresh(page: Path) -> None:
 if __name__ == "__main__":
     refresh(ROOT / "docs" / "how_it_scales.md")
     plot(ROOT / "docs" / "images" / "scale.png")
-    (ROOT / "docs" / "scale.md").write_text(table(), encoding="utf-8")
+    PAGE.store(measured())

@@ -12,9 +12,9 @@ import gearlib as gl
 from gearlib.errors import ArgumentError
 from gearlib.solvers.problem import Floats
 from tests.benchmarks.competitors import Competitor, RunAt, Unavailable
-from tests.benchmarks.page import number
+from tests.benchmarks.page import TARGETS, Row, number
 from tests.benchmarks.users import USERS, UserScene
-from tests.benchmarks.work_precision import TARGETS, Curve, best
+from tests.benchmarks.work_precision import best
 
 ALLOWED = 1.3  # of auto's time over that of the best method
 
@@ -91,7 +91,7 @@ SOLVERS = (
 )
 
 
-def table(measured: dict[str, list[Curve]]) -> list[str]:
+def table(measured: dict[str, list[Row]]) -> list[str]:
     """Whole calls at equal error, and what is not met."""
     lines = [
         "| scene | error | best method | its time, ms | `auto`, ms | over best | SciPy over `auto` | heyoka over `auto` |",

@@ -13,17 +13,20 @@ import math
 import statistics
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tests.benchmarks.competitors import Competitor, RunAt, Unavailable, others
 from tests.benchmarks.contestants import FLOORS, OWN, clocked
 from tests.benchmarks.references import SCENES, BenchScene
 from tests.benchmarks.users import UserScene
 
+if TYPE_CHECKING:
+    from tests.benchmarks.page import Row
+
 TOLERANCES = tuple(10.0**-k for k in range(3, 13))
-TARGETS = (1e-4, 1e-6, 1e-8)
 LIMIT = 2.0  # s, of one run
 HOPELESS = 10.0  # s, of a first run
 BUDGET = 1.5  # s, for the repetitions of one tolerance and solver
@@ -132,22 +135,22 @@ def _clock(run: RunAt, point: Point, kind: str) -> float:
     return total
 
 
-def best(curves: list[Curve], kind: str, target: float, inner: bool = False) -> float:
+def best(curves: Sequence[Curve | Row], kind: str, target: float, inner: bool = False) -> float:
     """Shortest time of a kind of solvers to an error; NaN where none gets there. ``auto`` is no method of its own."""
     times = [c.time_to(target, inner) for c in curves if c.kind == kind and c.solver != "gearlib auto"]
     return min((t for t in times if not math.isnan(t)), default=math.nan)
 
 
 def main(names: list[str]) -> None:
-    from tests.benchmarks.page import save_curves, write_page
+    from tests.benchmarks.page import redraw, store
     from tests.benchmarks.users import USERS
     from tests.benchmarks.users_table import SOLVERS
 
     for name in names or (*SCENES, *USERS):
         start = time.perf_counter()
-        save_curves(name, measure(SCENES[name], FLOORS + OWN + others()) if name in SCENES else measure(USERS[name], SOLVERS))
+        store(name, measure(SCENES[name], FLOORS + OWN + others()) if name in SCENES else measure(USERS[name], SOLVERS))
         print(f"{name}: {time.perf_counter() - start:.0f} s", flush=True)
-    write_page(Path(__file__).resolve().parents[2] / "docs")
+    redraw()
 
 
 if __name__ == "__main__":

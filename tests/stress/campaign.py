@@ -4,7 +4,7 @@ Prints every train that falls short, reduced to as few parts as still do, and co
 the `SHARES` of the campaign. ``--first`` sets the first seed, ``--seconds`` the limit of processor time, ``--keep`` leaves the trains
 as they were drawn. ``--into LOG`` adds a line for each verdict to a file of JSON lines; a campaign that was interrupted goes on there,
 since what the file holds is not judged again. ``again --into LOG`` judges the trains that fell short once more, after a mend (the last
-verdict on a train counts), ``counts --into LOG`` puts the counts of a log into ``campaign.json`` and on docs/stability.md.
+verdict on a train counts), ``counts --into LOG`` puts the counts of a log into ``tests/measured`` and on docs/stability.md.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from tests.measured import Part, table
 from tests.stress.analyses_campaign import analysed_train, judge_analyses
 from tests.stress.described import Train, shrunk
 from tests.stress.hybrid_campaign import judge_hybrid
@@ -29,12 +30,10 @@ from tests.stress.hybrid_draw import hybrid_train
 from tests.stress.linear_campaign import judge_linear
 from tests.stress.linear_draw import linear_train
 from tests.stress.order import judge_order, ordered_train
-from tests.stress.page import fill, table
 from tests.stress.steady_campaign import judge_steady, steady_train
 from tests.stress.verdicts import HANG, REFUSED, RIGHT, SHORT, UNCLEAR, Verdict
 
 SHARES = {"linear": 10, "analyses": 6, "hybrid": 2, "order": 2, "steady": 1}  # of 21 trains of the whole campaign
-COUNTS = Path(__file__).with_name("campaign.json")
 
 FAMILIES: dict[str, tuple[Callable[[int], Train], Callable[[Train, int], Verdict]]] = {
     "linear": (linear_train, judge_linear),
@@ -202,11 +201,8 @@ def tables(whole: dict[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
-def keep_counts(log: Path) -> None:
-    """Put the counts of a log into `COUNTS` and on the page."""
-    whole = counted(judged(log))
-    COUNTS.write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
-    fill("campaign", tables(whole))
+COUNTS = Part("campaign", "stability", tables)
+PARTS = [COUNTS]
 
 
 def main() -> int:
@@ -219,7 +215,8 @@ def main() -> int:
     parser.add_argument("--into", type=Path)
     given = parser.parse_args()
     if given.family == "counts":
-        keep_counts(given.into)
+        COUNTS.store(counted(judged(given.into)))
+        print(COUNTS.shown())
         return 0
     if given.family == "again":
         return min(again(given.into, given.seconds), 1)

@@ -8,9 +8,11 @@ import matplotlib.pyplot as plt
 
 from tests.benchmarks.page import LINES
 from tests.benchmarks.references import SCENES
+from tests.measured import ROOT
 from tests.pictures import save
-from tests.stress.page import DOCS, fill, table
-from tests.stress.test_error_band import STEPPED, TOLERANCES, ratio
+from tests.stress import tables
+from tests.stress.tables import STEPPED
+from tests.stress.test_error_band import TOLERANCES, ratio
 from tests.stress.test_long_runs import energy_drift, first_and_last, growth, largest_change
 from tests.stress.test_stiffness import STIFFNESSES, distance_from_rigid, run, slopes
 
@@ -18,7 +20,7 @@ from tests.stress.test_stiffness import STIFFNESSES, distance_from_rigid, run, s
 def finish(figure: Any, name: str) -> None:
     for axes in figure.axes:
         axes.grid(alpha=0.3)
-    save(figure, DOCS / "images" / f"stability_{name}.png")
+    save(figure, ROOT / "docs" / "images" / f"stability_{name}.png")
     plt.close(figure)
 
 
@@ -44,31 +46,31 @@ def ladder() -> None:
     order = dict(zip(climbed[1:], slopes(climbed, distances), strict=True))
     rows = []
     for k, result in zip(STIFFNESSES, results, strict=True):
-        ida = run(k, 1.0, "ida", 1e-6).stats["steps"]
-        cells = [f"{k:.0e}", f"{away[k]:.1e}" if k in away else "", f"{order[k]:.2f}" if k in order and k <= 1e10 else ""]
-        rows.append([*cells, str(ida), f"{result.stats['steps']}, {result.stats['method']}"])
-    head = ["mesh stiffness, N/m", "distance, rad/s", "order", "steps of `ida`", "steps of `auto`, method at the end"]
-    fill("stiffness", table(head, rows))
+        steps = {
+            "ida": run(k, 1.0, "ida", 1e-6).stats["steps"],
+            "auto": result.stats["steps"],
+            "method": result.stats["method"],
+        }
+        rows.append({"k": k, "distance": away.get(k), "order": order.get(k) if k <= 1e10 else None, **steps})
+    tables.STIFFNESS.store(rows)
 
 
 def long_runs() -> None:
     """Changes between the first settled second and the last one, and memory."""
-    rows = []
+    changes = []
     for method, revolutions, rtol in (("exact", 1e6, 1e-10), ("rk8", 100, 1e-10), ("ida", 1000, 1e-6)):
         change = largest_change(*first_and_last(method, revolutions, rtol))
-        rows.append([f"`{method}`", f"{revolutions:g}", f"{rtol:.0e}" if method != "exact" else "", f"{change:.1e}"])
-    fill("revolutions", table(["method", "revolutions", "rtol", "largest relative change"], rows))
-    rows = []
-    for method, periods in (("exact", 300_000), ("rk8", 300_000), ("ida", 10_000)):
-        rows.append([f"`{method}`", f"{periods:.0e}", f"{growth(method, periods)[0]:.2f} MB"])
-    fill("memory", table(["method", "periods", "held by Python at most, three outputs kept"], rows))
+        changes.append({"method": method, "revolutions": revolutions, "rtol": rtol, "change": change})
+    tables.REVOLUTIONS.store(changes)
+    counts = (("exact", 300_000), ("rk8", 300_000), ("ida", 10_000))
+    tables.MEMORY.store([{"method": m, "periods": n, "megabytes": growth(m, n)[0]} for m, n in counts])
 
 
 def energy() -> None:
     """Energy drift of an undamped train over the tolerance."""
     figure, axes = plt.subplots(figsize=(5, 3.2), layout="constrained")
     tolerances = [10.0**-k for k in range(3, 12)]
-    rows = []
+    rows: list[dict[str, Any]] = []
     for method in ("rk5", "rk8", "ida"):
         drifts = [energy_drift(method, 1000, rtol) for rtol in tolerances]
         axes.loglog(tolerances, drifts, "o-", ms=3, label=method, color=LINES[f"gearlib {method}"]["color"])
@@ -76,35 +78,33 @@ def energy() -> None:
         shares = [d / 1000 / rtol for d, rtol in kept]
         fine = 1e-8 if method == "ida" else 1e-9
         long = energy_drift(method, 100_000, fine) / 1e5 / fine
-        rows.append([f"`{method}`", f"{min(shares):.1g} to {max(shares):.1g}", f"{long:.1g} (rtol {fine:.0e})"])
+        rows.append({"method": method, "short": [min(shares), max(shares)], "long": long, "rtol": fine})
     exact = energy_drift("exact", 1000, 1e-9)
     axes.axhline(exact, color=LINES["gearlib exact"]["color"], ls=":", label="exact")
     axes.set(xlabel="rtol", ylabel="drift of the energy over 1000 periods")
     axes.legend()
     finish(figure, "energy")
-    rows.append(["`exact`", f"{exact:.1e} in all", f"{energy_drift('exact', 100_000, 1e-9):.1e} in all"])
-    fill("energy", table(["method", "drift per period / rtol, 1000 periods", "100 000 periods"], rows))
+    rows.append({"method": "exact", "short": exact, "long": energy_drift("exact", 100_000, 1e-9)})
+    tables.ENERGY.store(rows)
 
 
 def band() -> None:
     """Error over tolerance of every scene and method."""
     figure, panels = plt.subplots(1, 3, figsize=(9.5, 3.2), layout="constrained", sharey=True)
-    rows = {name: [name] for name in SCENES}
+    rows: dict[str, dict[str, Any]] = {name: {"scene": name} for name in SCENES}
     for axes, method in zip(panels, STEPPED, strict=True):
         for name, mark in zip(SCENES, "osv^DX*", strict=True):
             found = [ratio(name, method, rtol) for rtol in TOLERANCES]
             axes.loglog(TOLERANCES, found, f"{mark}-", ms=4, lw=1, label=name)
-            rows[name].append(f"{min(found):.2g} to {max(found):.2g}")
+            rows[name][method] = [min(found), max(found)]
         axes.axhspan(0.01, 100.0, color="0.92", zorder=0)
         axes.set(xlabel="rtol", title=method)
     panels[0].set(ylabel="error / rtol")
     panels[-1].legend(fontsize=6)
     finish(figure, "error")
     for name, scene in SCENES.items():
-        worst = max(ratio(name, "exact", rtol) * rtol for rtol in TOLERANCES) if scene.linear else None
-        rows[name].append("not linear" if worst is None else f"{worst:.0e}")
-    head = ["scene", *(f"`{m}`: error / rtol" for m in STEPPED), "`exact`: largest error at any rtol"]
-    fill("error", table(head, rows.values()))
+        rows[name]["exact"] = max(ratio(name, "exact", rtol) * rtol for rtol in TOLERANCES) if scene.linear else None
+    tables.ERROR.store(list(rows.values()))
 
 
 if __name__ == "__main__":

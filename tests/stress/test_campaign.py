@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.stress.campaign import COUNTS, FAMILIES, SHARES, counted, judge, judged, noted, seeds, tables
+from tests.stress.campaign import FAMILIES, SHARES, counted, judge, judged, noted, seeds, tables
 from tests.stress.described import Part, Signal, Train, shrunk
 from tests.stress.hybrid_reference import HybridTrain
 from tests.stress.linear_campaign import right_values
 from tests.stress.linear_draw import linear_train
 from tests.stress.linear_reference import LinearTrain
-from tests.stress.page import shown
 from tests.stress.verdicts import HANG, REFUSED, RIGHT, UNCLEAR, WRONG, Verdict
 
 TIMES = np.linspace(0.0, 1.0, 7)
@@ -140,10 +138,6 @@ def test_families_take_turns() -> None:
     assert Counter(family for family, _ in found) == {family: 2 * share for family, share in SHARES.items()}
     assert {seed for family, seed in found if family == "hybrid"} == {100, 101, 102, 103}
     assert list(seeds("order", 5, 2)) == [("order", 5), ("order", 6)]
-
-
-def test_the_page_holds_the_counts() -> None:
-    assert shown("campaign") == tables(json.loads(COUNTS.read_text(encoding="utf-8")))
 
 
 def test_an_analysis_that_is_rightly_refused_counts_as_refused() -> None:

@@ -10,9 +10,9 @@ import pytest
 
 from tests.benchmarks.contestants import START, compiled
 from tests.benchmarks.references import SCENES
+from tests.stress.tables import STEPPED
 
 TOLERANCES = tuple(10.0**-k for k in range(3, 13))
-STEPPED = ("rk5", "rk8", "ida")
 
 
 @cache
