@@ -310,7 +310,8 @@ class System(Compiled):
             Backend of ``method="ida"``: compiled callbacks, or scikit-sundae's Python interface.
         sensitivities : sequence of str, optional
             Paths of parameters, and start values as ``"start(load.w)"``, to differentiate with respect to: their tangents are
-            integrated with the states, to the same tolerances. ``result.sensitivity("load.w", "shaft.c")`` returns them.
+            integrated with the states, to the same tolerances, or exact where the method is. ``result.sensitivity("load.w", "shaft.c")``
+            returns them.
         on_interrupt : {"raise", "stop"}
             What Ctrl-C does: ``"stop"`` ends the run where it is, with a warning; its result has the samples so far. Matrix exponentials,
             which take no steps, and runs with sampled controllers raise `KeyboardInterrupt` in any case.

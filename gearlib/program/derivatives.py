@@ -52,7 +52,8 @@ class At:
             found = found if found.ndim > 1 else found[:, None]
         else:
             found = batch_values(batch, self.t, self.slots, self.prepared.parameters, self.relations)
-        return np.broadcast_to(found, (len(batch), len(self.t)))
+        shape = len(batch), len(self.t)
+        return found if found.shape == shape else np.broadcast_to(found, shape)  # which takes longer than the comparison
 
 
 def derivatives(

@@ -68,7 +68,10 @@ def constant_values(batch: Batch, parameters: Floats) -> Floats:
     with np.errstate(all="ignore"):
         value = batch.kernel.function(0.0, *parameters[batch.parameters.T])
     shape = (len(batch), *parameters.shape[1:])
-    return np.broadcast_to(np.asarray(value, float), shape) * (batch.signs if parameters.ndim == 1 else batch.signs[:, None])
+    value = np.asarray(value, float)
+    if value.shape != shape:
+        value = np.broadcast_to(value, shape)
+    return value * (batch.signs if parameters.ndim == 1 else batch.signs[:, None])
 
 
 def prepare(program: Program, structure: Structure, parameters: Floats, relations: Program | None = None) -> Prepared:

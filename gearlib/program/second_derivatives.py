@@ -12,6 +12,7 @@ A. Griewank, A. Walther, "Evaluating Derivatives", 2nd ed., SIAM, 2008, section 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,11 +39,16 @@ class Direction:
     slots: Floats
     parameters: Floats
 
+    @cached_property
+    def still(self) -> bool:
+        """Whether no slot changes."""
+        return not self.slots.any()
+
     def of(self, batch: Batch, at: At) -> Floats:
         """Directional derivatives of a batch's values, shape (rows, directions)."""
         found = np.zeros((len(batch), self.slots.shape[1]))
         with np.errstate(all="ignore"):
-            for a in batch.active:
+            for a in () if self.still else batch.active:
                 found += at.values(batch.derivative(a)) * self.slots[batch.arguments[:, a]]
             for q in range(batch.parameters.shape[1]):
                 change = self.parameters[batch.parameters[:, q]]
@@ -89,7 +95,12 @@ def _sums_changed(sums: Sums, at: At, along: Direction, numbers: Floats, changes
         change = along.of(batch, at)
         moved.append(change if slots is None else change * at.slots[slots] + at.values(batch) * along.slots[slots])
     factors = np.concatenate([*moved, np.zeros((1, changes.shape[1]))])
-    return sums_of_products(sums, factors, numbers) + sums_of_products(sums, factor_values(sums, at), changes)
+    found = np.zeros((len(sums), changes.shape[1]))
+    if factors.any():
+        found = sums_of_products(sums, factors, numbers)
+    if changes[sums.sources].any():
+        found += sums_of_products(sums, factor_values(sums, at), changes)
+    return found
 
 
 def _block_changed(step: Solved, at: At, along: Direction, numbers: Floats, changes: Floats) -> Floats:

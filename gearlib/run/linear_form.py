@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 from weakref import ref
@@ -11,7 +11,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from gearlib.equations.kernel import rest_of
+from gearlib.equations.kernel import Kernel, rest_of
 from gearlib.equations.template import Relation
 from gearlib.errors import SingularError
 from gearlib.program.derivative_plan import DerivativePlan, Solved, derivative_plan
@@ -29,7 +29,7 @@ MOST_WRITTEN = 60  # states up to which the matrix entries are computed by gener
 
 
 @dataclass(eq=False)
-class _Plan:
+class LinearPlan:
     """The parts of a scene's linear form that do not depend on numbers, and the inputs recognised last."""
 
     seeds: list[tuple[Batch, int]]
@@ -37,12 +37,13 @@ class _Plan:
     derivatives: DerivativePlan  # of the rates with respect to states, inputs, and perturbations of slots
     written: Any  # generated function for these, or None
     slots: NDArray[np.int64]  # parameters in the driving expressions
-    last: tuple[Any, ...] = ()  # key, expressions
-    form: tuple[Any, ...] = ()  # numbers, key, the linear form
+    last: tuple[Any, ...] = ()  # key, inputs, mix
+    form: tuple[Any, ...] = ()  # numbers, key, the linear form, mix
+    changed: tuple[Any, ...] = ()  # the linear form, key of the directions, the form with its derivatives
     known: dict[Any, Any] = field(default_factory=dict)  # see `LinearForm`
 
 
-def _plan(scene: Scene) -> _Plan:
+def linear_plan(scene: Scene) -> LinearPlan:
     if "linear" not in scene.forms:
         program = scene.program
         seeds = affine_seeds(program)
@@ -51,8 +52,8 @@ def _plan(scene: Scene) -> _Plan:
         entering = [(slot, k) for k, slot in enumerate([*range(len(program.states) + len(program.inputs)), *added])]
         derivatives = derivative_plan(program, entering, program.output_slots)
         written = linear_function(program, derivatives) if len(scene.states) < MOST_WRITTEN else None
-        scene.forms["linear"] = _Plan(seeds, added, derivatives, written, np.unique(np.concatenate(slots)))
-    found: _Plan = scene.forms["linear"]
+        scene.forms["linear"] = LinearPlan(seeds, added, derivatives, written, np.unique(np.concatenate(slots)))
+    found: LinearPlan = scene.forms["linear"]
     return found
 
 
@@ -73,6 +74,12 @@ def linear_form(scene: Scene, numbers: Prepared, signals: Sequence[Any]) -> Line
     signals : sequence
         The unbound inputs: numbers, tables or functions of time.
     """
+    found = mixed_form(scene, numbers, signals)
+    return found if isinstance(found, str) else found[0]
+
+
+def mixed_form(scene: Scene, numbers: Prepared, signals: Sequence[Any]) -> tuple[LinearForm, Floats] | str:
+    """The linear form of a scene, and the shares of its inputs in the program's inputs and driving terms; or why it has none."""
     program = scene.program
     if not program.is_linear:
         return "the equations are not linear with constant coefficients"
@@ -82,18 +89,17 @@ def linear_form(scene: Scene, numbers: Prepared, signals: Sequence[Any]) -> Line
         return "an input is a Python function"
     if any(isinstance(s, Table) and not s.straight for s in signals):
         return "an input is a table of cubics"
-    plan = _plan(scene)
+    plan = linear_plan(scene)
     key = (numbers.parameters[plan.slots].tobytes(), tuple(s if not callable(s) else id(s) for s in signals))
     known, last = plan.form, plan.last  # other threads may replace them meanwhile
     if known and known[0]() is numbers and known[1] == key:
-        found: LinearForm = known[2]
-        return found
+        return known[2], known[3]
     if last[:1] != (key,):
         last = plan.last = (key, *_drives(scene, numbers, signals, plan))
     inputs, mix = last[1:]
     form = LinearForm(*_matrices(scene, numbers, plan, mix), inputs, known=plan.known)
-    plan.form = (ref(numbers), key, form)
-    return form
+    plan.form = (ref(numbers), key, form, mix)
+    return form, mix
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +137,7 @@ class LinearForms:
         numbers : array, shape (inputs, runs)
             Of the scene's program: zero where an input is a table.
         """
-        scene, plan, runs = self.scene, _plan(self.scene), parameters.shape[1]
+        scene, plan, runs = self.scene, linear_plan(self.scene), parameters.shape[1]
         program, table = scene.program, plan.derivatives
         n, m = len(program.states), len(program.inputs)
         points = At(
@@ -156,7 +162,7 @@ def linear_forms(scene: Scene, numbers: Prepared, signals: Sequence[Any]) -> Lin
     form = linear_form(scene, numbers, signals)
     if isinstance(form, str):
         return form
-    plan = _plan(scene)
+    plan = linear_plan(scene)
     if any(isinstance(step, Solved) and step.implicit for step in plan.derivatives.steps):
         return "equations that are solved together depend on what they determine"
     tables = tuple(k for k, s in enumerate(signals) if isinstance(s, Table))
@@ -168,7 +174,7 @@ def linear_forms(scene: Scene, numbers: Prepared, signals: Sequence[Any]) -> Lin
     return LinearForms(scene, inputs, matrix, tables, moving, slots, numbers.parameters[slots])
 
 
-def _drives(scene: Scene, numbers: Prepared, signals: Sequence[Any], plan: _Plan) -> tuple[tuple[Any, ...], Floats]:
+def _drives(scene: Scene, numbers: Prepared, signals: Sequence[Any], plan: LinearPlan) -> tuple[tuple[Any, ...], Floats]:
     """The driving terms as expressions, and the weights with which each enters inputs and slots."""
     m = len(scene.program.inputs)
     expressions = [driving_expression(scene, batch, i, numbers.parameters) for batch, i in plan.seeds]
@@ -186,7 +192,7 @@ def _drives(scene: Scene, numbers: Prepared, signals: Sequence[Any], plan: _Plan
     return tuple(inputs), mix
 
 
-def _matrices(scene: Scene, numbers: Prepared, plan: _Plan, mix: Floats) -> tuple[Any, Floats]:
+def _matrices(scene: Scene, numbers: Prepared, plan: LinearPlan, mix: Floats) -> tuple[Any, Floats]:
     """A and B."""
     program, table = scene.program, plan.derivatives
     n = len(program.states)
@@ -240,20 +246,26 @@ def affine_seeds(program: Program) -> list[tuple[Batch, int]]:
 
 def driving_expression(scene: Scene, batch: Batch, row: int, parameters: Floats) -> Any:
     """The inhomogeneous term of a batch's row, as an expression of time with numbers."""
-    kernel, template = batch.kernel, batch.kernel.template
+    return int(batch.signs[row]) * of_time(rest_of(batch.kernel), parameter_values(scene, batch, row, parameters))
+
+
+def parameter_values(scene: Scene, batch: Batch, row: int, parameters: Floats) -> dict[str, Any]:
+    """The values of the parameters in the equation of a batch's row, by their names there."""
     g, i = scene.structure.rows[int(batch.equations[row])]
-    group = scene.model.groups[g]
-    value = {
-        name: sympy.Float(parameters[slot], 17)
-        for name, slot in zip(group.template.parameters, group.parameters[i].tolist(), strict=True)
-    }
+    names, slots = scene.model.groups[g].template.parameters, scene.model.groups[g].parameters[i].tolist()
+    return {name: sympy.Float(parameters[slot], 17) for name, slot in zip(names, slots, strict=True)}
+
+
+def of_time(kernel: Kernel, value: Mapping[str, Any]) -> Any:
+    """A kernel without columns as an expression of time, with numbers for its parameters."""
+    template = kernel.template
     table: dict[Any, Any] = {sympy.Symbol("t", real=True): TIME}
     table |= {sympy.Symbol(f"p{k}", real=True): value[name] for k, name in enumerate(template.parameters)}
     by_name = {sympy.Symbol(name, real=True): v for name, v in value.items()}
     for r in kernel.relations:
         flag = sympy.Ne(sympy.Symbol(f"r{r}", real=True), 0)
         table[flag] = _condition(template.relations[r]).xreplace(by_name)
-    return int(batch.signs[row]) * rest_of(kernel).expression.xreplace(table)
+    return kernel.expression.xreplace(table)
 
 
 def _condition(relation: Relation) -> Any:

@@ -63,6 +63,24 @@ class NoCode:
 
 
 @dataclass(frozen=True, eq=False)
+class MovedSwitch:
+    """A condition on time of an input whose switching times depend on the directions: dt/dp = -(dg/dp) / (dg/dt) where g(t, p) = 0."""
+
+    input: int  # the input that switches
+    g: Any  # expression of time
+    changes: tuple[Any, ...]  # its derivative in each direction
+
+
+@dataclass(frozen=True, eq=False)
+class LinearChanges:
+    """Derivatives of a linear form in some directions: S_k' = A S_k + A_k x + B_k u."""
+
+    A: tuple[Any, ...]  # (states, states) each, arrays or sparse
+    B: Floats  # (directions, states, inputs)
+    switches: tuple[MovedSwitch, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
 class LinearForm:
     """x' = A x + B u(t); the inputs u are tables, or expressions of time with numeric coefficients."""
 
@@ -71,6 +89,7 @@ class LinearForm:
     inputs: tuple[Any, ...]
     stepper: list[Any] = field(default_factory=list)  # the last one, reused by the next run with the same numbers
     known: dict[Any, Any] = field(default_factory=dict)  # what runs with other numbers have found of inputs, times and pattern
+    changes: LinearChanges | None = None  # the states of the problem are then followed by their tangents, (states, directions)
 
 
 @dataclass(frozen=True)

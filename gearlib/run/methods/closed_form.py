@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gearlib.run.linear_form import linear_form
 from gearlib.run.methods.method import Method, finished, refusal
 from gearlib.run.methods.run import Run
+from gearlib.run.tangents.linear_changes import changed_form
 from gearlib.solvers.drive.driver import Driver, integrate
 from gearlib.solvers.inputs.table import breakpoints, values
 from gearlib.solvers.problem import LinearForm, NoCode, Problem, Solution
@@ -60,17 +61,22 @@ def _linear(run: Run) -> LinearForm | str:
         return LinearForm(np.zeros((0, 0)), np.zeros((0, 0)), ())
     if len(run.scene.states) > LARGEST_EXACT:
         return f"{len(run.scene.states)} states are too many for an exponential"
-    found = linear_form(run.scene, run.numbers, run.signals)
-    if run.tangents is not None and not isinstance(found, str):
-        return "the scene is linear, but its sensitivities are integrated with the states"
-    return found
+    if run.tangents is not None:
+        return changed_form(run.scene, run.numbers, run.signals, run.tangents.directions)
+    return linear_form(run.scene, run.numbers, run.signals)
+
+
+def _start(run: Run) -> Floats:
+    """The states at the start, followed by their tangents."""
+    tangents = run.tangents if run.scene.states else None
+    return run.start.states if tangents is None else np.append(run.start.states, tangents.start)
 
 
 def _problem(run: Run, linear: LinearForm) -> Problem:
     """The problem with a linear form instead of native functions."""
     scene = run.scene
     return Problem(
-        rhs=NO_CODE, x0=run.start.states, data=NO_NUMBERS, index=NO_INDICES, differential=NO_FLAGS,
+        rhs=NO_CODE, x0=_start(run), data=NO_NUMBERS, index=NO_INDICES, differential=NO_FLAGS,
         nominal=scene.nominal, state_names=scene.state_names, times=run.times, rtol=run.rtol, linear=linear,
     )  # fmt: skip
 
@@ -91,7 +97,7 @@ def exponential(run: Run) -> Exponential | str:
 def exponential_solution(run: Run, stepper: Exponential, why: str) -> Solution:
     """Integrate by matrix exponentials; relations, which depend on time only, are evaluated at the samples."""
     problem = stepper.problem
-    if problem.x0.tobytes() != run.start.states.tobytes():
+    if problem.x0.tobytes() != _start(run).tobytes():
         problem = _problem(run, stepper.linear)
     found = finished(run, integrate(Driver(problem, stepper)), Exact.name, why)
     scene = run.scene
@@ -113,6 +119,11 @@ def too_many_corners(run: Run, stepper: Exponential) -> str | None:
         exact_seconds = min(stepper.cuts.costs(len(run.scene.states), len(stepper.cornered), rate))
     steps = corners + rate * float(run.times[-1] - run.times[0]) / REACH_OF_A_STEP
     seconds = steps * (RK_STEP + RK_SLOT * run.scene.program.n_slots)
+    if run.tangents is not None:  # a column costs Runge-Kutta a right-hand side, and exponentials a system of twice the size
+        count = len(run.tangents.directions)
+        seconds *= 1 + count
+        if stepper.cuts is not None:
+            exact_seconds = count * min(stepper.cuts.costs(2 * len(run.scene.states), len(stepper.cornered), rate))
     if exact_seconds <= 1.2 * seconds:
         return None
     return (

@@ -8,6 +8,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+import scipy.linalg
 import scipy.sparse
 import sympy
 from hypothesis import assume, given, settings
@@ -22,7 +23,7 @@ from gearlib.solvers.exponential.exact import Exponential, prepare
 from gearlib.solvers.exponential.forcing import Forcing, recognise
 from gearlib.solvers.exponential.stretches import stretches
 from gearlib.solvers.inputs.table import Table
-from gearlib.solvers.problem import LinearForm, NoCode, Problem
+from gearlib.solvers.problem import LinearChanges, LinearForm, NoCode, Problem
 
 t = sympy.Symbol("time", real=True)
 
@@ -404,3 +405,35 @@ def test_a_stepper_serves_for_other_start_values() -> None:
 def test_inputs_that_are_not_in_closed_form_are_named() -> None:
     problem = linear_problem([[-1.0]], [[1.0]], (sympy.tan(t),), [1.0], np.array([0.0, 1.0]))
     assert "tan" in Exponential(problem).why_not
+
+
+@pytest.mark.parametrize("algorithm", ["dense", "action"])
+@pytest.mark.parametrize(("N", "directions"), [(3, 1), (30, 2)])
+def test_derivatives_are_those_of_the_block_triangular_system(algorithm: str, N: int, directions: int) -> None:
+    """The tangents of random directions, with inputs of their own, beside the exponential of the whole."""
+    A, B = chain(N, c=300.0, d=0.05)
+    n, rng = A.shape[0], np.random.default_rng(N)
+    share = scipy.sparse.csr_array(A)
+    changes = [
+        scipy.sparse.csr_array((share.data * rng.normal(size=share.nnz), share.indices, share.indptr))
+        for _ in range(directions)
+    ]
+    inputs = [3.0 * sin(7 * t + 1), t * exp(-t), Piecewise((2, t < 0.4), (t, True))]
+    B, driven = rng.normal(size=(n, 3)), rng.normal(size=(directions, n, 3))
+    x0, times = rng.normal(size=(1 + directions, n)), np.linspace(0.0, 1.0, 6)
+    whole = np.kron(np.eye(1 + directions), A.toarray())
+    for k, change in enumerate(changes, 1):
+        whole[k * n : (k + 1) * n, :n] = change.toarray()
+    right = solve(whole, np.concatenate([B, *driven]), inputs, x0.ravel(), times, algorithm="dense").reshape(
+        6, 1 + directions, n
+    )
+    forcing = recognise(inputs, 0.0, 1.0)
+    assert isinstance(forcing, Forcing)
+    given = LinearChanges(tuple(changes), driven)
+    found = integrate(share, B, forcing, x0, times, algorithm=algorithm, changes=given)
+    scale = np.abs(right).max(axis=(0, 2))[None, :, None]
+    assert (np.abs(found - right) < 1e-10 * scale).all()
+    one = scipy.linalg.expm(whole * 0.2) @ np.append(x0[0], np.zeros(n * directions))
+    alone = integrate(share, B * 0.0, forcing, np.stack([x0[0], *np.zeros((directions, n))]), times,
+                      algorithm=algorithm, changes=LinearChanges(tuple(changes), driven * 0.0))  # fmt: skip
+    assert np.allclose(alone[1].ravel(), one, rtol=1e-9, atol=1e-10 * np.abs(one).max())
