@@ -1,8 +1,9 @@
-"""Progress of long calls: a bar on a terminal, or a user's callback that receives the fraction done and the elapsed time."""
+"""Progress of long calls: a bar on a terminal, or a user's callback that receives the fraction done and the elapsed time; notices."""
 
 from __future__ import annotations
 
 import importlib.util
+import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -42,12 +43,29 @@ def reporting(progress: Any, label: str) -> Iterator[Told | None]:
     """
     if callable(progress):
         yield _guarded(progress)
-    elif not progress or not sys.stderr.isatty():
+    elif not progress or not _on_terminal():
         yield None
     elif importlib.util.find_spec("tqdm") is not None:
         yield from _bar(label)
     else:
         yield from _line(label)
+
+
+def notice(text: str) -> None:
+    """Say in one line on standard error why a call takes long; nothing unless that is a terminal.
+
+    Parameters
+    ----------
+    text : str
+        It overwrites a bar that is being shown there; the bar is drawn again below.
+    """
+    if _on_terminal():
+        sys.stderr.write(f"\r{text.ljust(shutil.get_terminal_size().columns - 1)}\n")
+        sys.stderr.flush()
+
+
+def _on_terminal() -> bool:
+    return sys.stderr is not None and sys.stderr.isatty()  # a program without a console has none
 
 
 def _guarded(progress: Callable[[float, float], Any]) -> Told:

@@ -23,6 +23,7 @@ from typing import Any
 from weakref import finalize
 
 from gearlib.compiler.ownership import is_own, make_private, read_own, why_foreign
+from gearlib.progress import notice
 
 LARGEST = 512 * 2**20  # bytes; the least recently used files are evicted first
 FORMAT = "4"
@@ -30,6 +31,7 @@ ONE_IN = 16  # object files are small, so the total size is summed (some 20 us p
 _SEAL = 32  # bytes of the checksum before the content
 _temporary: tuple[Path, finalize[..., Any]] | None = None  # the folder, and the finalizer that deletes it when the process ends
 _refused: set[str] = set()  # folders that a warning was given for
+_noticed: set[str] = set()  # what users were told of
 COMPILING = RLock()
 """Held while anything is compiled: by one thread at a time, and not across a fork."""
 
@@ -87,7 +89,7 @@ def _private() -> Path:
     return _temporary[0]
 
 
-def cached_bytes(name: str, make: Callable[[], bytes]) -> bytes:
+def cached_bytes(name: str, make: Callable[[], bytes], slow: str = "") -> bytes:
     """Content of a cached file; computed and written where the file is missing or damaged.
 
     Parameters
@@ -96,6 +98,8 @@ def cached_bytes(name: str, make: Callable[[], bytes]) -> bytes:
         File name: a digest of everything that the content depends on.
     make : callable
         Computes the content.
+    slow : str
+        What is compiled, if that takes a second or more: a user at a terminal is told so, once in a process.
     """
     path = folder() / name
     with suppress(OSError):
@@ -104,6 +108,10 @@ def cached_bytes(name: str, make: Callable[[], bytes]) -> bytes:
             with suppress(OSError):
                 os.utime(path)
             return content
+    if slow and slow not in _noticed:
+        _noticed.add(slow)
+        kept = "until the process ends" if _temporary is not None and path.parent == _temporary[0] else f"in {path.parent}"
+        notice(f"gearlib compiles {slow}, which takes some seconds; the result is kept {kept}")
     content = make()
     seal = _seal(name, content)
     with suppress(OSError):

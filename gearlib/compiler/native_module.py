@@ -81,7 +81,11 @@ def native_functions(*modules: str) -> NativeFunctions:
     names = [node.name for node, _ in functions() if ast.unparse(node.returns or ast.Constant(None)) == "int32"]
     with COMPILING:
         try:
-            code = cached_bytes(f"gearlib_model_{digest}.o", lambda: optimised(translated(functions(), fused=True)))
+            code = cached_bytes(
+                f"gearlib_model_{digest}.o",
+                lambda: optimised(translated(functions(), fused=True)),
+                "its solvers for this machine",
+            )
             addresses, library = linked(code, names)
         except RuntimeError:  # damage that the checksum did not reveal
             addresses, library = linked(optimised(translated(functions(), fused=True)), names)

@@ -18,6 +18,7 @@ COMPILER = ("data_flow.py", "instructions.py", "native_module.py", "object_code.
 WINDOWS = sys.platform == "win32"  # JITLink, LLVM's newer linker for small code models, does not support Windows COFF
 LINKED = 300  # modules kept linked though unreferenced, the most recently used ones
 USES = 64
+LONG = 40_000  # characters of source that take about a second to compile
 _numbers = count()
 
 
@@ -60,7 +61,8 @@ def compiled(source: str, name: str, fused: bool = False) -> CompiledFunction:
     with COMPILING:
         digest = hashlib.sha256("\0".join((compiler_digest(), source, *["fused"] * fused)).encode()).hexdigest()[:24]
         try:
-            code = cached_bytes(f"gearlib_model_{digest}.o", lambda: object_code(source, fused))
+            slow = "a large model" if len(source) > LONG else ""
+            code = cached_bytes(f"gearlib_model_{digest}.o", lambda: object_code(source, fused), slow)
             addresses, library = linked(code, [name])
         except RuntimeError:  # damage that the checksum did not reveal
             addresses, library = linked(object_code(source, fused), [name])
