@@ -1,11 +1,12 @@
 """Build the wheel of a release in dist/: that of hatchling in fewer bytes, less than 1 MB.
 
-Comments are left out of the installed sources; docstrings stay, and so do the lines and their numbers. Files are compressed by Zopfli,
-whose output is read by every unzip.
+Comments are left out of the installed sources, and so are the docstrings of private functions and classes, which nothing shows; other
+docstrings stay, and so do the lines and their numbers. Files are compressed by Zopfli, whose output is read by every unzip.
 """
 
 from __future__ import annotations
 
+import ast
 import base64
 import csv
 import hashlib
@@ -35,13 +36,35 @@ def without_comments(source: str) -> str:
     return "".join(lines)
 
 
+def without_private_docstrings(source: str) -> str:
+    r"""Python source without the docstrings of private functions and classes, and of what is defined in them.
+
+    >>> without_private_docstrings("def _f():\n    'What it does.'\n    return 1\n")
+    'def _f():\n\n    return 1\n'
+    """
+    lines = source.splitlines(keepends=True)
+
+    def walk(node: ast.AST, private: bool) -> None:
+        for inner in ast.iter_child_nodes(node):
+            if not isinstance(inner, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+                continue
+            hidden = private or (inner.name.startswith("_") and not inner.name.endswith("__"))
+            first = inner.body[0]
+            if hidden and len(inner.body) > 1 and ast.get_docstring(inner, clean=False) is not None:
+                lines[first.lineno - 1 : first.end_lineno] = ["\n"] * ((first.end_lineno or first.lineno) - first.lineno + 1)
+            walk(inner, hidden)
+
+    walk(ast.parse(source), False)
+    return "".join(lines)
+
+
 def contents(wheel: Path) -> dict[str, bytes]:
-    """What the files of a wheel hold without comments; RECORD has the new hashes and sizes."""
+    """What the files of a wheel hold without comments and private docstrings; RECORD has the new hashes and sizes."""
     with zipfile.ZipFile(wheel) as archive:
         files = {name: archive.read(name) for name in archive.namelist()}
     for name, data in files.items():
         if name.endswith(".py"):
-            files[name] = without_comments(data.decode()).encode()
+            files[name] = without_private_docstrings(without_comments(data.decode())).encode()
     record = next(name for name in files if name.endswith(".dist-info/RECORD"))
     rows = io.StringIO()
     writer = csv.writer(rows, lineterminator="\n")

@@ -104,6 +104,21 @@ def test_the_release_wheel_has_the_same_code_and_its_own_hashes(tmp_path):
         assert int(size) == len(files[name])
 
 
+def test_the_release_wheel_has_the_docstrings_that_are_shown(tmp_path):
+    text = (
+        "class A:\n    'A.'\n    def _f(self):\n        '''Hidden,\n        twice.'''\n        return 1\n"
+        "    def __len__(self): 'Shown.'\nclass _B:\n    'Only.'\n"
+    )
+    found = module("wheel").contents(hatchling_like_wheel(tmp_path / "p.whl", {"a.py": text}))["a.py"].decode()
+    assert len(found.splitlines()) == len(text.splitlines())
+    space = {}
+    exec(compile(found, "a.py", "exec"), space)
+    own = space["A"]
+    assert (own.__doc__, own._f.__doc__, own.__len__.__doc__) == ("A.", None, "Shown.")
+    assert own()._f() == 1
+    assert own._f.__code__.co_firstlineno == 3
+
+
 def test_the_release_wheel_is_an_archive_that_others_read(tmp_path):
     pytest.importorskip("zopfli")
     path = hatchling_like_wheel(tmp_path / "p.whl", {"gearlib/ä.py": (ROOT / "docs" / "conf.py").read_text(), "b.py": ""})
