@@ -89,8 +89,9 @@ def fixed_values(model: FlatModel, parameters: Floats, overrides: Mapping[int, f
             if abs(value) > max(nothing, LEAST * model.nominal[rep]):
                 raise StartError(f"start of {model.name(v)} is {value:g}, but it is always zero")
             continue
-        apart = abs(fixed[rep][0] - sign * value) if rep in fixed else 0.0
-        if apart > max(ROUNDING * abs(value) + nothing, 0.0 if value else LEAST * model.nominal[rep]):
+        least = LEAST * model.nominal[rep]
+        here, there = (x if abs(x) > least else 0.0 for x in (sign * value, fixed[rep][0] if rep in fixed else sign * value))
+        if abs(here - there) > ROUNDING * max(abs(here), abs(there)) + nothing:
             other = fixed[rep][1]
             raise StartError(
                 f"start values contradict each other: {other} and {model.name(v)} are one variable (up to its sign), but are "

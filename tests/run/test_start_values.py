@@ -77,6 +77,16 @@ def test_two_names_of_one_variable() -> None:
         gl.compile(Shaft()).simulate(1.0)
 
 
+@pytest.mark.parametrize(("first", "second"), [(0.0, 2.8e-17), (2.8e-17, 0.0), (-3e-17, 2e-16)])
+def test_rounding_of_zero_is_no_contradiction_in_either_order(first: float, second: float) -> None:
+    class Shaft(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b = gp.Inertia(J=1.0, start={"phi": first}), gp.Inertia(J=1.0, start={"phi": second})
+            return [c(self.a.flange_b, self.b.flange_a)]
+
+    assert abs(gl.compile(Shaft()).simulate(1.0)["a.phi"]).max() < 1e-15
+
+
 def test_a_held_shaft_cannot_start_with_a_speed() -> None:
     class Held(gl.Component):
         def assemble(self) -> list[Any]:
