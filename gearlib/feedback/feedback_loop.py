@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gearlib.arguments import by_name, real, shown
 from gearlib.drawing.quantities import spelled
 from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.linear.balancing import balance
 from gearlib.linear.linear_model import LinearModel, Matrices, label, matrices
 from gearlib.linear.linearize import linearized
 from gearlib.linear.poles import Poles, poles
@@ -54,11 +55,11 @@ class Loop:
 
     @cached_property
     def _schur(self) -> tuple[Complexes, Complexes, Complexes]:
-        from scipy.linalg import matrix_balance, schur
+        from scipy.linalg import schur
 
         if not len(self.A):
             return np.empty((0, 0), complex), np.empty(0, complex), np.empty(0, complex)
-        balanced, (scale, permutation) = matrix_balance(self.A, separate=True)
+        balanced, scale, permutation = balance(self.A)
         b, c = self.b[permutation] / scale, self.c[permutation] * scale  # scale is in the new order
         triangle, basis = schur(balanced, output="complex")
         return triangle, basis.conj().T @ b, c @ basis

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
+from gearlib.linear.balancing import balance
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -92,10 +93,10 @@ def _branches(inner: Complexes, count: int, value: complex) -> Complexes:
 
 def _all_vectors(A: Any) -> tuple[Complexes, Complexes, Complexes]:
     """Eigenvalues, and unit left and right eigenvectors of the balanced matrix, in the original order and units of the states."""
-    from scipy.linalg import eig, matrix_balance
+    from scipy.linalg import eig
 
     full = np.asarray(A.toarray() if hasattr(A, "toarray") else A, float)
-    balanced, (scale, permutation) = matrix_balance(full, separate=True)
+    balanced, scale, permutation = balance(full)
     values, left, right = eig(balanced, left=True, right=True)
     ours_left, ours_right = np.empty_like(left), np.empty_like(right)
     ours_left[permutation], ours_right[permutation] = left / scale[:, None], right * scale[:, None]  # scale is in the new order

@@ -14,6 +14,7 @@ from gearlib.drawing.printed import fitted
 from gearlib.drawing.quantities import axis_label, spelled
 from gearlib.drawing.style import COLOURS
 from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.linear.balancing import balance
 from gearlib.linear.linear_model import LinearModel, check_linear, matrices
 from gearlib.linear.linearize import input_names, linearized, read_by_equations
 from gearlib.linear.response_changes import response_changes
@@ -257,12 +258,10 @@ def _changes(model: LinearModel, s: Complexes) -> Callable[[Sequence[str]], Comp
 
 
 def _dense(A: Floats, B: Floats, C: Floats, D: Floats, omega: Floats) -> Complexes:
-    from scipy.linalg import matrix_balance
-
     n = len(A)
     if not n:
         return np.repeat(D.astype(complex)[:, :, None], len(omega), axis=2)
-    balanced, (scale, permutation) = matrix_balance(A, separate=True)
+    balanced, scale, permutation = balance(A)
     b, c = B[permutation] / scale[:, None], C[:, permutation] * scale  # scale is in the new order
     result = np.empty((len(omega), len(C), B.shape[1]), complex)
     at_once = max(1, AT_ONCE // n**2)

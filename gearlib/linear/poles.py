@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import ArgumentError
+from gearlib.linear.balancing import balance
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -109,7 +110,7 @@ def poles(A: Any) -> Poles:
     >>> found.chains, found.verdict
     ((1, 1), 'drifting')
     """
-    from scipy.linalg import eig, matrix_balance
+    from scipy.linalg import eig
 
     matrix = np.array(A.toarray() if hasattr(A, "toarray") else A, float)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
@@ -118,7 +119,7 @@ def poles(A: Any) -> Poles:
         raise ArgumentError("the matrix holds numbers that are not finite, or whose squares are not")
     if not matrix.size:
         return Poles(np.empty(0, complex), np.empty(0), ())
-    balanced = matrix_balance(matrix)[0]
+    balanced = balance(matrix)[0]
     _, others, chains = deflate(balanced)
     if not others.shape[1]:
         return Poles(np.zeros(len(matrix), complex), np.zeros(len(matrix)), chains)

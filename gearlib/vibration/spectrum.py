@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
+from gearlib.linear.balancing import balance
 from gearlib.linear.poles import deflate
 from gearlib.structure.sparse_elimination import factorise
 from gearlib.vibration.lowest_eigenvalues import REAL, lowest
@@ -47,12 +48,12 @@ class Spectrum:
 
 def dense_spectrum(A: Floats, speeds: Floats, count: int | None, forces: Floats | None = None) -> Spectrum:
     """All eigenvalues; ``speeds`` (variables, states) separates free motions from rest, ``forces`` preloads from positions."""
-    from scipy.linalg import eig, matrix_balance
+    from scipy.linalg import eig
 
     n = len(A)
     if not n:
         return Spectrum(np.empty(0, complex), np.empty((0, 0), complex), np.empty((0, 0), complex), 0, np.empty(0))
-    balanced, (scale, permutation) = matrix_balance(A, separate=True)
+    balanced, scale, permutation = balance(A)
     zero, others, chains = deflate(balanced)
     values, vectors = eig(others.T @ balanced @ others) if others.shape[1] else (np.empty(0, complex), np.empty((0, 0)))
     inner, coupling = zero.T @ balanced @ zero, zero.T @ balanced @ others
