@@ -267,7 +267,7 @@ def _dense(A: Floats, B: Floats, C: Floats, D: Floats, omega: Floats) -> Complex
     at_once = max(1, AT_ONCE // n**2)
     for begin in range(0, len(omega), at_once):
         w = omega[begin : begin + at_once, None, None]
-        x, regular = _solutions(1j * w * np.eye(n) - balanced, b)
+        x, regular = _solutions(np.asarray(1j * w * np.eye(n) - balanced, complex), b)
         result[begin : begin + at_once] = np.where(regular[:, None, None], c @ x + D, np.inf)
     return np.moveaxis(result, 0, 2)
 
