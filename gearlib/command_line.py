@@ -88,7 +88,7 @@ def _parser() -> argparse.ArgumentParser:
     for each in (run, sweep):
         each.add_argument("--t-end", type=float, required=True, metavar="S", help="end of the run, s")
         each.add_argument("--samples", type=int, metavar="N", help="number of output times (501)")
-        each.add_argument("--method", default="auto", help="auto, exact, ida, rk, rk5 or rk8")
+        each.add_argument("--method", default="auto", help="auto, exact, ida, rk, rk5, rk8 or taylor")
         each.add_argument("--rtol", type=float, default=1e-6, help="relative tolerance (1e-6)")
         each.add_argument("--start", action="append", default=[], metavar="NAME=NUMBER", help="a start value")
         each.add_argument(

@@ -273,7 +273,7 @@ class System(Compiled):
             Number of equidistant output times (501).
         times : array, optional
             Output times instead of ``samples``, s, increasing, not before ``t_start``.
-        method : {"auto", "exact", "ida", "rk", "rk5", "rk8"} or Method
+        method : {"auto", "exact", "ida", "rk", "rk5", "rk8", "taylor"} or Method
             ``"exact"``: matrix exponential of a linear scene. ``"ida"``: SUNDIALS IDA. ``"rk"``: explicit Runge-Kutta, order by
             tolerance. ``"auto"`` chooses, and ``result.stats`` gives the reason. Or a user-defined `Method`, or the name under which it
             was registered (`register_method`).
@@ -429,7 +429,7 @@ class System(Compiled):
         ----------
         t_start : float, optional
             Start time, s; 0 unless given, or where the continued run stopped.
-        method : {"auto", "ida", "rk", "rk5", "rk8"} or Method
+        method : {"auto", "ida", "rk", "rk5", "rk8", "taylor"} or Method
             As in `simulate`; ``"auto"`` uses Runge-Kutta, and IDA where that makes faster progress.
         rtol, atol, parameters, start
             As in `simulate`.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -112,22 +112,9 @@ def written_out(program: Program, layout: Layout, slot_names: dict[int, str], pa
     used = sorted({int(p) for s in program.steps if isinstance(s, Batch) for p in s.parameters.ravel()})
     names = dict(zip(used, identifiers([parameter_names[p] for p in used], slot_names.values()), strict=True))
     body.lines += [f"{names[p]} = data[{p}]" for p in used]
-    block = 0
-    for step in program.steps:
-        if isinstance(step, Batch):
-            for i in range(len(step)):
-                text = expression(
-                    step, i, lambda a, s=step, i=i: slot_names[int(s.arguments[i, a])],  # type: ignore[misc]
-                    lambda a, s=step, i=i: names[int(s.parameters[i, a])],  # type: ignore[misc]
-                    lambda a, s=step, i=i: f"data[{layout.relations + int(s.relations[i, a])}]",  # type: ignore[misc]
-                )  # fmt: skip
-                body.lines.append(f"{slot_names[int(step.targets[i])]} = {text}")
-        elif isinstance(step, Linear):
-            at, width = layout.solutions[block], len(step.known)
-            for i, row in enumerate(layout.needed[block]):
-                terms = [f"data[{at + i * width + j}] * {slot_names[int(g)]}" for j, g in enumerate(step.known)]
-                body.lines.append(f"{slot_names[int(step.unknowns[row])]} = {' + '.join(terms) or '0.0'}")
-            block += 1
+    body.lines += [
+        f"{slot_names[slot]} = {text}" for slot, text in assignments(program, layout, slot_names.__getitem__, names.__getitem__)
+    ]
     taken = [*slot_names.values(), *names.values()]
     divisor, numerator = identifiers(["divisor", "numerator"], taken) if program.guards else ("", "")
     for guard in program.guards:
@@ -143,6 +130,27 @@ def written_out(program: Program, layout: Layout, slot_names: dict[int, str], pa
             )
     body.lines += [f"dx[{i}] = {slot_names[int(s)]}" for i, s in enumerate(program.output_slots)]
     return body
+
+
+def assignments(
+    program: Program, layout: Layout, slot: Callable[[int], str], parameter: Callable[[int], str]
+) -> Iterator[tuple[int, str]]:
+    """The slots that a program without iterations computes, in order, each with its expression; ``slot`` and ``parameter`` name things."""
+    block = 0
+    for step in program.steps:
+        if isinstance(step, Batch):
+            for i in range(len(step)):
+                yield int(step.targets[i]), expression(
+                    step, i, lambda a, s=step, i=i: slot(int(s.arguments[i, a])),  # type: ignore[misc]
+                    lambda a, s=step, i=i: parameter(int(s.parameters[i, a])),  # type: ignore[misc]
+                    lambda a, s=step, i=i: f"data[{layout.relations + int(s.relations[i, a])}]",  # type: ignore[misc]
+                )  # fmt: skip
+        elif isinstance(step, Linear):
+            at, width = layout.solutions[block], len(step.known)
+            for i, row in enumerate(layout.needed[block]):
+                terms = [f"data[{at + i * width + j}] * {slot(int(g))}" for j, g in enumerate(step.known)]
+                yield int(step.unknowns[row]), " + ".join(terms) or "0.0"
+            block += 1
 
 
 def _guard(divisor: str, numerator: str, value: str, quotient: str, place: str) -> list[str]:

@@ -15,6 +15,7 @@ from gearlib.flatten.model import FlatModel
 from gearlib.native.evaluator import CompiledProgram, Evaluator
 from gearlib.native.layout import Layout, Shared, fill, lay_out
 from gearlib.native.scene_functions import NativeScene, compile_scene, rhs_source
+from gearlib.native.series_source import TaylorSeries, taylor_series
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import DerivativePlan, state_plan
 from gearlib.program.event_iteration import DiscretesPhase, RelationsPhase, UnknownsPhase, right_hand
@@ -170,6 +171,11 @@ class Scene:
     def source(self) -> str:
         """The generated source of the derivatives."""
         return rhs_source(self.program, self.layout, lambda: self.slot_names, self.model.parameters.names)[0]
+
+    @cached_property
+    def series(self) -> TaylorSeries | str:
+        """The compiled function for the Taylor coefficients of the states, or the reason why there is none."""
+        return taylor_series(self.program, self.layout)
 
     @cached_property
     def native(self) -> NativeScene:

@@ -128,6 +128,9 @@ class Problem:
     linear: LinearForm | None = None  # the same equations for methods that call no native function: ``rhs`` is `NoCode` then
     tell: Callable[[float], None] | None = None  # is told the time that was reached, s, now and then
     may_stop: bool = False  # whether an interrupt (Ctrl-C) ends the run where it is, with the status "interrupted"
+    series: Callable[[], Any] | None = (
+        None  # returns the compiled Taylor coefficients (`TaylorSeries`), or a text why there are none
+    )
     may_leave: bool = False  # stop with the status "left" where the right-hand side cannot be evaluated any further
 
     @cached_property

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 import gearlib as gl
+from gearlib.errors import ArgumentError
 from gearlib.solvers.drive.driver import Driver
 from gearlib.solvers.ida.ida_stepper import SAFETY
 from gearlib.solvers.problem import Floats, Problem
@@ -69,9 +70,12 @@ def with_gearlib(method: str) -> Callable[[BenchScene], RunAt]:
 
         def run(rtol: float) -> Floats:
             parameters = {turned: value * (1 + next(_count) % 400 * EPSILON)}
-            result = system.simulate(
-                scene.times[-1], times=scene.times, method=method, rtol=rtol, start=start, parameters=parameters
-            )
+            try:
+                result = system.simulate(
+                    scene.times[-1], times=scene.times, method=method, rtol=rtol, start=start, parameters=parameters
+                )
+            except ArgumentError as reason:
+                raise Unavailable(str(reason)) from None
             return np.column_stack([result[name] for name in scene.outputs])
 
         return run
@@ -144,7 +148,7 @@ def _speeds_last(n: int) -> Floats:
     return outputs
 
 
-METHODS = ("auto", "exact", "rk5", "rk8", "ida")
+METHODS = ("auto", "exact", "rk5", "rk8", "taylor", "ida")
 OWN = tuple(Competitor(f"gearlib {m}", "gearlib", with_gearlib(m)) for m in METHODS)
 FLOORS = (
     Competitor("RK5 floor, numba", "floor", numba_floor),

@@ -85,7 +85,7 @@ def with_heyoka(scene: UserScene) -> RunAt:
 
 
 SOLVERS = (
-    *(Competitor(f"gearlib {m}", "gearlib", with_gearlib(m)) for m in ("auto", "exact", "rk5", "rk8", "ida")),
+    *(Competitor(f"gearlib {m}", "gearlib", with_gearlib(m)) for m in ("auto", "exact", "rk5", "rk8", "taylor", "ida")),
     *(Competitor(f"SciPy {m}", "other", with_scipy(m)) for m in ("DOP853", "LSODA")),
     Competitor("heyoka", "other", with_heyoka),
 )

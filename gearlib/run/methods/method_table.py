@@ -9,9 +9,12 @@ from gearlib.run.methods.closed_form import Exact
 from gearlib.run.methods.explicit import Explicit, Explicit5, Explicit8
 from gearlib.run.methods.implicit import Implicit
 from gearlib.run.methods.method import Integrates, Method
+from gearlib.run.methods.power_series import TaylorSeriesMethod
 
 BY_TURNS = Alternating()  # as "auto" does for nonlinear scenes
-METHODS: dict[str, Integrates] = {m.name: m for m in (Automatic(), Exact(), Implicit(), Explicit(), Explicit5(), Explicit8())}
+METHODS: dict[str, Integrates] = {
+    m.name: m for m in (Automatic(), Exact(), Implicit(), Explicit(), Explicit5(), Explicit8(), TaylorSeriesMethod())
+}
 
 
 def register_method(method: Method) -> None:

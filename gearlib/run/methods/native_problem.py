@@ -131,6 +131,7 @@ def _wired(
         state_names=scene.state_names, root_names=scene.root_names, unsettled=partial(_unsettled, run, native.shared),
         culprit=partial(_culprit, run, native.shared), effort=_effort(scene, native, len(moving), len(tables)),
         times=run.times, rtol=run.rtol, atol=atol, tell=run.tell, may_stop=run.may_stop,
+        series=partial(getattr, scene, "series"),
         max_steps=MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, may_leave=any(s.constrained for s in iterated),
     )  # fmt: skip
 

@@ -7,7 +7,7 @@ import math
 from gearlib.compiler.small_language import floats_at, native
 from gearlib.native.layout import MODEL
 from gearlib.solvers.rungekutta.record import LoopRecord
-from gearlib.solvers.rungekutta.stages import add_slope
+from gearlib.solvers.rungekutta.vectors import add_slope
 
 __all__ = ["caution", "first_step", "is_damped", "is_stiff", "note"]
 
@@ -80,9 +80,3 @@ def caution(s: LoopRecord) -> float:
     near = 0.45 if s.order == 5 else 3.0
     share = s.slope / (near * near * s.move) if s.move > 0.0 else 0.0
     return 1.0 if not share > 1.0 or is_damped(s.slope, s.move, s.product) else min(12.0, share * share)
-
-
-@native
-def sign(x: float) -> int:
-    """-1, 0 or 1."""
-    return int(x > 0.0) - int(x < 0.0)

@@ -7,19 +7,21 @@ from __future__ import annotations
 
 import math
 
-from gearlib.compiler.small_language import floats_at, int32, int32s_at, native
+from gearlib.compiler.small_language import int32, native
 from gearlib.native.layout import MODEL
 from gearlib.solvers.drive.drive_loop import FOUND, RETRY, RHS_FAILED, START, STEPPED, STIFF, TIMED
-from gearlib.solvers.rungekutta.first_step import first_step, is_stiff, note, sign
+from gearlib.solvers.rungekutta.first_step import first_step, is_stiff, note
 from gearlib.solvers.rungekutta.record import LoopRecord
-from gearlib.solvers.rungekutta.root_finding import NEW, OLD, SLOPE_NEW, SLOPE_OLD, crossing, just_beyond, row, slopes
-from gearlib.solvers.rungekutta.stages import dense_output, interpolate, last_stage, move, step_error, take_step
+from gearlib.solvers.rungekutta.root_finding import OLD, SLOPE_OLD, crossing, just_beyond, row, slopes
+from gearlib.solvers.rungekutta.stages import step_error, take_step
 from gearlib.solvers.rungekutta.step_size import adapt, begin_phase
+from gearlib.solvers.rungekutta.within_step import establish_sides, fire
 
 __all__ = ["LOCATED", "MODULES", "UNDERFLOW"]
 
 MODULES = tuple(  # compiled as one unit
-    f"gearlib.solvers.rungekutta.{name}" for name in ("loop", "root_finding", "step_size", "stages", "first_step")
+    f"gearlib.solvers.rungekutta.{name}"
+    for name in ("loop", "root_finding", "within_step", "vectors", "step_size", "stages", "first_step")
 )
 
 UNDERFLOW = -2  # result of a step, besides the driver's codes
@@ -42,53 +44,12 @@ def rk_restart(address: int, changed: int, why: int) -> int32:
     if s.n_roots > 0:
         MODEL(s.roots, s.origin + s.t, s.x, row(s, OLD), s.data, s.index)
         slopes(s, s.t, max(s.h, 1e-6 * s.h_max), s.x, s.k, OLD, SLOPE_OLD)
-        side, fired, g = int32s_at(s.side), int32s_at(s.fired), floats_at(row(s, OLD))
-        for i in range(s.n_roots):  # as determined by the event iteration, unaffected by rounding
-            side[i] = fired[i] // 2 if abs(fired[i]) == 2 else sign(g[i])
+        establish_sides(s)
     if why == START:
         if s.h == 0.0:
             s.h = first_step(s)
         s.h_before_event, s.fresh = s.h_max, 1
     return 0
-
-
-@native
-def rk_interpolate(address: int, t: float, out: int) -> int32:
-    """States at a time within the step."""
-    s = LoopRecord(address)
-    dense_output(s, s.t, s.h_step)
-    interpolate(s, (t - s.t) / s.h_step, s.h_step, s.y)
-    source, target = floats_at(s.y), floats_at(out)
-    for j in range(s.n):
-        target[j] = source[j]
-    return 0
-
-
-@native
-def rk_accept(address: int) -> int32:
-    """Make the end of a step the start of the next one."""
-    s = LoopRecord(address)
-    move(s.x_new, s.x, s.size)
-    move(last_stage(s), s.k, s.size)
-    old, new = floats_at(row(s, OLD)), floats_at(row(s, NEW))
-    slope_old, slope_new = floats_at(row(s, SLOPE_OLD)), floats_at(row(s, SLOPE_NEW))
-    for i in range(s.n_roots):
-        old[i] = new[i]
-        slope_old[i] = slope_new[i]
-    return 0
-
-
-@native
-def _fire(s: LoopRecord) -> None:
-    """Record which event functions changed sign, and in which direction."""
-    side, fired, g = int32s_at(s.side), int32s_at(s.fired), floats_at(row(s, NEW))
-    s.from_zero = 1
-    for i in range(s.n_roots):
-        fired[i] = 0
-        if g[i] * side[i] < 0.0 or (side[i] == 0 and g[i] != 0.0):
-            fired[i] = sign(g[i])
-            if side[i] != 0:
-                s.from_zero = 0
 
 
 @native
@@ -160,7 +121,7 @@ def rk_step(address: int, stop: float) -> int32:
         if just_beyond(s, stop, LOCATED * max(abs(s.origin + stop), s.span)):
             found = 1
     if found == 1:
-        _fire(s)
+        fire(s)
     if stiff:
         s.pause = STIFF
     return FOUND if found == 1 else STEPPED

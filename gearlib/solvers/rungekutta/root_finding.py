@@ -1,4 +1,7 @@
-"""Event location on the dense output of a step; inlined into ``loop``.
+"""Event location on the dense output of a step; inlined into the loops of the methods.
+
+Each method compiles it with its own ``dense_output``, ``interpolate`` and ``last_stage``: the Runge-Kutta methods with those of
+``stages``, the Taylor method with those of `gearlib.solvers.taylor.polynomial`.
 
 ``side[k]`` is the established sign of event function k: the one that agrees with its relation or, where the event iteration does not
 determine it, its sign at the start, 0 where that was exactly zero. A function has flipped when its sign differs; a value of exactly
@@ -14,7 +17,8 @@ import math
 from gearlib.compiler.small_language import floats_at, int32s_at, native
 from gearlib.native.layout import MODEL
 from gearlib.solvers.rungekutta.record import LoopRecord
-from gearlib.solvers.rungekutta.stages import add_slope, dense_output, interpolate, last_stage
+from gearlib.solvers.rungekutta.stages import dense_output, interpolate, last_stage
+from gearlib.solvers.rungekutta.vectors import add_slope
 
 __all__ = ["crossing", "flipped", "just_beyond", "row", "slopes"]
 

@@ -12,18 +12,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from gearlib.compiler.small_language import blocks, floats_at, generated, native, where
+from gearlib.compiler.small_language import generated, native
 from gearlib.native.layout import MODEL
 from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.tableaux import DOP853_A, DOP853_C, DOP853_D, DOP853_E, TSIT5_A, TSIT5_C, TSIT5_E, TSIT5_R
 
-__all__ = ["GENERATED", "MODEL", "add_slope", "dense_output", "interpolate", "last_stage", "move", "step_error", "take_step"]
+__all__ = ["GENERATED", "MODEL", "dense_output", "interpolate", "last_stage", "step_error", "take_step"]
 
 # The error estimate of order 8 is the square of one of order 5 over one of order 3. The former passes through zero now and then: below
 # DIP times the value expected from the recent ratio of the two, which scales with h^4, it is not trusted. Where the latter has grown
 # beyond its h^4 scaling by more than KINK, the right-hand side has a kink, and the former may be anything.
 DIP, KINK = 0.1, 50.0
-TINY = 1e-250  # below it arithmetic may be slow (subnormal numbers): a part of the train not yet reached is at rest
 
 Row = Sequence[float]
 
@@ -142,22 +141,6 @@ GENERATED = "\n".join([
     _polynomial("_polynomial8", 7),
 ])  # fmt: skip
 _step5 = _step8 = _more8 = _errors5 = _errors8 = _coefficients5 = _coefficients8 = _polynomial5 = _polynomial8 = generated
-
-
-@native
-def add_slope(start: int, h: float, slope: int, out: int, size: int) -> None:
-    """``out = start + h slope``, vectors by address."""
-    x, k, y = floats_at(start), floats_at(slope), floats_at(out)
-    for i in blocks(size):
-        y[i] = x[i] + h * k[i]
-
-
-@native
-def move(source: int, target: int, size: int) -> None:
-    """Copy a vector, flushing magnitudes up to `TINY` to zero."""
-    x, y = floats_at(source), floats_at(target)
-    for i in blocks(size):
-        y[i] = where(abs(x[i]) <= TINY, 0.0, x[i])  # NaN is preserved
 
 
 @native

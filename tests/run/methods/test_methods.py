@@ -53,13 +53,13 @@ class Drive(gl.Component):
 
 
 def test_names_are_those_of_the_table() -> None:
-    assert list(METHODS)[:6] == ["auto", "exact", "ida", "rk", "rk5", "rk8"]
+    assert list(METHODS)[:7] == ["auto", "exact", "ida", "rk", "rk5", "rk8", "taylor"]
     for name, method in METHODS.items():
         assert method.name == name
         assert method_of(name) is method
 
 
-@pytest.mark.parametrize("name", ["auto", "ida", "rk", "rk5", "rk8"])
+@pytest.mark.parametrize("name", ["auto", "ida", "rk", "rk5", "rk8", "taylor"])
 def test_every_method_but_exact_fits_a_hybrid_scene(name: str) -> None:
     system = gl.compile(Thermostat())
     assert system.simulate(12.0, samples=25, method=name)["T"] == pytest.approx(temperature(np.linspace(0, 12, 25)), abs=1e-5)

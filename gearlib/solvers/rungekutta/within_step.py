@@ -1,0 +1,67 @@
+"""What is done within and at the end of a step, whatever method took it: dense output, acceptance, signs of the event functions.
+
+Compiled with the ``dense_output``, ``interpolate`` and ``last_stage`` of each method, like ``root_finding``.
+"""
+
+from __future__ import annotations
+
+from gearlib.compiler.small_language import floats_at, int32, int32s_at, native
+from gearlib.solvers.rungekutta.record import LoopRecord
+from gearlib.solvers.rungekutta.root_finding import NEW, OLD, SLOPE_NEW, SLOPE_OLD, row
+from gearlib.solvers.rungekutta.stages import dense_output, interpolate, last_stage
+from gearlib.solvers.rungekutta.vectors import move
+
+__all__ = ["establish_sides", "fire"]
+
+
+@native
+def rk_interpolate(address: int, t: float, out: int) -> int32:
+    """States at a time within the step."""
+    s = LoopRecord(address)
+    dense_output(s, s.t, s.h_step)
+    interpolate(s, (t - s.t) / s.h_step, s.h_step, s.y)
+    source, target = floats_at(s.y), floats_at(out)
+    for j in range(s.n):
+        target[j] = source[j]
+    return 0
+
+
+@native
+def rk_accept(address: int) -> int32:
+    """Make the end of a step the start of the next one."""
+    s = LoopRecord(address)
+    move(s.x_new, s.x, s.size)
+    move(last_stage(s), s.k, s.size)
+    old, new = floats_at(row(s, OLD)), floats_at(row(s, NEW))
+    slope_old, slope_new = floats_at(row(s, SLOPE_OLD)), floats_at(row(s, SLOPE_NEW))
+    for i in range(s.n_roots):
+        old[i] = new[i]
+        slope_old[i] = slope_new[i]
+    return 0
+
+
+@native
+def fire(s: LoopRecord) -> None:
+    """Record which event functions changed sign, and in which direction."""
+    side, fired, g = int32s_at(s.side), int32s_at(s.fired), floats_at(row(s, NEW))
+    s.from_zero = 1
+    for i in range(s.n_roots):
+        fired[i] = 0
+        if g[i] * side[i] < 0.0 or (side[i] == 0 and g[i] != 0.0):
+            fired[i] = sign(g[i])
+            if side[i] != 0:
+                s.from_zero = 0
+
+
+@native
+def establish_sides(s: LoopRecord) -> None:
+    """Sides of the event functions, as determined by the event iteration (unaffected by rounding), else by row OLD of ``g``."""
+    side, fired, g = int32s_at(s.side), int32s_at(s.fired), floats_at(row(s, OLD))
+    for i in range(s.n_roots):
+        side[i] = fired[i] // 2 if abs(fired[i]) == 2 else sign(g[i])
+
+
+@native
+def sign(x: float) -> int:
+    """-1, 0 or 1."""
+    return int(x > 0.0) - int(x < 0.0)

@@ -1,0 +1,23 @@
+"""State record of the Taylor stepper, filled in by Python."""
+
+from __future__ import annotations
+
+from gearlib.compiler.small_language import record
+from gearlib.solvers.rungekutta.record import LoopRecord
+
+__all__ = ["SeriesRecord"]
+
+
+@record
+class SeriesRecord(LoopRecord):
+    """The stepper's part of the record; ``c`` holds the Taylor coefficients, a row per order, and ``order`` the current order."""
+
+    series: int  # addresses of the function for the coefficients, of its work space, and of the norms of the rows
+    work: int
+    norms: int
+    expansions: int  # coefficients computed, counted in orders
+    looked: int  # steps since the order was chosen
+    # cost of a step besides its coefficients, of an order, and of an order per order before it, ns
+    cost_step: float
+    cost_order: float
+    cost_product: float

@@ -1,0 +1,99 @@
+"""The Taylor method, for smooth scenes of moderate size: the stepper of the compiled functions in ``taylor_loop``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+from weakref import proxy
+
+from gearlib.compiler.native_module import native_functions
+from gearlib.errors import SolverError
+from gearlib.native.series_source import HIGHEST, ROW, TaylorSeries
+from gearlib.solvers.drive import drive_loop
+from gearlib.solvers.drive.driver import PATIENCE, Driver, Stepper
+from gearlib.solvers.problem import Floats
+from gearlib.solvers.taylor import taylor_loop
+from gearlib.solvers.taylor.series_record import SeriesRecord
+
+__all__ = ["Taylor"]
+
+# Measured, ns: an operation of one order, a term of a convolution, a coefficient in dense output and error, the rest of a step
+OPERATION, TERM, COEFFICIENT, STEP = 0.4, 1.0, 0.4, 150.0
+
+
+class Taylor(Stepper):
+    """Taylor's method of variable order.
+
+    Parameters
+    ----------
+    series
+        The compiled function for the Taylor coefficients.
+
+    References
+    ----------
+    A. Jorba, M. Zou, doi:10.1080/10586458.2005.10128904.
+    """
+
+    Record = SeriesRecord
+    record: SeriesRecord
+
+    def __init__(self, series: TaylorSeries) -> None:
+        self.series = series
+
+    def memory(self, size: int, n_roots: int) -> dict[str, int]:
+        return {
+            "x_new": size, "y": size, "k": 2 * size, "c": (HIGHEST + 1) * size, "g": 7 * n_roots, "side": n_roots, "atol": size,
+            "work": max(1, self.series.rows) * ROW, "norms": HIGHEST + 1,
+        }  # fmt: skip
+
+    def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
+        problem = driver.problem
+        self.driver, self.problem, self.record = proxy(driver), problem, driver.record  # type: ignore[assignment]
+        record, n, span = self.record, problem.x0.size, float(problem.times[-1] - problem.times[0])
+        atol = memory("atol")
+        atol[n:], atol[:n] = 1.0, problem.absolute_tolerance
+        record.order, record.size, record.rtol, record.span = taylor_loop.FIRST, atol.size, problem.rtol, span
+        record.h_max = min(span, problem.longest_step)
+        record.patience = PATIENCE if problem.may_leave else -1
+        record.slack, record.slack_share = 1e-16 * span, taylor_loop.LOCATED
+        record.series = self.series.address
+        record.cost_order = OPERATION * self.series.sums + COEFFICIENT * atol.size
+        record.cost_product = 0.5 * TERM * self.series.products
+        record.cost_step = STEP + problem.effort.rhs + COEFFICIENT * atol.size
+        record.step, record.interpolate, record.accept, record.restart = _functions()
+
+    def until(self, t: float, longest_step: float) -> None:
+        self.record.h_max = longest_step
+
+    @property
+    def work(self) -> float:
+        record = self.record
+        steps, orders = record.steps, record.expansions
+        mean = orders / max(steps, 1)
+        return steps * record.cost_step + orders * (record.cost_order + mean * record.cost_product)
+
+    def stats(self) -> dict[str, Any]:
+        record = self.record
+        return {
+            "method": "taylor", "order": record.order, "steps": record.steps, "rejected": record.rejected, "rhs": record.evaluations,
+            "coefficients": record.expansions,
+        }  # fmt: skip
+
+    def leaves(self, code: int) -> bool:
+        return code in (taylor_loop.UNDERFLOW, taylor_loop.NOT_FINITE, drive_loop.RHS_FAILED)
+
+    def failure(self, code: int) -> SolverError:
+        record, driver = self.record, self.driver
+        where = f"at t = {driver.t:.9g} s after {record.steps} steps"
+        text = f"the right-hand side cannot be evaluated {where}"
+        if code == taylor_loop.UNDERFLOW:
+            text = f"the step became too small {where}: the solution goes to infinity, jumps, or cannot be evaluated further on"
+        elif code == taylor_loop.NOT_FINITE:
+            text = f"the Taylor coefficients are not finite {where}: a root of zero, or a pole; use method='rk'"
+        return SolverError(text + self.problem.blamed(driver.t, driver.x, driver.data))
+
+
+def _functions() -> tuple[int, int, int, int]:
+    """Addresses of the compiled functions."""
+    found = native_functions(*taylor_loop.MODULES).addresses
+    return found["taylor_step"], found["rk_interpolate"], found["rk_accept"], found["taylor_restart"]

@@ -1,0 +1,135 @@
+"""One step of the Taylor method: compiled functions for all models, called by `gearlib.solvers.drive.drive_loop`."""
+
+from __future__ import annotations
+
+import math
+
+from gearlib.compiler.small_language import floats_at, int32, native
+from gearlib.native.layout import MODEL
+from gearlib.native.series_source import HIGHEST, SERIES
+from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, STEPPED
+from gearlib.solvers.rungekutta.record import LoopRecord
+from gearlib.solvers.rungekutta.root_finding import OLD, SLOPE_OLD, crossing, just_beyond, row, slopes
+from gearlib.solvers.rungekutta.vectors import move
+from gearlib.solvers.rungekutta.within_step import establish_sides, fire
+from gearlib.solvers.taylor.polynomial import norm, reach, step_error
+from gearlib.solvers.taylor.series_record import SeriesRecord
+
+__all__ = ["FIRST", "LOCATED", "MODULES", "NOT_FINITE", "UNDERFLOW"]
+
+MODULES = (  # compiled as one unit
+    "gearlib.solvers.taylor.taylor_loop", "gearlib.solvers.taylor.polynomial", "gearlib.solvers.rungekutta.root_finding",
+    "gearlib.solvers.rungekutta.within_step", "gearlib.solvers.rungekutta.vectors",
+)  # fmt: skip
+UNDERFLOW, NOT_FINITE = -2, -3  # results of a step, besides the driver's codes
+ROUNDING = 8.9e-16
+LOCATED = 2.2e-14  # relative to time: accuracy of event location
+FIRST, LOWEST = 20, 4  # order of the first step, and the lowest one
+AGAIN = 16  # steps after which the order is chosen anew
+WORTH = 1.05  # gain in speed that a change of order is made for
+CAUTION = 0.9  # factor on a step that is repeated
+
+
+@native
+def taylor_restart(address: int, changed: int, why: int) -> int32:
+    """Restart at ``x``: evaluate the right-hand side, and the sides and slopes of the event functions."""
+    s, r = SeriesRecord(address), LoopRecord(address)
+    s.evaluations += 1
+    s.looked = AGAIN
+    if MODEL(s.rhs, s.origin + s.t, s.x, s.k, s.data, s.index) != 0:
+        return RHS_FAILED
+    if s.n_roots > 0:
+        MODEL(s.roots, s.origin + s.t, s.x, row(r, OLD), s.data, s.index)
+        slopes(r, s.t, 1e-6 * s.h_max, s.x, s.k, OLD, SLOPE_OLD)
+        establish_sides(r)
+    return 0
+
+
+@native
+def _expand(s: SeriesRecord) -> int:
+    """Compute the Taylor coefficients at ``x``; returns a failure or 0."""
+    move(s.x, s.c, s.size)
+    code: int = SERIES(s.series, s.origin + s.t, s.c, s.work, s.data, s.index, s.order, s.size)
+    s.expansions += s.order
+    return RHS_FAILED if code != 0 else 0
+
+
+@native
+def _choose_order(s: SeriesRecord) -> None:
+    """The order that makes most progress per cost, by the decay of the coefficients: up to two more than there are."""
+    norms, order = floats_at(s.norms), s.order
+    for k in range(order + 1):
+        norms[k] = norm(s, k)
+    best, fastest, own = order, 0.0, 0.0
+    for k in range(LOWEST, order + 1):
+        h = min(reach(norms[k], norms[k - 1], k), s.h_max)
+        speed = h / (s.cost_step + k * (s.cost_order + k * s.cost_product))
+        if speed >= fastest:
+            best, fastest = k, speed
+        own = speed
+    if best == order:
+        s.order = min(order + 2, HIGHEST)
+    elif fastest > WORTH * own:
+        s.order = best
+
+
+@native
+def _wanted(s: SeriesRecord) -> float:
+    """The step size by the last two coefficients (Jorba and Zou, section 3.2.1)."""
+    return reach(norm(s, s.order), norm(s, s.order - 1), s.order)
+
+
+@native
+def taylor_step(address: int, stop: float) -> int32:
+    """One step toward ``stop``, up to an event within it."""
+    s, r = SeriesRecord(address), LoopRecord(address)
+    t = s.t
+    code = _expand(s)
+    if code < 0:
+        return code
+    if s.looked >= AGAIN:
+        s.looked = 0
+        before = s.order
+        _choose_order(s)
+        if s.order > before:
+            code = _expand(s)
+            if code < 0:
+                return code
+    s.looked += 1
+    s.h = _wanted(s)
+    if not s.h > 0.0:
+        return NOT_FINITE
+    h = min(s.h, s.h_max)
+    last_of_span = t + 1.0001 * h >= stop
+    if last_of_span:
+        h = stop - t
+    elif s.n_roots > 0:  # the exact increment of time
+        h = (t + h) - t
+    error = 2.0
+    while True:
+        if h < 10.0 * ROUNDING * abs(t) + 1e-25 * s.span:
+            return UNDERFLOW
+        error = step_error(s, t, h)
+        if error < 0.0:
+            return RHS_FAILED
+        if error <= 1.0:
+            break
+        s.rejected += 1
+        last_of_span = False
+        h = h * (max(0.2, min(0.8, CAUTION * error ** (-1.0 / (s.order + 1)))) if error < math.inf else 0.25)
+        if error == math.inf:
+            s.patience -= 1
+            if s.patience == 0:
+                return UNDERFLOW
+    found, theta = 0, 1.0
+    if s.n_roots > 0:
+        found, theta = crossing(r, t, h, 0.0)
+    t_new = stop if last_of_span and found == 0 else t + theta * h
+    reached = t_new >= stop - ROUNDING * abs(stop)
+    s.reached, s.h_step = stop if reached else t_new, h
+    if found == 0 and reached and s.n_roots > 0 and s.stop == s.n_stops - 1:
+        if just_beyond(r, stop, LOCATED * max(abs(s.origin + stop), s.span)):
+            found = 1
+    if found == 1:
+        fire(r)
+    return FOUND if found == 1 else STEPPED

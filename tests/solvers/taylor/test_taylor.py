@@ -1,0 +1,165 @@
+"""The Taylor method as a whole: accuracy against closed forms, events, kinks, refusals."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ArgumentError, SolverError
+
+
+class Oscillator(gl.Component):
+    """Two bodies on a shaft: they turn against each other at 30 rad/s, and the torque makes them turn together."""
+
+    def assemble(self) -> list[Any]:
+        self.one, self.other = gp.Inertia(J=1.0, start={"w": 3.0}), gp.Inertia(J=1.0, start={"w": -3.0})
+        self.shaft, self.torque = gp.Spring(c=450.0, start={"phi_rel": 0.0}), gp.Torque()
+        return [
+            gl.connect(self.torque.flange, self.one.flange_a), gl.connect(self.one.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.other.flange_a),
+        ]  # fmt: skip
+
+
+OSCILLATOR = gl.compile(Oscillator(), outputs=["one.w", "other.w"])
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_vibration_follows_the_closed_form(rtol: float) -> None:
+    result = OSCILLATOR.simulate(10.0, samples=101, method="taylor", rtol=rtol, inputs={"torque.tau": 0.0})
+    right = 3.0 * np.cos(30.0 * result.time)
+    assert np.abs(result["one.w"] - right).max() < 30 * rtol + 3e-12
+    assert (
+        result.stats["coefficients"] < 12 * 300
+    )  # 300 rad; Runge-Kutta of order 8 takes as many at 1e-6, twice as many at 1e-12
+
+
+def test_a_smooth_motion_takes_few_steps() -> None:
+    """Constant acceleration is a polynomial: one step, exact."""
+    result = gl.simulate(
+        Rolls(), 5.0, samples=3, method="taylor", start={"w": 0.0, "phi": 0.0}, inputs={"tau": 2.0}, outputs=["phi", "w"]
+    )
+    np.testing.assert_allclose(result["phi"], [0.0, 6.25, 25.0], rtol=1e-14)
+    assert result.stats["steps"] <= 2
+
+
+class Rolls(gl.Component):
+    """A body that a torque accelerates."""
+
+    tau = gl.Input("1", "torque")
+    phi = gl.Variable("1", "angle")
+    w = gl.Variable("1", "speed")
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.phi), self.w), gl.Eq(gl.der(self.w), self.tau)]
+
+
+class Slows(gl.Component):
+    """A body braked by a fan that turns with it or against it; ``no_event`` hides the kink from the event search."""
+
+    w = gl.Variable("1", "speed", start=2.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.w), -1 - gl.no_event(abs(self.w) * self.w))]
+
+
+def test_a_kink_that_no_event_announces_is_seen() -> None:
+    """w = tan(a - t) until w = 0 at t = a, then -tanh(t - a)."""
+    result = gl.simulate(Slows(), 2.0, samples=201, method="taylor", rtol=1e-10)
+    a = math.atan(2.0)
+    right = np.where(result.time < a, np.tan(a - result.time), -np.tanh(result.time - a))
+    np.testing.assert_allclose(result["w"], right, atol=2e-9)
+
+
+class Ball(gl.Component):
+    """A ball that bounces."""
+
+    h = gl.Variable("m", "height", start=1.0)
+    v = gl.Variable("m/s", "speed", start=0.0)
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.h), self.v), gl.Eq(gl.der(self.v), -9.81),
+            gl.When(self.h < 0, gl.reinit(self.v, -0.8 * self.v)),
+        ]  # fmt: skip
+
+
+def test_events_are_located_on_the_polynomial() -> None:
+    result = gl.simulate(Ball(), 1.5, samples=151, method="taylor", rtol=1e-8)
+    first = math.sqrt(2 / 9.81)
+    times = np.array([t for t, _ in result.events])  # down, and up again at once
+    np.testing.assert_allclose(times[np.diff(times, prepend=0.0) > 1e-3][:2], [first, first * 2.6], rtol=1e-13)
+
+
+def test_backlash_against_runge_kutta() -> None:
+    """Contact and flight between teeth: both methods locate the same events."""
+    system = gl.compile(Rattles(), outputs=["load.w"])
+    start = {"motor.w": 1.0, "load.w": 0.0, "gap.phi_rel": 0.0}
+    ours, theirs = (
+        system.simulate(2.0, samples=101, method=method, rtol=1e-10, start=start, inputs={"torque.tau": 0.0})
+        for method in ("taylor", "rk8")
+    )
+    assert len(ours.events) == len(theirs.events) > 3
+    np.testing.assert_allclose([t for t, _ in ours.events], [t for t, _ in theirs.events], rtol=1e-9)
+    np.testing.assert_allclose(ours["load.w"], theirs["load.w"], atol=1e-9)
+
+
+class Rattles(gl.Component):
+    """Two bodies with a gap between them."""
+
+    def assemble(self) -> list[Any]:
+        self.motor, self.load, self.torque = gp.Inertia(J=0.1), gp.Inertia(J=0.2), gp.Torque()
+        self.gap = gp.ElastoBacklash(c=500.0, d=0.2, b=0.2)
+        return [
+            gl.connect(self.torque.flange, self.motor.flange_a), gl.connect(self.motor.flange_b, self.gap.flange_a),
+            gl.connect(self.gap.flange_b, self.load.flange_a),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        (gl.Table([0.0, 1.0], [0.0, 1.0]), "torque.tau is a table"), (math.sin, "torque.tau is a Python function"),
+    ],
+)  # fmt: skip
+def test_inputs_without_a_series_are_refused(given: Any, reason: str) -> None:
+    with pytest.raises(ArgumentError, match=f"method='taylor' needs inputs with a Taylor series: {reason}; use method='auto'"):
+        OSCILLATOR.simulate(1.0, method="taylor", inputs={"torque.tau": given})
+
+
+def test_a_pole_ends_the_run() -> None:
+    class Blows(gl.Component):
+        """x = 1 / (1 - t)."""
+
+        x = gl.Variable("1", "quantity", start=1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), self.x**2)]
+
+    with pytest.raises(SolverError, match=r"at t = (0\.999|1)"):
+        gl.simulate(Blows(), 2.0, method="taylor")
+
+
+def test_a_root_of_zero_ends_the_run_with_advice() -> None:
+    class Starts(gl.Component):
+        """Torricelli's law, filled from empty."""
+
+        x = gl.Variable("1", "level", start=0.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), 1 - gl.sqrt(self.x))]
+
+    with pytest.raises(SolverError, match=r"Taylor coefficients are not finite at t = 0 s .*use method='rk'"):
+        gl.simulate(Starts(), 1.0, method="taylor")
+
+
+def test_a_stepped_run_equals_a_whole_one() -> None:
+    run = OSCILLATOR.stepper(method="taylor", rtol=1e-10, inputs={"torque.tau": 1.0})
+    for t in np.linspace(0.1, 1.0, 10):
+        run.advance(float(t))
+    whole = OSCILLATOR.simulate(1.0, samples=2, method="taylor", rtol=1e-10, inputs={"torque.tau": 1.0})
+    assert abs(run["one.w"] - whole["one.w"][-1]) < 1e-8
