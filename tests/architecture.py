@@ -1,6 +1,7 @@
 """Counts that say how much there is to learn about the engine: ``python tests/architecture.py`` prints them beside their limits.
 
-``-v`` lists what is counted, ``--lower`` writes smaller counts into ``architecture.json`` as the new limits. The limits may only fall.
+``-v`` lists what is counted, ``--lower`` writes smaller counts into ``architecture.json`` as the new limits, ``--page`` writes the limits
+into the table of ``docs/phases.md``. The limits may only fall.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import sys
 import tempfile
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from types import FrameType
@@ -108,17 +109,31 @@ def import_circles() -> list[str]:
     return [" ".join(sorted(c)) for c in nx.strongly_connected_components(graph) if len(c) > 1]
 
 
-def upward_imports() -> list[str]:
-    """Imports of a module from a layer above its own, as pyproject.toml lists the layers."""
+@cache
+def layers() -> dict[str, int]:
+    """The layer of each package, as pyproject.toml lists them, counted from above."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
     (rows,) = [contract["layers"] for contract in contracts if contract["id"] == "layers"]
-    depth = {name.strip(" ()"): k for k, row in enumerate(rows) for name in re.split("[:|]", row)}
+    return {name.strip(" ()"): k for k, row in enumerate(rows) for name in re.split("[:|]", row)}
 
-    def layer(module: str) -> int | None:
-        return depth.get(".".join(module.split(".")[:2]))
 
-    pairs = [(a, b, layer(a), layer(b)) for a, b in sorted(imports())]
-    return [f"{a} imports {b}" for a, b, above, below in pairs if above is not None and below is not None and below < above]
+def package(module: str) -> str:
+    """The package of gearlib that a module belongs to, or the module itself if it is in none.
+
+    >>> package("gearlib.run.methods.run"), package("gearlib.errors")
+    ('gearlib.run', 'gearlib.errors')
+    """
+    return ".".join(module.split(".")[:2])
+
+
+def climbs(pairs: Iterable[tuple[str, str]]) -> Iterator[tuple[str, str]]:
+    """Those of some pairs of packages in which the second one's layer is above that of the first."""
+    return ((a, b) for a, b in pairs if a in layers() and b in layers() and layers()[b] < layers()[a])
+
+
+def upward_imports() -> list[str]:
+    """Imports of a module from a layer above its own."""
+    return [f"{a} imports {b}" for a, b in sorted(imports()) if [*climbs([(package(a), package(b))])]]
 
 
 def private_reads() -> list[str]:
@@ -240,7 +255,62 @@ def record_types(action: Callable[[], object]) -> list[str]:
     return sorted(made)
 
 
-def small_linear_scene() -> None:
+Call = tuple[str, str, str, str]
+"""Package and name of a function, package and name of one that it calls."""
+
+
+def calls_with(kind: type, action: Callable[[], object]) -> list[Call]:
+    """The different calls from gearlib to gearlib in which an argument is an instance of a class, in the order of their first time."""
+    found: dict[Call, None] = {}
+
+    def watch(frame: FrameType, event: str, _: Any) -> None:
+        code, caller = frame.f_code, frame.f_back
+        names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+        if event != "call" or code.co_name.startswith("<") or not any(isinstance(frame.f_locals.get(n), kind) for n in names):
+            return
+        while caller is not None and caller.f_code.co_name.startswith("<"):  # a comprehension belongs to its function
+            caller = caller.f_back
+        if caller is not None:
+            ends = (caller.f_globals["__name__"], caller.f_code), (frame.f_globals["__name__"], code)
+            if all(module.startswith("gearlib.") for module, _ in ends):
+                (a, one), (b, other) = ((package(module), c.co_name) for module, c in ends)
+                found.setdefault((a, one, b, other))
+
+    before = sys.getprofile()
+    sys.setprofile(watch)
+    try:
+        action()
+    finally:
+        sys.setprofile(before)
+    return list(found)
+
+
+def way_of(calls: Iterable[Call]) -> dict[str, list[str]]:
+    """Calls sorted by where they lead: on within a package, up to a higher layer, or into a package that was entered before."""
+    rows: dict[str, list[str]] = {row: [] for row in WAY}
+    within, upwards, again = rows.values()
+    entered: set[str] = set()
+    for a, one, b, other in calls:
+        text = f"{a}: {one} -> {b}: {other}"
+        if a == b:
+            within.append(text)
+            continue
+        if [*climbs([(a, b)])]:
+            upwards.append(text)
+        if b in entered:
+            again.append(text)
+        entered.add(b)
+    return rows
+
+
+WAY = (
+    "calls with the component: within a package",
+    "calls with the component: to a higher layer",
+    "calls with the component: into a package entered before",
+)
+
+
+def small_model() -> Any:
     import gearlib as gl
     import gearparts as gp
 
@@ -251,17 +321,31 @@ def small_linear_scene() -> None:
             pairs = [(self.torque.flange, self.load.flange_a), (self.load.flange_b, self.shaft.flange_a)]
             return [gl.connect(a, b) for a, b in [*pairs, (self.shaft.flange_b, self.wheel.flange_a)]]
 
-    gl.compile(Drive(), outputs=["load.w"]).simulate(1.0)["load.w"]
+    return Drive()
 
 
-def records_of_a_run() -> list[str]:
-    """Those of a small linear scene from `compile` to a result, in a process and with a cache of their own: nothing is found ready."""
+def small_linear_scene() -> None:
+    import gearlib as gl
+
+    gl.compile(small_model(), outputs=["load.w"]).simulate(1.0)["load.w"]
+
+
+def way_of_the_component() -> dict[str, list[str]]:
+    """Where the calls of `compile` lead that pass on the component or a part of it."""
+    import gearlib as gl
+
+    model = small_model()
+    return way_of(calls_with(gl.Component, lambda: gl.compile(model, outputs=["load.w"])))
+
+
+def in_new_process(what: str) -> Any:
+    """Counts of a process with a cache of its own: nothing is found ready."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, __file__, "--records"]
+        command = [sys.executable, __file__, what]
         places = os.pathsep.join([str(ROOT), str(ROOT / "library")])
         environment = {**os.environ, "GEARLIB_CACHE": folder, "PYTHONPATH": places}
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    return done.stdout.split()
+    return json.loads(done.stdout)
 
 
 # ---------------------------------------------------------------- the table
@@ -271,9 +355,10 @@ def records_of_a_run() -> list[str]:
 def findings() -> Mapping[str, list[str]]:
     """What is counted in each row."""
     return {
-        "record types between compile and result": records_of_a_run(),
+        "record types between compile and result": in_new_process("--records"),
         "forms of one equation": existing(FORMS),
         **{f"implementations: {concept}": existing(names) for concept, names in IMPLEMENTATIONS.items()},
+        **in_new_process("--way"),
         "import circles": import_circles(),
         "upward imports": upward_imports(),
         "private names read from other modules": private_reads(),
@@ -295,9 +380,89 @@ def limits() -> dict[str, int]:
     return found
 
 
+# ---------------------------------------------------------------- the page
+
+PAGE = ROOT / "docs" / "phases.md"
+BEGIN, END = "<!-- counted: begin -->", "<!-- counted: end -->"
+
+ROWS: Mapping[str, tuple[str, str, str]] = {
+    "record types between compile and result": (
+        "66", "22",
+        "a dozen are the public classes that any model is made of (`Parameter`, `Variable`, `Flow`, `Eq`, `connect`'s, `System`, the "
+        "result); six belong to the exact solution alone; what is left are the results of phases, each read by several later ones",
+    ),
+    "forms of one equation": ("12", "8", "`Rows` for the structure, and the compiler's own intermediate text and object code"),
+    "implementations: differentiating a program": ("5", "1", ""),
+    "implementations: event iteration": ("4", "1, in two backends", ""),
+    "implementations: sparse elimination": ("3", "1", ""),
+    "implementations: integration driver": ("4", "1", ""),
+    "implementations: Newton's method": ("8", "1, in two backends", ""),
+    "implementations: compiler": ("1", "1", ""),
+    WAY[0]: ("34", "20", "a class has more to be checked than then: units, unused values, sampled controllers"),
+    WAY[1]: ("0", "0", ""),
+    WAY[2]: ("7", "few", "flattening asks `gearlib.language` for the parts, connections and values of each component in turn"),
+    "import circles": ("5", "0", ""),
+    "upward imports": ("0", "0", ""),
+    "private names read from other modules": ("141", "0", ""),
+    "module-level caches": ("47", "12", "symbols, classes and loaded libraries, which no single system owns"),
+    "class names with two meanings": ("11", "0", ""),
+    "file names in several folders": ("1", "0", ""),
+    "files in the largest folder": ("18", "12", "the drawings, which are not on this page's way"),
+    "lines": (
+        "30567", "19500",
+        "features came faster than lines went: a feature's lines are admitted when it comes, and from then on may only fall",
+    ),
+    "lines of code": ("20763", "12000", "as above"),
+}  # fmt: skip
+"""First count (commit b4e6e2a), aim, and what keeps the count above it."""
+EXTENSIONS = {"An integration method": "5", "An event": "6", "A stiffness law": "2"}
+"""Sections of docs/extending.md, with the files to touch before there was that page."""
+
+
+def rounded(row: str, count: int) -> str:
+    """A count as the page shows it: lines in thousands."""
+    return f"{round(count, -3)}" if row.startswith("lines") else str(count)
+
+
+def files_to_touch(section: str) -> int:
+    """How many files docs/extending.md names for an extension; the tests carry out these alone."""
+    text = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8").split(f"## {section}\n")[1].split("\n## ")[0]
+    return len(set(re.findall(r"examples/\w+\.py", text)))
+
+
+def first_process(method: str) -> str:
+    """Seconds of the XP train in the first process on a new machine, as docs/scale.md has them."""
+    text = (ROOT / "docs" / "scale.md").read_text(encoding="utf-8")
+    (seconds,) = re.findall(rf"^\| {method} \| ([\d.]+) \|", text, re.MULTILINE)
+    return str(seconds)
+
+
+def table() -> str:
+    """The table of the page: what was counted first, the limits now, and the aims."""
+    lines = [BEGIN, "", "| what | first | now | aim | why more |", "|---|---:|---:|---:|---|"]
+    for row, count in limits().items():
+        first, aim, why = ROWS[row]
+        far = count > int(aim) if aim.isdigit() else aim == "few"
+        lines.append(f"| {row} | {rounded(row, int(first))} | {rounded(row, count)} | {aim} | {why if far else ''} |")
+    for method in ("rk", "ida"):
+        title, seconds = f"first process on a new machine, `{method}`, s ([measured](scale.md))", first_process(method)
+        why = "LLVM compiles the loops of the integrators, once per machine" if float(seconds) > 2 else ""
+        lines.append(f"| {title} | 7 to 14 | {seconds} | 2 | {why} |")
+    for section, first in EXTENSIONS.items():
+        article, _, what = section.partition(" ")
+        title = f"files to touch to add {article.lower()} {what} ([shown](extending.md))"
+        lines.append(f"| {title} | {first} | {files_to_touch(section)} | 1 | |")
+    return "\n".join([*lines, "", END])
+
+
+def write_page() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    PAGE.write_text(text.split(BEGIN)[0] + table() + text.split(END)[1], encoding="utf-8")
+
+
 if __name__ == "__main__":
-    if "--records" in sys.argv:
-        print(*record_types(small_linear_scene), sep="\n")
+    if {"--records", "--way"} & {*sys.argv}:
+        print(json.dumps(record_types(small_linear_scene) if "--records" in sys.argv else way_of_the_component()))
         sys.exit()
     sys.path[:0] = [str(ROOT), str(ROOT / "library")]
     now, before = counts(), limits() if LIMITS.exists() else {}
@@ -308,3 +473,5 @@ if __name__ == "__main__":
         print(f"{row:45} {count:6d}   at most {before.get(row, count):6d}")
     if "--lower" in sys.argv:
         LIMITS.write_text(json.dumps({r: min(n, before.get(r, n)) for r, n in now.items()}, indent=1) + "\n", encoding="utf-8")
+    if {"--lower", "--page"} & {*sys.argv}:
+        write_page()
