@@ -1,6 +1,6 @@
-"""Figures of an older commit and of this checkout, measured in turns in one run: the last table of docs/benchmarks.md.
+"""Figures of an older commit and of this checkout, measured in turns in one run: the table before and after of docs/benchmarks.md.
 
-    python -m tests.benchmarks.before_after [COMMIT] [--quick]
+    python -m tests.benchmarks.before_after [COMMIT] [--rounds N] [--quick]     five rounds take some twelve minutes
 
 The older commit is unpacked beside the checkout. Processes of both take turns, each version with a cache of its own; of every figure the
 least of all rounds counts, as processor time. Scenes and errors are those of `tests.benchmarks.references`, and both versions are held to
@@ -9,6 +9,7 @@ the same references. ``--quick`` measures a few figures once, prints them, and l
 
 from __future__ import annotations
 
+import argparse
 import io
 import json
 import math
@@ -24,14 +25,14 @@ from typing import Any
 
 import numpy as np
 
-from tests.benchmarks.page import KEPT, ROOT, machine, number
+from tests.benchmarks.page import TARGETS, machine, number
 from tests.benchmarks.references import SCENES
 from tests.benchmarks.scale import XP
-from tests.benchmarks.work_precision import TARGETS, Curve, Point
+from tests.benchmarks.work_precision import Curve, Point
+from tests.measured import ROOT, Part, table
 
 BEFORE = "b4e6e2a"
 """The last commit before the architecture was counted (its successor wrote tests/architecture.json)."""
-BEGIN, END = "<!-- before and after: begin -->", "<!-- before and after: end -->"
 TOLERANCES = tuple(10.0**-k for k in range(3, 11))
 ROUNDS = 5
 METHODS = ("auto", "rk", "ida")
@@ -150,9 +151,8 @@ def process_rows(method: str, versions: tuple[Version, Version], rounds: int) ->
     yield f"second process, XP, `{method}`, s", (second[0], second[1])
 
 
-def measured(versions: tuple[Version, Version], quick: bool) -> Iterator[Row]:
+def measured(versions: tuple[Version, Version], rounds: int, quick: bool) -> Iterator[Row]:
     """All rows."""
-    rounds = 1 if quick else ROUNDS
     for name in ("M2", "XP") if quick else SCENES:
         yield from scene_rows(name, versions, TOLERANCES[::3] if quick else TOLERANCES, rounds)
     yield compile_row("compile, XP, s", "gp.ZhouCui2022(tau_in=100.0), outputs=['w_out']", versions, rounds)
@@ -162,35 +162,36 @@ def measured(versions: tuple[Version, Version], quick: bool) -> Iterator[Row]:
         yield from process_rows(method, versions, rounds)
 
 
-def table(rows: list[Row], commit: str) -> list[str]:
-    """The section of the page."""
-    lines = [
-        BEGIN, "", f"Measured on {machine()}, against commit {commit}.", "",
-        "| figure | before | after | after / before |", "|---|---:|---:|---:|",
-    ]  # fmt: skip
-    for name, (before, after) in rows:
-        lines.append(f"| {name} | {number(before)} | {number(after)} | {number(after / before)} |")
-    return [*lines, "", END]
+def text(kept: dict[str, Any]) -> str:
+    """The part of the page."""
+    found = [(r["figure"], r["before"], r["after"]) for r in kept["rows"] if r["before"] and r["after"]]
+    rows = [[figure, number(before), number(after), number(after / before)] for figure, before, after in found]
+    rounds = "one round" if kept["rounds"] == 1 else f"{kept['rounds']} rounds"
+    said = f"Measured on {kept['machine']}, load average {kept['load']:.1f}, {rounds}, against commit {kept['commit']}."
+    return f"{said}\n\n{table(['figure', 'before', 'after', 'after / before'], rows)}"
+
+
+TABLE = Part("before_after", "benchmarks", text)
+PARTS = [TABLE]
 
 
 def main(arguments: list[str]) -> None:
-    quick = "--quick" in arguments
-    commit = next((a for a in arguments if not a.startswith("-")), BEFORE)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("commit", nargs="?", default=BEFORE)
+    parser.add_argument("--rounds", type=int, default=ROUNDS)
+    parser.add_argument("--quick", action="store_true")
+    given = parser.parse_args(arguments)
+    rounds = 1 if given.quick else given.rounds
     rows = []
     with tempfile.TemporaryDirectory() as folder:
-        old = Version(unpacked(commit, Path(folder) / "before"), Path(folder) / "cache_before")
+        old = Version(unpacked(given.commit, Path(folder) / "before"), Path(folder) / "cache_before")
         new = Version(ROOT, Path(folder) / "cache_after")
-        for name, (before, after) in measured((old, new), quick):
-            rows.append((name, (before, after)))
+        for name, (before, after) in measured((old, new), rounds, given.quick):
+            rows.append({"figure": name, "before": before, "after": after})
             print(f"{name:45} {number(before):>8} {number(after):>8} {number(after / before):>8}", flush=True)
-    if quick:
-        return
-    KEPT.mkdir(parents=True, exist_ok=True)
-    (KEPT / "before_after.json").write_text(json.dumps({"commit": commit, "rows": rows}), encoding="utf-8")
-    page = ROOT / "docs" / "benchmarks.md"
-    text = page.read_text(encoding="utf-8")
-    head, tail = text.split(BEGIN)[0], text.split(END)[1]
-    page.write_text(head + "\n".join(table(rows, commit)) + tail, encoding="utf-8")
+    if not given.quick:
+        load = os.getloadavg()[0]
+        TABLE.store({"machine": machine(), "load": load, "commit": given.commit, "rounds": rounds, "rows": rows})
 
 
 if __name__ == "__main__":
