@@ -22,8 +22,8 @@ Array: TypeAlias = "np.ndarray[Any, np.dtype[np.float64]]"
 Values: TypeAlias = "Mapping[str, float] | Sequence[float] | Array"
 Input: TypeAlias = "float | Callable[[float], float] | sp.Expr"
 
-NEWTON_STEPS = 50
-NEWTON_ACCURACY = 1e-13
+NEWTON_STEPS = 50  # a solution near the guess takes five or six
+NEWTON_ACCURACY = 1e-13  # relative, some 450 unit roundoffs
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from gearlib.compiler.translate import intermediate
 COMPILER = ("data_flow.py", "instructions.py", "native_module.py", "object_code.py", "platforms.py", "translate.py")
 WINDOWS = sys.platform == "win32"  # JITLink, LLVM's newer linker for small code models, does not support Windows COFF
 LINKED = 300  # modules kept linked though unreferenced, the most recently used ones
-USES = 64
+USES = 64  # compilations after which `Host.passes` makes LLVM's pass manager anew
 LONG = 40_000  # characters of source that take about a second to compile
 _numbers = count()
 

@@ -14,7 +14,7 @@ import networkx as nx
 
 TRACK = 8.0  # between vertical segments
 MARGIN = 12.0  # between a layer and the first track
-NUDGE = 3.0
+NUDGE = 3.0  # distance of two wires that would overlap, in the units of the picture
 
 Segment = tuple[float, float, float, float]
 

@@ -23,7 +23,7 @@ from gearlib.drawing.icons import INK, LIGHT
 from gearlib.drawing.svg import Picture, circle, document, group, line, number, path, polygon, rectangle, text, text_width
 
 COLOURS = {"rotation": INK, "translation": "#1b7837", "heat": "#c0392b", "signal": "#1f6fd1", "other": "#6a3d9a"}
-EDGE = 16.0
+EDGE = 16.0  # around the diagram, in the units of the picture
 GREY = "#5b6b7d"
 
 

@@ -14,7 +14,7 @@ from itertools import combinations
 import networkx as nx
 import numpy as np
 
-SWEEPS = 12
+SWEEPS = 12  # over all layers, to and fro; the best order that was met counts
 
 Ends = Sequence[tuple[int, int]]
 """Ends of a net: (node, side), the side that the end has by convention: -1 left, 1 right, 0 any."""

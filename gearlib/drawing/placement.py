@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-GRID = 8
-SWEEPS = 10
+GRID = 8  # heights are multiples of it, so that wires that could be straight are
+SWEEPS = 10  # over all layers: alternating directions first, both neighbours in the last four
 
 
 @dataclass(frozen=True)

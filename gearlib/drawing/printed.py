@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 
-COLUMNS = 100
+COLUMNS = 100  # of a terminal
 LABEL = re.compile(r"\s*\S+(?: \S+)*?\s{2,}(?=\S)")  # a label before the text of its line
 
 

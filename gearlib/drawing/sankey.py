@@ -12,7 +12,7 @@ from gearlib.drawing.placement import Node, heights
 from gearlib.drawing.svg import Picture, document, element, group, number, polygon, rectangle, text, text_width
 
 BAND, BACK, LOSS, INK = "#5b8db8", "#d08a3c", "#c0392b", "#1b2a41"
-WIDEST, BAR, BETWEEN, EDGE = 56.0, 10.0, 96.0, 24.0
+WIDEST, BAR, BETWEEN, EDGE = 56.0, 10.0, 96.0, 24.0  # band, component, distance of columns, margin
 
 
 @dataclass(frozen=True)

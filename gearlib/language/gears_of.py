@@ -17,7 +17,7 @@ from gearlib.language.declarations import Owner
 
 Floats = NDArray[np.float64]
 SHAFTS = ("ring", "carrier", "sun")
-MOST_FRAMES = 1000
+MOST_FRAMES = 1000  # of one picture, which holds the positions at all of them
 
 
 def turned(

@@ -26,7 +26,7 @@ from gearlib.progress import APART, Ticker, Told, reporting
 Integers = NDArray[np.int64]
 # A dask task costs 2 to 5 ms of overhead, one of a process pool 0.3 ms: at most 2 % of a quarter of a second
 TASK = 0.25  # s
-LEAST_TASKS = 8
+LEAST_TASKS = 8  # so that workers end at about the same time, and progress is seen
 IN_FLIGHT = 4096  # tasks
 
 

@@ -14,7 +14,7 @@ from gearlib.program.event_iteration import DiscretesPhase, RelationsPhase, Unkn
 from gearlib.program.relations import Relations
 
 Integers = NDArray[np.int64]
-MOST_ITERATIONS = 100
+MOST_ITERATIONS = 100  # after which an event iteration counts as one that does not settle
 MOST_STEPS = 10  # of an event iteration: how many re-initialisations of states (``reinit``) are recorded
 
 

@@ -25,7 +25,7 @@ from gearlib.structure.sparse_elimination import factorise
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-MOST_INVERSES = 4
+MOST_INVERSES = 4  # matrices of linear blocks whose inverses a structure keeps
 SINGULAR = 1e-13  # reciprocal condition number below which a matrix counts as singular
 MOST_DENSE = 400  # unknowns up to which a block's matrix is treated as dense
 ENTRIES = 1_000_000  # matrix entries of a block at many times that are solved in one batch

@@ -27,7 +27,7 @@ SLOPE = 1 / 64  # of the distance between two candidates: the interval over whic
 AGREE, SMALL = 0.02, 0.001  # of a step's length and of the range so far: agreement required of values and slopes
 BETWEEN, NARROWEST = 16, 1e-10  # points inserted where a step fails; fraction of the run below which that is a jump
 BEFORE = 1e-12  # of the largest time: distance of the point just before an event
-MOST_EVENTS = 2000
+MOST_EVENTS = 2000  # at which the trajectory is looked at on both sides
 
 
 @dataclass(frozen=True)

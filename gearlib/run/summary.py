@@ -10,7 +10,7 @@ from gearlib.program.program import Linear, Newton
 from gearlib.program.residual_form import ResidualForm
 from gearlib.run.scene import Scene, node_name
 
-MOST = 12
+MOST = 12  # names in a line
 
 
 def summary(

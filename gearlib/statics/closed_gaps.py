@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 STILL = 1e-9  # relative to the fastest rate: rounding
 STEADY = 1e-6  # relative: how evenly a relation's value must grow to be sure to change sign
 APART = 1.0  # rad or m: distance larger than any gap
-MOST_TRIALS = 64
+MOST_TRIALS = 64  # combinations of sides: all of six gaps with two each
 
 
 def with_gaps_closed(model: FlatModel, parameters: Floats, given: Sequence[Given], motion: Motion) -> Motion:

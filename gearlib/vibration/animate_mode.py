@@ -11,7 +11,7 @@ from gearlib.errors import ArgumentError
 from gearlib.optional import optional
 from gearlib.vibration.draw_mode import MOTION, ModePicture, aligned, largest
 
-COLUMNS = 6
+COLUMNS = 6  # of discs, side by side
 BODY, SLIDER = "#cfd8e3", "#66a61e"
 
 

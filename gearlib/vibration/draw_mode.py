@@ -10,7 +10,7 @@ import numpy as np
 from gearlib.arguments import check_axes
 from gearlib.optional import optional
 
-MOST_BARS = 30
+MOST_BARS = 30  # the largest ones are drawn
 KINETIC, POTENTIAL, MOTION = "#1f6fb4", "#d95f02", "0.35"
 NAMES = {"rad": "turning", "m": "displacement"}
 

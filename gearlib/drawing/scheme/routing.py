@@ -28,10 +28,10 @@ WIDTH = {
     "end": 64.0,
 }
 TRACK = {"planetary": 30.0, "double_planetary": 36.0, "inline": 32.0, "internal": 20.0}
-CLEAR = 4.0
-CROSSING = 1000.0
-OUTSIDE = 4000.0
-EFFORT = 2500
+CLEAR = 4.0  # distance of lines that do not touch, in the units of the picture
+CROSSING = 1000.0  # price of a crossing in units of length: more than a detour within the drawing
+OUTSIDE = 4000.0  # length of the lines that lead out of the drawing, past all of it
+EFFORT = 2500  # changes that the search tries; fewer for long trains, where each takes longer
 Line = tuple[float, float, float, float, int]  # x1, y1, x2, y2, shaft
 
 

@@ -15,7 +15,7 @@ from gearlib.drawing.scheme.train import Symbol
 from gearlib.drawing.svg import circle, line, polygon, text
 
 POWER = "#e08e0b"
-WIDEST = 22.0
+WIDEST = 22.0  # band, in the units of the picture
 
 
 @dataclass(frozen=True)

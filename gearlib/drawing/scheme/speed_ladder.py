@@ -22,8 +22,8 @@ from gearlib.drawing.svg import Picture, circle, document, group, line, path, te
 from gearlib.errors import ModelError
 
 WIDTH, HEIGHT, EDGE, ROW = 320.0, 260.0, 24.0, 14.0
-BETWEEN = 96.0
-FITS = 1e-6
+BETWEEN = 96.0  # two ladders
+FITS = 1e-6  # relative mismatch of Willis' equation up to which speeds are those of the set
 GREY = "#5b6b7d"
 BENT = "not straight: a damper slips, or other ratios than the model's"
 Speeds = Mapping[tuple[str, str], float]

@@ -22,7 +22,8 @@ from gearlib.run.scene import Scene
 from gearlib.run.translation import Translation
 
 Floats = NDArray[np.float64]
-MOST_SAMPLES, MOST_PANELS, PASSES = 1000, 20_000, 8
+MOST_SAMPLES = 1000  # that panels begin at; with more, every second, third, ... sample
+MOST_PANELS, PASSES = 20_000, 8  # refinement, which cuts coarse panels into four, ends there
 NARROW = 1e-10  # of the run: narrower panels, between events at one place, are left out
 EXPLAINED = 100.0  # times the relative tolerance: a residual up to that, relative to the throughput, needs no explanation
 

@@ -29,7 +29,7 @@ from gearlib.solvers.inputs.table import Table, breakpoints, values
 from gearlib.solvers.problem import Solution
 
 Floats = NDArray[np.float64]
-MOST_CUTS = 1_000_000
+MOST_CUTS = 1_000_000  # pieces of a run, each an integration of its own
 MOST_PASSES = 60  # for the signal at the start
 STEPS = 8  # of a piece with delays: a pulse in what they give must not be stepped over
 ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "work", "seconds")  # over the pieces of a run

@@ -34,7 +34,7 @@ from gearlib.run.tangents.directions import TangentDirections
 from gearlib.solvers.inputs.table import breakpoints, values
 
 Floats = NDArray[np.float64]
-STAGES = 4
+STAGES = 4  # of Gauss' method, of order 8
 MOST_STATES = 200
 FEWEST, MOST_HALVINGS = 16, 8  # steps at first, and how often they are halved
 TIGHTEST = 1e-10  # tolerance of the motion that the adjoint equations are linearised about

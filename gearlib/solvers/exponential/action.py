@@ -29,7 +29,7 @@ Integers = NDArray[np.int64]
 Known = dict[
     Any, Any
 ]  # what follows from inputs, times and patterns, for the next runs of a scene with other numbers; see `recent`
-MOST_KNOWN = 64
+MOST_KNOWN = 64  # findings kept for runs with other numbers: a few per pattern, grid of times and set of inputs
 
 _COUPLING = 0.02  # relative to the largest row: size of one-way couplings (inputs, integrated angles) after scaling
 _ANGLES = np.linspace(0.0, math.pi, 17)  # directions in which the field of values is bounded

@@ -27,8 +27,8 @@ from gearlib.solvers.inputs.table import Table
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-# Measured, s: one exponential, a step with it, a term of the Taylor series; each in addition to the cost per matrix entry
 SERIES = 12  # terms of the Taylor series
+# Measured, s: one exponential, a step with it, a term of the Taylor series; each in addition to the cost per matrix entry
 EXPONENTIAL, STEP, TERM, ENTRY = 5e-5, 1e-7, 2e-8, 1e-9
 
 

@@ -22,7 +22,7 @@ from gearlib.recent import recent
 from gearlib.solvers.problem import Integers, Problem
 
 _NO_INTEGERS: Integers = np.empty(0, dtype=np.int64)
-MOST_PLANS = 16
+MOST_PLANS = 16  # storages kept per pattern
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ from gearlib.solvers.ida.user_data import IdaRecord
 from gearlib.solvers.problem import Floats
 
 _ROOT_RETURN, _TOO_MUCH_WORK, _ILL_INPUT = 2, -1, -22
-_NEGATIVE_ZERO = -1e-300
+_NEGATIVE_ZERO = -1e-300  # an event function of 0 counts as negative, as in native code
 _pointer = ctypes.c_void_p
 
 

@@ -28,7 +28,7 @@ from gearlib.solvers.rungekutta.tableaux import TSIT5_A, TSIT5_C, TSIT5_E, TSIT5
 __all__ = ["GENERATED"]
 
 DONE, FAILED = 1, -1
-ROUNDING = 8.9e-16
+ROUNDING = 8.9e-16  # four unit roundoffs (4 * 2.2e-16)
 TINY = 1e-250  # below it arithmetic may be slow
 NEAR, DAMPED = 0.45**2, 0.7**2  # squares of what ``rungekutta.first_step`` has
 LEAST, LEAST_BEFORE = 1e-20, 10**-0.25  # of the square of an error, and of the sixteenth root of one that is remembered
