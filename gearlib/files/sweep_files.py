@@ -52,8 +52,8 @@ class SweepLayout:
     @property
     def header(self) -> str:
         """Attributes and shapes of the values, as one line of JSON."""
-        described = {name: [v.dimensions, v.shape, v.kind, dict(v.attributes)] for name, v in self.values.items()}
-        return json.dumps({**self.attributes, "runs": self.runs, "values": described})
+        arrays = {name: [v.dimensions, v.shape, v.kind, dict(v.attributes)] for name, v in self.values.items()}
+        return json.dumps({**self.attributes, "runs": self.runs, "values": arrays})
 
 
 class SweepFile(ABC):
@@ -82,7 +82,7 @@ class SweepFile(ABC):
         """Write some runs and mark them done; ``failures`` are error types and messages by run."""
         if failures:
             with self.failures_path.open("a", encoding="utf-8") as file:
-                file.writelines(json.dumps([int(run), *described]) + "\n" for run, described in failures.items())
+                file.writelines(json.dumps([int(run), *failure]) + "\n" for run, failure in failures.items())
         if len(runs):
             self._write(runs, values)
             self.done[runs] = True
@@ -150,8 +150,8 @@ def reopen(path: Path, layout: SweepLayout) -> SweepFile:
 def layout_of(header: Mapping[str, Any], coordinates: Mapping[str, Any]) -> SweepLayout:
     """The layout of a file, from its header."""
     values = {
-        name: StoredArray(tuple(axes), tuple(shape), kind, described)
-        for name, (axes, shape, kind, described) in header["values"].items()
+        name: StoredArray(tuple(axes), tuple(shape), kind, attributes)
+        for name, (axes, shape, kind, attributes) in header["values"].items()
     }
     attributes = {key: value for key, value in header.items() if key not in ("runs", "values")}
     return SweepLayout(int(header["runs"]), values, coordinates, attributes)
@@ -177,8 +177,8 @@ class ZarrFile(SweepFile):
             group = zarr.open_group(beside, mode="w", zarr_format=2)
             group.attrs[HEADER] = layout.header
 
-            def array(name: str, axes: tuple[str, ...], described: Mapping[str, str], **more: Any) -> Any:
-                return group.create_array(name, attributes={"_ARRAY_DIMENSIONS": list(axes), **described}, **more)
+            def array(name: str, axes: tuple[str, ...], attributes: Mapping[str, str], **more: Any) -> Any:
+                return group.create_array(name, attributes={"_ARRAY_DIMENSIONS": list(axes), **attributes}, **more)
 
             for name, v in layout.values.items():
                 shape = (layout.runs, *v.shape)
@@ -186,12 +186,13 @@ class ZarrFile(SweepFile):
                 empty = complex(np.nan, np.nan) if v.kind == "c16" else np.nan
                 array(name, (RUN, *v.dimensions), v.attributes, shape=shape, dtype=v.kind, chunks=chunks, fill_value=empty)
             known = {
-                name: (axes, np.asarray(numbers), described) for name, (axes, numbers, described) in layout.coordinates.items()
+                name: (axes, np.asarray(numbers), attributes)
+                for name, (axes, numbers, attributes) in layout.coordinates.items()
             }
             known[DONE] = ((RUN,), np.zeros(layout.runs, "i1"), {})
-            for name, (axes, numbers, described) in known.items():  # without a fill value: 0 is a value
+            for name, (axes, numbers, attributes) in known.items():  # without a fill value: 0 is a value
                 one = tuple(max(1, n) for n in numbers.shape)
-                array(name, axes, described, shape=numbers.shape, dtype=numbers.dtype, chunks=one, fill_value=None)[...] = (
+                array(name, axes, attributes, shape=numbers.shape, dtype=numbers.dtype, chunks=one, fill_value=None)[...] = (
                     numbers
                 )
             zarr.consolidate_metadata(beside)
@@ -289,10 +290,10 @@ def _list(kind: str, items: list[bytes]) -> bytes:
     return struct.pack(">ii", _SOME[kind] if items else 0, len(items)) + b"".join(items)
 
 
-def _attributes(described: Mapping[str, str]) -> bytes:
+def _attributes(attributes: Mapping[str, str]) -> bytes:
     return _list(
         "attributes",
-        [_text(name) + struct.pack(">i", _NUMBERS["char"]) + _text(text) for name, text in described.items() if text],
+        [_text(name) + struct.pack(">i", _NUMBERS["char"]) + _text(text) for name, text in attributes.items() if text],
     )
 
 
@@ -300,11 +301,11 @@ def _head(layout: SweepLayout) -> tuple[bytes, dict[str, tuple[str, tuple[int, .
     """Header of a file; type, shape and offset of each variable; and the size of the file."""
     sizes: dict[str, int] = {RUN: layout.runs}
     variables: list[tuple[str, tuple[str, ...], tuple[int, ...], str, Mapping[str, str]]] = []
-    for name, (axes, numbers, described) in layout.coordinates.items():
+    for name, (axes, numbers, attributes) in layout.coordinates.items():
         stored = _stored(numbers)
         kind, shape = ("char", stored.shape) if stored.dtype.kind == "S" else ("double", stored.shape)
         dimensions = (*axes, f"{name}_length") if kind == "char" else axes
-        variables.append((name, dimensions, shape, kind, described))
+        variables.append((name, dimensions, shape, kind, attributes))
     variables.append((DONE, (RUN,), (layout.runs,), "byte", {}))
     for name, v in layout.values.items():
         if v.kind != "f8":
@@ -319,16 +320,16 @@ def _head(layout: SweepLayout) -> tuple[bytes, dict[str, tuple[str, tuple[int, .
     order = {name: k for k, name in enumerate(sizes)}
 
     def head(places: list[int]) -> bytes:
-        described = []
+        entries = []
         for (name, dimensions, shape, kind, attributes), at in zip(variables, places, strict=True):
             length = int(np.prod(shape)) * _TYPES[kind].itemsize
             ids = struct.pack(f">i{len(dimensions)}i", len(dimensions), *(order[d] for d in dimensions))
-            described.append(
+            entries.append(
                 _text(name) + ids + _attributes(attributes) + struct.pack(">iIq", _NUMBERS[kind], length + -length % 4, at)
             )
         lengths = [_text(name) + struct.pack(">i", size) for name, size in sizes.items()]
         whole = _attributes({"Conventions": "CF-1.8", HEADER: layout.header})
-        return b"CDF\x02" + struct.pack(">i", 0) + _list("dimensions", lengths) + whole + _list("variables", described)
+        return b"CDF\x02" + struct.pack(">i", 0) + _list("dimensions", lengths) + whole + _list("variables", entries)
 
     at, places = len(head([0] * len(variables))), []
     for _, _, shape, kind, _ in variables:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.many_runs.side_by_side import Found, KeptStates, PreparedRuns, SideBySide, why_one_by_one
-from gearlib.run.linear_form import LinearForms, linear_forms
 from gearlib.run.request import Request
 from gearlib.run.translation import Translation
 from gearlib.solvers.exponential.exact import DENSE_ALWAYS, cut
@@ -24,7 +23,7 @@ MOST_STRETCHES = 100  # of the output times, between corners of tables and switc
 
 
 def why_not_by_exponentials(translation: Translation, request: Request) -> str | None:
-    """Why runs cannot be carried out by exponentials of many matrices at once, or None."""
+    """Why runs cannot be carried out by exponentials of many matrices at once, or None; whether they are linear is looked at later."""
     method, scene = str(request.method), translation.scene
     if method not in ("auto", "exact"):
         return f"the method is {method}"
@@ -32,8 +31,7 @@ def why_not_by_exponentials(translation: Translation, request: Request) -> str |
         return reason
     if len(scene.states) > DENSE_ALWAYS:
         return f"there are more than {DENSE_ALWAYS} states"
-    forms = linear_forms(scene, scene.prepared(request.parameters), request.signals)
-    return forms if isinstance(forms, str) else None
+    return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +48,9 @@ class ExactSweep(SideBySide):
         return found if isinstance(found, str) else None
 
     @cached_property
-    def _forms(self) -> LinearForms | str:
-        scene, request = self.translation.scene, self.request
-        return linear_forms(scene, scene.prepared(request.parameters), self.signals)
-
-    @cached_property
     def _times(self) -> tuple[Forcing, list[Stretch], int] | str:
         """The inputs, the output times between their corners, and how many of them are the start; or why there are none."""
-        forms, grid = self._forms, self.grid
+        forms, grid = self.linear, self.grid
         if isinstance(forms, str):
             return forms
         ends = float(grid[0]), float(grid[-1])
@@ -70,7 +63,7 @@ class ExactSweep(SideBySide):
         return forcing, cuts, at_start
 
     def runs_of(self, prepared: PreparedRuns) -> Iterator[Found]:
-        forms, times = self._forms, self._times
+        forms, times = self.linear, self._times
         assert not isinstance(forms, str), "it was asked before"
         assert not isinstance(times, str), "it was asked before"
         scene = self.translation.scene

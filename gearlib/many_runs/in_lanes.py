@@ -17,7 +17,7 @@ from gearlib.many_runs.side_by_side import Found, KeptStates, PreparedRuns, Side
 from gearlib.native.lane_source import LaneCode, lane_code, why_scalar
 from gearlib.native.source import is_small
 from gearlib.reduce.rows import start_guess
-from gearlib.run.linear_form import LinearForms, linear_forms
+from gearlib.run.linear_form import LinearForms
 from gearlib.run.methods.closed_form import REACH_OF_A_STEP
 from gearlib.run.methods.run import LATE, Run, is_function
 from gearlib.run.request import Request, absolute_tolerance
@@ -61,15 +61,15 @@ def why_not_in_lanes(translation: Translation, request: Request) -> str | None:
     return None
 
 
-def most_steps(translation: Translation, request: Request) -> float | str:
+def most_steps(sweep: SideBySide) -> float | str:
     """Steps after which a lane gives up, so that a run among others that is stiff is left to ``"auto"``; or why none shall begin.
 
-    Where ``"auto"`` chooses the method, the first run decides, once for the whole sweep; ``request`` has its numbers.
+    Where ``"auto"`` chooses the method, the first run decides, once for the whole sweep, whose request has its numbers.
     """
+    request = sweep.request
     if str(request.method) != "auto":
         return float("inf")
-    scene = translation.scene
-    forms = linear_forms(scene, scene.prepared(request.parameters), request.signals)
+    forms = sweep.linear
     if isinstance(forms, LinearForms):
         steps = (
             len(breakpoints(request.signals))
@@ -81,7 +81,7 @@ def most_steps(translation: Translation, request: Request) -> float | str:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            stats = run(translation, request).stats
+            stats = run(sweep.translation, request).stats
     except GearlibError as problem:
         return f"the first run fails: {problem}"
     if stats.get("legs") != 1:

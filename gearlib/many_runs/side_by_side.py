@@ -17,6 +17,7 @@ from gearlib.flatten.flatten import out_of_bounds
 from gearlib.program.interpret import regular, solutions_of_runs
 from gearlib.reduce.reduction import confirm
 from gearlib.reduce.rows import start_guess
+from gearlib.run.linear_form import LinearForms, linear_forms
 from gearlib.run.request import Request
 from gearlib.run.result import Result, SimulatedResult
 from gearlib.run.segment import Segment
@@ -103,6 +104,12 @@ class SideBySide(ABC):
         """Where an output that is a state stands among those that are kept."""
         place = self.translation.scene.place_of.get(self.translation.scene.named(name)[0], -1)
         return self.kept.index(place) if place in self.kept else -1
+
+    @cached_property
+    def linear(self) -> LinearForms | str:
+        """The linear forms of the runs, or the reason why there are none."""
+        scene = self.translation.scene
+        return linear_forms(scene, scene.prepared(self.request.parameters), self.signals)
 
     @cached_property
     def grid(self) -> Floats:

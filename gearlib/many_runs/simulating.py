@@ -220,11 +220,10 @@ def _side_by_side(
     whole = len(reductions) < len(reduce) or not all(node in scene.place_of for node in nodes)
     kept = () if whole else tuple(dict.fromkeys(scene.place_of[node] for node in nodes))
     given = translation, request, parameters, inputs, whole, kept
-    if not no_exponentials:
-        exact = ExactSweep(*given)
-        if (no_exponentials := exact.why_not()) is None:
-            return exact
-    most = no_lanes or most_steps(translation, request)
+    exact = ExactSweep(*given)
+    if not no_exponentials and exact.why_not() is None:
+        return exact
+    most = no_lanes or most_steps(exact)
     return most if isinstance(most, str) else LaneSweep(*given, most)
 
 

@@ -11,6 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BoundError, GearlibWarning
+from gearlib.many_runs import side_by_side
 from tests.many_runs.models import Drive
 
 J = np.linspace(0.5, 4.0, 11)
@@ -105,3 +106,14 @@ def test_runs_that_fail_or_do_not_fit_are_carried_out_by_themselves(drive: gl.Sy
     single = drive.simulate(1.0, parameters={"J": J[5], "motor.J": 0.0}, **options)
     assert runs["load.w"][5].tobytes() == single["load.w"].tobytes()
     assert np.isfinite(runs["load.w"]).all(axis=1).tolist() == [k != 3 for k in range(11)]
+
+
+@pytest.mark.parametrize("options", [{}, {"lanes": 8}, {"method": "rk5"}, {"inputs": {"torque.tau": lambda t: 0.0 * t}}])
+def test_whether_a_sweep_is_linear_is_found_out_once(
+    drive: gl.System, monkeypatch: pytest.MonkeyPatch, options: dict[str, Any]
+) -> None:
+    asked: list[Any] = []
+    forms = side_by_side.linear_forms
+    monkeypatch.setattr(side_by_side, "linear_forms", lambda *given: asked.append(given) or forms(*given))
+    drive.sweep({"J": J}, 0.1, samples=3, **{"inputs": {"torque.tau": 1.0}, **options})
+    assert len(asked) == (1 if "method" not in options else 0)
