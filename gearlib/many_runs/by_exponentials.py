@@ -50,7 +50,7 @@ class ExactSweep(SideBySide):
     @cached_property
     def _times(self) -> tuple[Forcing, list[Stretch], int] | str:
         """The inputs, the output times between their corners, and how many of them are the start; or why there are none."""
-        forms, grid = self.linear, self.grid
+        forms, grid = self.linear, self.sampled
         if isinstance(forms, str):
             return forms
         ends = float(grid[0]), float(grid[-1])
@@ -78,7 +78,7 @@ class ExactSweep(SideBySide):
         }  # fmt: skip
         for first in range(0, len(fitting), AT_ONCE):
             here = fitting[first : first + AT_ONCE]
-            out = np.empty((len(here), len(self.grid), len(columns)))
+            out = np.empty((len(here), len(self.sampled), len(columns)))
             out[:, :at_start] = prepared.states[here][:, None, columns]
             histories(matrices[here], weights[here], forcing, cuts, prepared.states[here], columns, out)
             finite = np.isfinite(out).all(axis=(1, 2))

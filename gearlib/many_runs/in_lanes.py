@@ -129,7 +129,7 @@ class LaneSweep(SideBySide):
         begin = Start(prepared.states[first], start_guess(scene.model, numbers.parameters), ())
         like = Run(scene, numbers, begin, prepared.signals_of(first), self.grid, request.rtol, absolute, None, request.max_step)
         problem = LaneProblem(
-            code.function, prepared.states[fitting], data[fitting], self.grid, self.columns,
+            code.function, prepared.states[fitting], data[fitting], self.sampled, self.columns,
             request.rtol * scene.nominal if absolute is None else absolute, request.rtol, like.longest_step,
             *_pieces([prepared.signals[k] for k in tables], fitting, self.grid), self.most_steps,
         )  # fmt: skip

@@ -78,6 +78,8 @@ class SideBySide(ABC):
     whole : bool
         Whether the results are wanted; else the states in ``kept`` suffice.
     kept : tuple of int
+    last : bool
+        Whether the last sample suffices.
     """
 
     translation: Translation
@@ -86,6 +88,7 @@ class SideBySide(ABC):
     inputs: Mapping[str, Any]
     whole: bool
     kept: tuple[int, ...]
+    last: bool
 
     def __getstate__(self) -> dict[str, Any]:
         """What goes to another process: without what is computed once in each."""
@@ -123,10 +126,15 @@ class SideBySide(ABC):
         ends = float(self.grid[0]), float(self.grid[-1])
         return tuple(s.over(*ends) if isinstance(s, Table) else s for s in self.request.signals)
 
+    @cached_property
+    def sampled(self) -> Floats:
+        """Those of these times at which states are computed, with the start."""
+        return self.grid[[0, -1]] if self.last and len(self.grid) > 2 else self.grid
+
     @property
     def hidden(self) -> int:
-        """So many of these times were not asked for."""
-        return len(self.grid) - len(self.request.times)
+        """So many of these were not asked for."""
+        return 1 if len(self.sampled) < len(self.grid) else len(self.grid) - len(self.request.times)
 
     @cached_property
     def columns(self) -> Integers:
@@ -137,7 +145,7 @@ class SideBySide(ABC):
         self, parameters: Mapping[str, Floats], starts: Mapping[str, Floats], inputs: Mapping[str, Any], count: int
     ) -> Iterator[Found]:
         """Runs with their numbers, in the order in which they end; None stands for one that cannot be done so, or failed."""
-        size = max(LANES, min(AT_ONCE, MOST_NUMBERS // max(len(self.grid) * len(self.columns), 1)))
+        size = max(LANES, min(AT_ONCE, MOST_NUMBERS // max(len(self.sampled) * len(self.columns), 1)))
         for first in range(0, count, size):
             here = slice(first, min(first + size, count))
             varied = [{name: column[here] for name, column in given.items()} for given in (parameters, starts, inputs)]

@@ -219,7 +219,8 @@ def _side_by_side(
         return "an output needs more states than the system was compiled for; name it in gl.compile(..., outputs=[...])"
     whole = len(reductions) < len(reduce) or not all(node in scene.place_of for node in nodes)
     kept = () if whole else tuple(dict.fromkeys(scene.place_of[node] for node in nodes))
-    given = translation, request, parameters, inputs, whole, kept
+    last = not whole and not outputs and not any(f.of_magnitude for f in reductions)
+    given = translation, request, parameters, inputs, whole, kept, last
     exact = ExactSweep(*given)
     if not no_exponentials and exact.why_not() is None:
         return exact

@@ -117,3 +117,26 @@ def test_whether_a_sweep_is_linear_is_found_out_once(
     monkeypatch.setattr(side_by_side, "linear_forms", lambda *given: asked.append(given) or forms(*given))
     drive.sweep({"J": J}, 0.1, samples=3, **{"inputs": {"torque.tau": 1.0}, **options})
     assert len(asked) == (1 if "method" not in options else 0)
+
+
+@pytest.mark.parametrize(("method", "digits"), [("auto", 1e-12), ("rk5", 0.0)])
+@pytest.mark.parametrize("times", [np.linspace(0.0, 1.0, 21), np.array([0.3, 0.7, 1.0]), np.array([1.0])])
+def test_the_last_value_takes_no_other_samples(
+    drive: gl.System, monkeypatch: pytest.MonkeyPatch, method: str, digits: float, times: Any
+) -> None:
+    """Steps do not depend on samples; exponentials differ by rounding."""
+    kept: list[int] = []
+    results = side_by_side.SideBySide.results
+
+    def watched(*given: Any) -> Any:
+        for found in results(*given):
+            kept.append(found.states.shape[1])
+            yield found
+
+    table = gl.Table([0.0, 0.31, 0.4, 1.0], [0.0, 4.0, -2.0, 1.0])
+    options: dict[str, Any] = {"times": times, "method": method, "inputs": {"torque.tau": table}}
+    histories = drive.sweep({"J": J}, 1.0, outputs=["load.w"], **options)["load.w"]
+    monkeypatch.setattr(side_by_side.SideBySide, "results", watched)
+    ends = drive.sweep({"J": J}, 1.0, reduce={"end": gl.final("load.w")}, **options)
+    assert close(ends["end"], histories[:, -1], digits)
+    assert set(kept) == {1}
