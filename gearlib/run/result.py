@@ -592,10 +592,21 @@ class SimulatedResult(Result):
             self._extended._compute_together([n for n in nodes if self.scene.missing(n)])
 
     def _extend(self, missing: Iterable[Node]) -> SimulatedResult:
-        """The run with additional states, integrated again: with those that are asked for first, and with all of them the next time.
+        """The run with additional states, integrated beside its stored motion where that is possible.
 
-        So however many variables are asked for one by one, the run is integrated twice more at most.
+        Otherwise it is integrated again: with those that are asked for first, and with all of them the next time. So however many
+        variables are asked for one by one, the run is integrated twice more at most.
         """
+        known = () if self._extended is None else self._extended.scene.states
+        wanted = {*self.scene.states, *known, *missing}
+        if len(wanted) == len(known):
+            assert self._extended is not None, "it has them all"
+            return self._extended
+        more = {*self.scene.structure.states} if known else set()
+        beside = (self._beside(tuple(sorted(wanted | more))) if more else None) or self._beside(tuple(sorted(wanted)))
+        if beside is not None:
+            self._extended = beside
+            return beside
         if self._extended is None:
             self._extended = self._again(tuple(sorted({*self.scene.states, *missing})))
         elif any(s not in self._extended.scene.place_of for s in missing):
@@ -608,6 +619,25 @@ class SimulatedResult(Result):
             if not self._all_can_be_integrated:
                 self._extended = self._again(tuple(sorted(wanted)))
         return self._extended
+
+    def _beside(self, states: tuple[Node, ...]) -> SimulatedResult | None:
+        """The same run with additional states, integrated beside it; None where that is not possible."""
+        part = self._segments[0]
+        if len(self._segments) > 1 or part.trace is None or part.begun is None:
+            return None
+        from gearlib.run.afterwards.beside import integrated_beside
+
+        scene = self.translation.with_states(states)
+        begin = part.begun(scene)
+        found = integrated_beside(part, scene, begin.states, self.request.rtol)
+        if found is None:
+            return None
+        found[:, [scene.place_of[s] for s in part.scene.states]] = part.states
+        more = replace(
+            part, scene=scene, states=found, guess=begin.guess, known={}, computed=[], finer=None, branches=[], varied={},
+            trace=None,
+        )  # fmt: skip
+        return SimulatedResult([(more, self.stats, self.events)], self.translation, self.request, self._run)
 
     @property
     def states(self) -> Floats:

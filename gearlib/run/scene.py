@@ -133,6 +133,15 @@ class Scene:
         return self.model.n_modes
 
     @cached_property
+    def feeding(self) -> Integers | None:
+        """Places of the states that those which are not integrated depend on; None if all states are integrated."""
+        targets = [(v, k + 1) for v, k in self.structure.states if (v, k) not in self.place_of]
+        if not targets:
+            return None
+        _, needed = reach(self.structure.dependence, targets, dynamic=False, events=True)
+        return np.array(sorted(self.place_of[s] for s in needed if s in self.place_of), np.int64)
+
+    @cached_property
     def relations(self) -> Relations | None:
         """Update rules of the discrete state, if there is one."""
         if not self.n_modes:

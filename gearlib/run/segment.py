@@ -16,11 +16,13 @@ from gearlib.errors import NameLookupError, SolverError
 from gearlib.program.interpret import Prepared, evaluate, owner_of, prepare
 from gearlib.program.program import Program
 from gearlib.program.relations import Relations, relations_of
-from gearlib.run.branch import Branch, Settle, follow
+from gearlib.run.afterwards.branch import Branch, Settle, follow
 from gearlib.run.methods.run import Run
 from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.scene import Scene, node_name, settle_once
+from gearlib.run.start_values import Start
 from gearlib.run.tangents.tangents import TangentHistory, carried
+from gearlib.solvers.drive.trace import Trace
 from gearlib.solvers.inputs.table import values
 from gearlib.solvers.problem import Solution
 from gearlib.structure.incidence import Node
@@ -47,6 +49,8 @@ class Segment:
     finer: Callable[[Floats], Segment] | None = None  # the same segment at other times
     branches: list[Branch] = field(default_factory=list)
     varied: dict[Node, Floats] = field(default_factory=dict)  # tangents already computed
+    trace: Trace | None = None  # the ends of the run's steps
+    begun: Callable[[Scene], Start] | None = None  # where a scene with more states begins
 
     @classmethod
     def of(cls, run: Run, solution: Solution, first: int = 0, finer: Callable[[Run, Floats], Segment] | None = None) -> Segment:
@@ -60,7 +64,7 @@ class Segment:
             tangents = TangentHistory(run.tangents.directions, solution.tangents[first:], moving, discretes)
         return cls(
             run.scene, time, states, modes, run.numbers.parameters, run.signals, run.start.guess, float(run.times[0]), tangents,
-            known, events=solution.event_times, finer=None if finer is None else partial(finer, run),
+            known, events=solution.event_times, finer=None if finer is None else partial(finer, run), trace=solution.trace,
         )  # fmt: skip
 
     def history(self, node: Node) -> Floats:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -54,29 +55,22 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
         refuse_jumps(translation.structure, scene.program, parameters, float(grid[0]), float(grid[-1]))
     earlier = earlier_run(translation, request.start)
     absolute = absolute_tolerance(request.atol, len(scene.states))
+    traced = not translation.controllers and scene.feeding is not None
 
     def begun(begin: Start) -> Run:
         return Run(
             scene, numbers, begin, signals, grid, request.rtol, absolute, begin.modes, request.max_step, form=request.form,
-            backend=request.backend,
+            backend=request.backend, traced=traced,
         )  # fmt: skip
 
+    begin = start_of(translation, request, scene, signals)
     if earlier:
-        begin = earlier[0].moment(scene, earlier[1])
         signals = given_before(translation.controllers, earlier[0].request.signals, signals)
         first = begun(begin)
     else:
-        varied = request.directions
-        seeds = None if varied is None else varied.seeds
-        own_seeds = () if varied is None else varied.starts
-
-        def start(with_inputs: tuple[Any, ...]) -> Start:
-            return translation.start(scene, parameters, float(grid[0]), request.start, with_inputs, True, seeds, own_seeds)
-
-        begin = start(signals)
         first = begun(begin)
         if translation.controllers:
-            first = begun_with(start, first, translation.controllers)
+            first = begun_with(partial(start_of, translation, request, scene), first, translation.controllers)
             begin, signals = first.start, first.signals
         refuse_start(scene, parameters, float(grid[0]), values(signals, grid[:1])[:, 0], begin)
     if request.directions is not None:
@@ -120,10 +114,32 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
         (Segment.of(part, o, skipped, finer if len(parts) > 1 else None), o.stats | given, o.events)
         for (part, o), skipped in zip(parts, hidden, strict=True)
     ]
+    if traced:
+        (part, stats, events), *later = found
+        found = [
+            (replace(part, begun=lambda other: start_of(translation, request, other, first.signals)), stats, events),
+            *later,
+        ]
     if first.longest_step < math.inf:
         request = replace(request, max_step=first.longest_step)  # a repeated run takes the same steps
     refuse_too_small([part for part, _, _ in found], request.rtol)
     return SimulatedResult(found, translation, request, run)
+
+
+def start_of(translation: Translation, request: Request, scene: Scene, signals: tuple[Any, ...]) -> Start:
+    """Where a run of a scene begins, with certain inputs.
+
+    Raises
+    ------
+    ArgumentError, NameLookupError, StartError
+        As `run` raises.
+    """
+    if earlier := earlier_run(translation, request.start):
+        return earlier[0].moment(scene, earlier[1])
+    varied = request.directions
+    seeds = None if varied is None else varied.seeds
+    own_seeds = () if varied is None else varied.starts
+    return translation.start(scene, request.parameters, request.t_start, request.start, signals, True, seeds, own_seeds)
 
 
 def checked_request(

@@ -30,6 +30,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gearlib.solvers.drive.trace import Trace
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
@@ -131,6 +133,8 @@ class Problem:
     series: Callable[[], Any] | None = (
         None  # returns the compiled Taylor coefficients (`TaylorSeries`), or a text why there are none
     )
+    # Indices of states: keep their values at the ends of all steps, where the stepper tells their derivatives there
+    traced: Integers | None = None
     may_leave: bool = False  # stop with the status "left" where the right-hand side cannot be evaluated any further
 
     @cached_property
@@ -176,4 +180,5 @@ class Solution:
     events: Sequence[tuple[float, str]] = ()  # time, and component with equation, where known
     algebraic: Mapping[tuple[int, int], Floats] = field(default_factory=dict)  # histories of the unknowns left to IDA, by node
     tangents: Floats | None = None  # (samples, states, directions), if integrated with the states
+    trace: Trace | None = None  # the ends of its steps, where they were kept
     branch: Floats | None = None  # slots of the scene's program at the end, where ``data`` does not hold them

@@ -133,6 +133,7 @@ def _wired(
         times=run.times, rtol=run.rtol, atol=atol, tell=run.tell, may_stop=run.may_stop,
         series=partial(getattr, scene, "series"),
         max_steps=MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, may_leave=any(s.constrained for s in iterated),
+        traced=run.scene.feeding if run.traced and run.handed is None and run.tangents is None else None,
     )  # fmt: skip
 
 

@@ -45,6 +45,7 @@ class Run:
     tangents: Tangents | None = None  # integrated along with the states
     tell: Callable[[float], None] | None = None  # is told the time that was reached, now and then
     may_stop: bool = False  # whether an interrupt ends the run where it is
+    traced: bool = False  # whether the ends of its steps are kept, for states that are asked for afterwards
 
     @property
     def handed(self) -> SceneForm | None:

@@ -32,6 +32,7 @@ RESTART = Prototype("int32", ("int", "int", "int"))
 
 BURST = 1000  # number of instants with events within ``window`` that means a chattering model rather than a rattling gear
 ROUNDING = 8.9e-16  # four unit roundoffs (4 * 2.2e-16)
+MARGIN = 2  # rows that a step may add to the trace
 PASSES = 100  # of event iteration and restart at one instant
 
 
@@ -53,6 +54,21 @@ def store(s: DriveRecord, t: float, interpolated: bool) -> int:
         modes[j] = held[j]
     s.sample = i + 1
     return 0
+
+
+@native
+def trace(s: DriveRecord) -> None:
+    """Add a row to the trace: time, some states, their derivatives, and the discrete state. Two rows of one time: an event."""
+    n, n_modes = s.n_traced, s.n_modes
+    row, traced = floats_at(s.trace + 8 * s.trace_rows * (1 + 2 * n + n_modes)), ints_at(s.traced)
+    x, rates, modes = floats_at(s.x), floats_at(s.rates), floats_at(s.data + 8 * s.first_mode)
+    row[0] = s.t
+    for j in range(n):
+        row[1 + j] = x[traced[j]]
+        row[1 + n + j] = rates[traced[j]]
+    for j in range(n_modes):
+        row[1 + 2 * n + j] = modes[j]
+    s.trace_rows += 1
 
 
 @native
@@ -136,9 +152,16 @@ def one_step(s: DriveRecord) -> int:
     code = ACCEPT(s.accept, s.address)
     if code < 0:
         return code
+    if s.trace != 0:
+        trace(s)
     if reached and s.stop < s.n_stops - 1:
         s.stop += 1
-    return handle(s, found, timed) if found or timed else 0
+    if not (found or timed):
+        return 0
+    code = handle(s, found, timed)
+    if code >= 0 and s.trace != 0:
+        trace(s)
+    return code
 
 
 @native
@@ -151,12 +174,14 @@ def advance(address: int) -> int32:
         code = settle(s, START)
         if code < 0:
             return code
+        if s.trace != 0:
+            trace(s)
     for _ in range(s.budget):
         while s.sample < s.n_times and times[s.sample] <= s.t:
             store(s, s.t, False)
         if s.t >= end:
             return DONE
-        if s.capacity - s.events < s.n_roots + 2:
+        if s.capacity - s.events < s.n_roots + 2 or (s.trace != 0 and s.trace_capacity - s.trace_rows < MARGIN):
             return LOG_FULL
         code = one_step(s)
         if code < 0:

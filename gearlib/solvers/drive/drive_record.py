@@ -38,6 +38,9 @@ class DriveRecord(ctypes.Structure):
     modes: int
     log_t: int
     log_root: int
+    rates: int  # x' at ``t``, in the model's order; 0: the stepper does not tell
+    trace: int  # rows of the steps' ends, see ``drive_loop.trace``; 0: not kept
+    traced: int  # indices of the states in them
     # integers
     n: int  # states
     n_roots: int
@@ -47,6 +50,9 @@ class DriveRecord(ctypes.Structure):
     n_modes: int
     first_mode: int
     capacity: int  # of the event log
+    n_traced: int
+    trace_rows: int
+    trace_capacity: int
     budget: int  # steps to take before returning
     started: int
     sample: int

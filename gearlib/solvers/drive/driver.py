@@ -18,6 +18,7 @@ from gearlib.compiler.native_module import native_functions
 from gearlib.errors import ArgumentError, GearlibError, SolverError, StartError
 from gearlib.solvers.drive import drive_loop
 from gearlib.solvers.drive.drive_record import DriveRecord
+from gearlib.solvers.drive.trace import FIRST, MOST, Trace, width
 from gearlib.solvers.problem import Floats, Problem, Solution, late_start
 
 __all__ = ["Driver", "Stepper", "address_of", "integrate"]
@@ -186,6 +187,30 @@ class Driver:
         self.fired = whole[places["fired"]].view(np.int32)[:n_roots]
         self.times = self._lasting["times"]  # these and the stops count from the record's origin
         stepper.attach(self, lambda name: whole[places[name]])
+        self._traced: list[Floats] | None = None
+        if problem.traced is not None and record.rates and (before is None or before._traced is not None):
+            record.traced, record.n_traced = address_of(problem.traced) if problem.traced.size else 0, problem.traced.size
+            self._traced = [] if before is None or before._traced is None else [*before._traced[:-1], before._last_traced]
+            self._go_on_tracing()
+
+    @property
+    def _last_traced(self) -> Floats:
+        """The rows of the last piece of the trace."""
+        assert self._traced is not None, "only then"
+        return self._traced[-1][: self.record.trace_rows]
+
+    def _go_on_tracing(self) -> None:
+        """A further piece of the trace, twice as long as the last one; none where it becomes too long."""
+        record, pieces = self.record, self._traced
+        assert pieces is not None, "only then"
+        if pieces and record.trace:
+            pieces[-1] = self._last_traced
+        columns, rows = width(record.n_traced, record.n_modes), FIRST << len(pieces)
+        if columns * rows > MOST:
+            self._traced, record.trace = None, 0
+            return
+        pieces.append(np.empty((rows, columns)))
+        record.trace, record.trace_rows, record.trace_capacity = address_of(pieces[-1]), 0, rows
 
     @property
     def t(self) -> float:
@@ -212,7 +237,9 @@ class Driver:
         record, left = self.record, self.problem.max_steps + self._steps_before - self.record.steps
         if left <= 0 and self.t < self.t_end:
             raise self._failure(drive_loop.STEP_LIMIT)
-        if record.capacity < record.events + record.n_roots + 2:
+        if record.capacity < record.events + record.n_roots + 2 or (
+            record.trace and record.trace_capacity - record.trace_rows < drive_loop.MARGIN
+        ):
             self._make_room()
         budget = max(1, min(steps, left, self.stepper.looks_every))
         record.budget, begin = min(budget, self._most_steps), perf_counter()
@@ -289,8 +316,12 @@ class Driver:
         self.fired[:] = 0
 
     def _make_room(self) -> None:
-        """Grow the event log."""
+        """Grow the event log, or the trace."""
         record = self.record
+        if record.trace and record.trace_capacity - record.trace_rows < drive_loop.MARGIN:
+            self._go_on_tracing()
+        if record.capacity >= record.events + record.n_roots + 2:
+            return
         record.capacity = 2 * record.capacity + record.n_roots
         for name in ("log_t", "log_root"):
             self._lasting[name] = np.resize(self._lasting[name], record.capacity)
@@ -299,10 +330,15 @@ class Driver:
     def solution(self) -> Solution:
         """The solution found so far."""
         samples = self.record.sample
+        trace = None
+        if self.problem.traced is not None and self._traced is not None:
+            rows = np.concatenate([*self._traced[:-1], self._last_traced])
+            trace = Trace.of(rows, self.problem.traced, self.record.origin)
         return Solution(
             t=self.problem.times[:samples], x=self.out[:samples], modes=self._modes[:samples], status=self.status, t_last=self.t,
             x_last=self.x.copy(), data=self.data, event_times=self.event_times, event_roots=self.event_roots,
             stats={**self.stepper.stats(), "events": self.record.events, "work": self.stepper.work},
+            trace=trace,
         )  # fmt: skip
 
     def close(self) -> None:

@@ -424,6 +424,8 @@ def take_states(s: IdaRecord) -> None:
     to_natural(s, s.y, s.x)
     if s.implicit != 0:
         to_natural(s, s.dy, s.x + 8 * s.n)
+    if s.trace != 0:
+        to_natural(s, s.dy, s.rates)
     s.done = steps_so_far(s)
 
 

@@ -88,6 +88,7 @@ class NativeIda(IdaStepper):
             scale=self.scales[self.permuted], part=matrix.part, later=np.zeros(n_roots),
             scratch=np.zeros(1), counter=np.zeros(1, dtype=np.int64),
         )  # fmt: skip
+        record.rates = 0 if problem.implicit else record.natural + 8 * n
         record.nnz, record.n_diagonal = len(matrix.position), len(matrix.diagonal)
         record.jac = 0 if problem.jac is None else problem.jac.address
         for name, function in _FUNCTIONS.items():

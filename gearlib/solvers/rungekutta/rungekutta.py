@@ -92,6 +92,7 @@ class RungeKutta(Stepper):
         record.h_max, record.h = min(0.1 * span, problem.longest_step), self.first_step or 0.0
         record.patience = PATIENCE if problem.may_leave else -1
         record.slack, record.slack_share = 1e-16 * span, loop.LOCATED
+        record.rates = record.k
         record.step, record.interpolate, record.accept, record.restart = _functions()
 
     def until(self, t: float, longest_step: float) -> None:
