@@ -53,7 +53,10 @@ class Segment:
     begun: Callable[[Scene], Start] | None = None  # where a scene with more states begins
 
     @classmethod
-    def of(cls, run: Run, solution: Solution, first: int = 0, finer: Callable[[Run, Floats], Segment] | None = None) -> Segment:
+    def of(
+        cls, run: Run, solution: Solution, first: int = 0, finer: Callable[[Run, Floats], Segment] | None = None,
+        begun: Callable[[Scene], Start] | None = None,
+    ) -> Segment:  # fmt: skip
         """The solution of a run from one of its samples on; ``finer`` integrates the run again with other samples."""
         time, states, modes = run.times[first : len(solution.x)], solution.x[first:], solution.modes[first:]
         known = {node: history[first:] for node, history in solution.algebraic.items()}
@@ -65,6 +68,7 @@ class Segment:
         return cls(
             run.scene, time, states, modes, run.numbers.parameters, run.signals, run.start.guess, float(run.times[0]), tangents,
             known, events=solution.event_times, finer=None if finer is None else partial(finer, run), trace=solution.trace,
+            begun=begun,
         )  # fmt: skip
 
     def history(self, node: Node) -> Floats:

@@ -110,16 +110,13 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
         again = replace(part, times=np.union1d(more, part.times[[0, -1]]), max_step=part.longest_step, tell=None)
         return Segment.of(again, integrate(again, method))
 
+    def again(other: Scene) -> Start:
+        return start_of(translation, request, other, first.signals)
+
     found = [
-        (Segment.of(part, o, skipped, finer if len(parts) > 1 else None), o.stats | given, o.events)
+        (Segment.of(part, o, skipped, finer if len(parts) > 1 else None, again), o.stats | given, o.events)
         for (part, o), skipped in zip(parts, hidden, strict=True)
     ]
-    if traced:
-        (part, stats, events), *later = found
-        found = [
-            (replace(part, begun=lambda other: start_of(translation, request, other, first.signals)), stats, events),
-            *later,
-        ]
     if first.longest_step < math.inf:
         request = replace(request, max_step=first.longest_step)  # a repeated run takes the same steps
     refuse_too_small([part for part, _, _ in found], request.rtol)

@@ -18,7 +18,7 @@ from gearlib.compiler.native_module import native_functions
 from gearlib.errors import ArgumentError, GearlibError, SolverError, StartError
 from gearlib.solvers.drive import drive_loop
 from gearlib.solvers.drive.drive_record import DriveRecord
-from gearlib.solvers.drive.trace import FIRST, MOST, Trace, width
+from gearlib.solvers.drive.trace import FIRST, GROWTH, MOST, Trace, width
 from gearlib.solvers.problem import Floats, Problem, Solution, late_start
 
 __all__ = ["Driver", "Stepper", "address_of", "integrate"]
@@ -205,7 +205,8 @@ class Driver:
         assert pieces is not None, "only then"
         if pieces and record.trace:
             pieces[-1] = self._last_traced
-        columns, rows = width(record.n_traced, record.n_modes), FIRST << len(pieces)
+        columns = width(record.n_traced, record.n_modes)
+        rows = max(FIRST * GROWTH ** len(pieces) // columns, 2 * drive_loop.MARGIN)
         if columns * rows > MOST:
             self._traced, record.trace = None, 0
             return
@@ -332,8 +333,7 @@ class Driver:
         samples = self.record.sample
         trace = None
         if self.problem.traced is not None and self._traced is not None:
-            rows = np.concatenate([*self._traced[:-1], self._last_traced])
-            trace = Trace.of(rows, self.problem.traced, self.record.origin)
+            trace = Trace([*self._traced[:-1], self._last_traced], self.problem.traced, self.record.origin)
         return Solution(
             t=self.problem.times[:samples], x=self.out[:samples], modes=self._modes[:samples], status=self.status, t_last=self.t,
             x_last=self.x.copy(), data=self.data, event_times=self.event_times, event_roots=self.event_roots,

@@ -7,7 +7,9 @@ of degree 11, as accurate as the steps of any method here, and without evaluatin
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +22,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 MOST = 2_000_000  # numbers in a trace (16 MB); a longer one is dropped
-FIRST = 64  # rows of the first piece; each further one has twice as many
+FIRST, GROWTH = 4096, 4  # numbers in the first piece; by how much each further one is longer
 POINTS = 6  # ends of steps that a polynomial passes through, at most
 QUARTERS = np.array([0.5, 0.25, 0.75])  # of a step: where samples help
 CLOSE, FAR = 0.5, 20.0  # of the step's length: least distance of another end from the next, and largest one from the step
@@ -31,32 +33,47 @@ def width(n: int, n_modes: int) -> int:
     return 1 + 2 * n + n_modes
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trace:
     """Ends of steps; two with the same time where something may have changed in between.
 
     Attributes
     ----------
-    times : array, shape (ends,)
-        s.
+    pieces : sequence of array, shape (ends, 1 + 2 columns + modes)
+        Rows as ``drive_loop.trace`` writes them.
     columns : array
         Indices of the states that were kept.
-    states, rates : array, shape (ends, columns)
-    modes : array, shape (ends, modes)
-        The discrete state from there on.
+    origin : float
+        s, from which the times in the rows count.
     """
 
-    times: Floats
+    pieces: Sequence[Floats]
     columns: Integers
-    states: Floats
-    rates: Floats
-    modes: Floats
+    origin: float
 
-    @classmethod
-    def of(cls, rows: Floats, columns: Integers, origin: float) -> Trace:
-        """From the rows of a driver, with times counted from ``origin``."""
-        n = len(columns)
-        return cls(origin + rows[:, 0], columns, rows[:, 1 : 1 + n], rows[:, 1 + n : 1 + 2 * n], rows[:, 1 + 2 * n :])
+    @cached_property
+    def _rows(self) -> Floats:
+        return np.concatenate(self.pieces)
+
+    @cached_property
+    def times(self) -> Floats:
+        """Shape (ends,), s."""
+        return self.origin + self._rows[:, 0]
+
+    @cached_property
+    def states(self) -> Floats:
+        """Shape (ends, columns)."""
+        return np.ascontiguousarray(self._rows[:, 1 : 1 + len(self.columns)])
+
+    @cached_property
+    def rates(self) -> Floats:
+        """Shape (ends, columns)."""
+        return np.ascontiguousarray(self._rows[:, 1 + len(self.columns) : 1 + 2 * len(self.columns)])
+
+    @property
+    def modes(self) -> Floats:
+        """The discrete state from there on, shape (ends, modes)."""
+        return self._rows[:, 1 + 2 * len(self.columns) :]
 
     def at(self, times: Floats, steps: Integers, sample_times: Floats, samples: Floats) -> tuple[Floats, Floats]:
         """The states that were kept, between the ends of steps.
@@ -122,7 +139,7 @@ class Trace:
         apart = (np.abs(samples[near] - wanted) < 0.1 * h) & (samples[near] > a) & (samples[near] < a + h)
         return np.take_along_axis(np.where(apart, near, -1), np.argsort(~apart, axis=1, kind="stable"), 1)
 
-    @property
+    @cached_property
     def _phases(self) -> tuple[Integers, Integers]:
         """First and last end of the smooth motion that each end belongs to."""
         breaks = np.flatnonzero(np.diff(self.times) <= 0.0)
