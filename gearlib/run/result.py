@@ -592,10 +592,9 @@ class SimulatedResult(Result):
             self._extended._compute_together([n for n in nodes if self.scene.missing(n)])
 
     def _extend(self, missing: Iterable[Node]) -> SimulatedResult:
-        """The run with additional states, integrated beside its stored motion where that is possible.
+        """The run with additional states, integrated beside its stored motion, or again: at first with those that are asked for.
 
-        Otherwise it is integrated again: with those that are asked for first, and with all of them the next time. So however many
-        variables are asked for one by one, the run is integrated twice more at most.
+        The next time with all of them: so the run is integrated twice more at most.
         """
         known = () if self._extended is None else self._extended.scene.states
         wanted = {*self.scene.states, *known, *missing}

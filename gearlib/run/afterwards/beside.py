@@ -1,9 +1,9 @@
 """States that a run did not integrate, integrated beside its stored motion: they depend on it, and it does not depend on them.
 
-Most are integrals of what the run has computed: absolute angles, heat, work. Their derivatives are evaluated at Gauss' points between
-the ends of the run's steps, where the motion is known by polynomials (`Trace`), for all times at once; integrals of integrals follow
-in turn. Everything is computed twice, with coarser steps and coarser polynomials the first time: where the two disagree, or a state
-depends on itself, or on an event that the run did not look for, there is no answer of this kind, and the run is repeated.
+Most are integrals: absolute angles, heat, work. Their derivatives are evaluated at Gauss' points between the ends of the run's steps
+(`Trace`), for all times at once; integrals of integrals follow in turn. Everything is computed twice, with a coarser method and coarser
+polynomials the first time. Where the two disagree, a state depends on itself, or on an event that the run did not look for, the run is
+repeated.
 """
 
 from __future__ import annotations
@@ -45,23 +45,7 @@ FINE, COARSE = Gauss(4), Gauss(3)
 
 
 def integrated_beside(part: Segment, scene: Scene, start: Floats, rtol: float) -> Floats | None:
-    """Histories of all states of a scene that has those of a run and more; None where the run must be repeated.
-
-    Parameters
-    ----------
-    part : Segment
-        The whole run.
-    scene : Scene
-        With the additional states.
-    start : array
-        Its states at the start of the run.
-    rtol : float
-        Relative tolerance; the absolute one is in proportion to nominal values.
-
-    Returns
-    -------
-    array, shape (samples, states)
-    """
+    """Histories of a scene with additional states that starts at ``start``, shape (samples, states); None: the run must be repeated."""
     added = tuple(s for s in scene.states if s not in part.scene.place_of)
     levels = _levels(scene, added)
     if part.trace is None or levels is None or not _known_modes(part.scene, scene, levels):
@@ -119,8 +103,6 @@ def _known_modes(own: Scene, scene: Scene, levels: Sequence[Level]) -> bool:
 
 @dataclass(frozen=True)
 class _Beside:
-    """A run's motion, and the states that are integrated beside it."""
-
     part: Segment
     scene: Scene
     trace: Trace

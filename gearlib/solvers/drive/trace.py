@@ -1,12 +1,13 @@
 """`Trace`: states and their derivatives at the ends of all steps of a run, and the motion between them.
 
-Between two events the motion is smooth. In each step the polynomial through values and slopes at the ends of up to five steps is taken:
+In each step the polynomial through values and slopes at the ends of up to five steps is taken:
 of degree 11, as accurate as the steps of any method here, and without evaluating a right-hand side.
 """
 
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.compiler.native_module import native_functions
-from gearlib.solvers.drive import between_ends
-from gearlib.solvers.drive.between_ends import NODES, Between
+from gearlib.compiler.small_language import floats_at, int32, ints_at, native, record
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -26,6 +26,9 @@ FIRST, GROWTH = 4096, 4  # numbers in the first piece; by how much each further 
 POINTS = 6  # ends of steps that a polynomial passes through, at most
 QUARTERS = np.array([0.5, 0.25, 0.75])  # of a step: where samples help
 CLOSE, FAR = 0.5, 20.0  # of the step's length: least distance of another end from the next, and largest one from the step
+
+NODES = 12  # of a polynomial, at most: six ends in pairs
+FEW = 7  # nodes
 
 
 def width(n: int, n_modes: int) -> int:
@@ -39,7 +42,7 @@ class Trace:
 
     Attributes
     ----------
-    pieces : sequence of array, shape (ends, 1 + 2 columns + modes)
+    pieces : sequence of array
         Rows as ``drive_loop.trace`` writes them.
     columns : array
         Indices of the states that were kept.
@@ -57,7 +60,7 @@ class Trace:
 
     @cached_property
     def times(self) -> Floats:
-        """Shape (ends,), s."""
+        """In s."""
         return self.origin + self._rows[:, 0]
 
     @cached_property
@@ -72,25 +75,13 @@ class Trace:
 
     @property
     def modes(self) -> Floats:
-        """The discrete state from there on, shape (ends, modes)."""
+        """The discrete state from there on."""
         return self._rows[:, 1 + 2 * len(self.columns) :]
 
     def at(self, times: Floats, steps: Integers, sample_times: Floats, samples: Floats) -> tuple[Floats, Floats]:
-        """The states that were kept, between the ends of steps.
+        """The states that were kept, and the same less the estimated error of the polynomials; shapes (times, columns).
 
-        Parameters
-        ----------
-        times : array, shape (times,)
-            s.
-        steps : array, shape (times,)
-            The step in which each time lies: the index of the end where it begins; not decreasing.
-        sample_times, samples : arrays, shapes (samples,), (samples, columns)
-            Samples of the same states, used in steps that contain some where there are few ends between two events.
-
-        Returns
-        -------
-        arrays, shape (times, columns)
-            The states, and the same less the estimated error of the polynomials.
+        ``steps``: the end where the step of each time begins, not decreasing. Samples help where there are few ends between two events.
         """
         which, first = np.unique(steps, return_index=True)
         n, s = len(self.columns), Between()
@@ -105,14 +96,13 @@ class Trace:
         for name, array in arrays.items():
             setattr(s, name, array.ctypes.data)
         s.n_columns, s.n_steps, s.n_ends, s.n_inner = n, len(which), POINTS, len(QUARTERS)
-        native_functions(between_ends.__name__).loop("motion_between")(ctypes.addressof(s))
+        native_functions(__name__).loop("motion_between")(ctypes.addressof(s))
         return found[0], found[1]
 
     def _ends(self, steps: Integers) -> Integers:
         """Ends that the polynomials of some steps pass through, the step's own first, shape (steps, `POINTS`); -1: fewer.
 
-        Others are within the same smooth motion, and neither so close to the last one that differences would be dominated by rounding
-        and by the tolerance, nor far away.
+        Within the same smooth motion, not so close together that rounding would dominate differences, and not far away.
         """
         t, (first, last) = self.times, self._phases
         h = t[steps + 1] - t[steps]
@@ -146,3 +136,112 @@ class Trace:
         first, last = np.concatenate([[0], breaks + 1]), np.concatenate([breaks, [len(self.times) - 1]])
         lengths = last - first + 1
         return np.repeat(first, lengths), np.repeat(last, lengths)
+
+
+@record
+class Between(ctypes.Structure):
+    """What `motion_between` works on: addresses of arrays, and their sizes."""
+
+    times: int
+    states: int
+    rates: int
+    sample_times: int
+    samples: int
+    ends: int  # (steps, n_ends), -1: none
+    inner: int  # samples, (steps, n_inner), -1: none
+    first: int  # of the wanted times, that lies in each step
+    wanted: int
+    out: int
+    coarse: int
+    nodes: int
+    table: int
+    n_columns: int
+    n_steps: int
+    n_ends: int
+    n_inner: int
+
+
+@native
+def gathered(s: Between, k: int) -> int:
+    """Nodes and values of the polynomials of a step; returns how many."""
+    n, count = s.n_columns, 0
+    nodes, table, times, states = floats_at(s.nodes), floats_at(s.table), floats_at(s.times), floats_at(s.states)
+    ends, inner = ints_at(s.ends + 8 * k * s.n_ends), ints_at(s.inner + 8 * k * s.n_inner)
+    sample_times, samples = floats_at(s.sample_times), floats_at(s.samples)
+    for i in range(s.n_ends):
+        e = ends[i]
+        if e >= 0:
+            for _ in range(2):
+                nodes[count] = times[e]
+                for j in range(n):
+                    table[count * n + j] = states[e * n + j]
+                count += 1
+    for i in range(s.n_inner):
+        e = inner[i]
+        if e >= 0:
+            nodes[count] = sample_times[e]
+            for j in range(n):
+                table[count * n + j] = samples[e * n + j]
+            count += 1
+    return count
+
+
+@native
+def differences(s: Between, k: int, count: int) -> None:
+    """Newton's coefficients in place of the values; slopes where two nodes are the same."""
+    n = s.n_columns
+    nodes, table, rates, ends = floats_at(s.nodes), floats_at(s.table), floats_at(s.rates), ints_at(s.ends + 8 * k * s.n_ends)
+    for order in range(1, count):
+        for back in range(count - order):
+            i = count - 1 - back
+            gap = nodes[i] - nodes[i - order]
+            for j in range(n):
+                if order == 1 and gap == 0.0:
+                    table[i * n + j] = rates[ends[i // 2] * n + j]
+                else:
+                    table[i * n + j] = (table[i * n + j] - table[(i - 1) * n + j]) / gap
+
+
+@native
+def left_out(s: Between, j: int, count: int) -> float:
+    """Share of the last two terms that the error is estimated to be.
+
+    Newton's terms fall by about the same factor from one pair to the next: what follows the last pair is that much less again. With few
+    nodes that is not relied on. The first term is the value itself.
+    """
+    nodes, table, n = floats_at(s.nodes), floats_at(s.table), s.n_columns
+    middle, product, last, before = 0.5 * (nodes[0] + nodes[2]), 1.0, 0.0, 0.0
+    for i in range(1, count):
+        product *= abs(middle - nodes[i - 1])
+        term = abs(table[i * n + j]) * product
+        if i >= count - 2:
+            last += term
+        elif i >= count - 4:
+            before += term
+    share = last / before if last < before else 1.0
+    return share if count > FEW else math.sqrt(share)
+
+
+@native
+def motion_between(address: int) -> int32:
+    """The states between the ends of steps."""
+    s = Between(address)
+    n = s.n_columns
+    nodes, table, first, wanted = floats_at(s.nodes), floats_at(s.table), ints_at(s.first), floats_at(s.wanted)
+    out, coarse = floats_at(s.out), floats_at(s.coarse)
+    for k in range(s.n_steps):
+        count = gathered(s, k)
+        differences(s, k, count)
+        for j in range(n):
+            share = left_out(s, j, count)
+            for w in range(first[k], first[k + 1]):
+                value, product, tail = table[j], 1.0, 0.0
+                for i in range(1, count):
+                    product *= wanted[w] - nodes[i - 1]
+                    term = table[i * n + j] * product
+                    value += term
+                    if i >= count - 2:
+                        tail += term
+                out[w * n + j] = value
+                coarse[w * n + j] = value - share * tail
+    return 0
