@@ -45,12 +45,18 @@ class TaylorSeries:
         Rows of the work space, `ROW` numbers each.
     sums, products : int
         Operations per order, and those that take a convolution.
+    guarded : bool
+        Whether divisors may change sign, which the right-hand side itself watches.
+    pulses : bool
+        Whether an exponential, such as a bell curve of time, may hide a pulse from the coefficients before it.
     """
 
     machine_code: CompiledFunction
     rows: int
     sums: int
     products: int
+    guarded: bool
+    pulses: bool
 
     @property
     def address(self) -> int:
@@ -77,6 +83,7 @@ class _Writer:
     later: list[str] = field(default_factory=list)
     rows: int = 0
     products: int = 0
+    pulses: bool = False
     _known: dict[tuple[object, ...], PowerSeries] = field(default_factory=dict)
     _rows: dict[tuple[str, str], int] = field(default_factory=dict)
 
@@ -216,6 +223,7 @@ class _Writer:
 
     def exponential(self, a: PowerSeries) -> PowerSeries:
         key = "exp", a
+        self.pulses = self.pulses or not a.straight
         if key not in self._known:
             self.slope_row(a)
             name = f"q{len(self._known)}"
@@ -490,4 +498,4 @@ def taylor_series(program: Program, layout: Layout) -> TaylorSeries | str:
     except NoSeriesError as reason:
         return str(reason)
     code = compiled(HEADER + text, "series")
-    return TaylorSeries(code, write.rows, len(write.later), write.products)
+    return TaylorSeries(code, write.rows, len(write.later), write.products, bool(program.guards), write.pulses)

@@ -115,6 +115,7 @@ class Problem:
     modes: slice = field(default_factory=lambda: slice(0, 0))
     time_events: Floats = field(default_factory=lambda: np.empty(0))  # known times, stepped to exactly
     longest_step: float = float("inf")  # s
+    longest_expanded_step: float = float("inf")  # s, of a method that expands sinusoids of time in series
     state_names: tuple[str, ...] = ()  # for messages
     root_names: tuple[str, ...] = ()
     # (t, x, data): description of what an event iteration keeps changing

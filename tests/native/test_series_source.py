@@ -54,7 +54,7 @@ def test_every_operation_has_its_series(kind: str) -> None:
     found = solve_ivp(lambda t, x: [right(x[0], t)], (0.0, 1.0), [0.7], "DOP853", times, rtol=1e-13, atol=1e-15)
     np.testing.assert_allclose(result["x"], found.y[0], rtol=3e-11)
     assert result.stats["method"] == "taylor"
-    assert result.stats["steps"] < 110  # a series that were wrong at some order would take very short steps
+    assert result.stats["steps"] < 120  # a series that were wrong at some order would take very short steps
 
 
 def test_what_has_no_series_is_refused() -> None:

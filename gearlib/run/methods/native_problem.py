@@ -128,6 +128,7 @@ def _wired(
         roots=wrap("roots", double) if n_roots else None, n_roots=n_roots, update=wrap("update", fired),
         modes=slice(native.shared.relations, native.shared.relations + native.shared.n_modes),
         time_events=time_events(run), longest_step=run.longest_step,
+        longest_expanded_step=run.longest_expanded_step,
         state_names=scene.state_names, root_names=scene.root_names, unsettled=partial(_unsettled, run, native.shared),
         culprit=partial(_culprit, run, native.shared), effort=_effort(scene, native, len(moving), len(tables)),
         times=run.times, rtol=run.rtol, atol=atol, tell=run.tell, may_stop=run.may_stop,

@@ -71,6 +71,15 @@ class Run:
         return share if searched else math.inf
 
     @property
+    def longest_expanded_step(self) -> float:
+        """The same for a method that expands sinusoids of time in series: they limit its steps only where events are searched for."""
+        scene = self.scene
+        searched = scene.relations is not None and not scene.relations.on_time.all()
+        if self.max_step is None and not searched and self.driven and not self.follows_samples:
+            return math.inf
+        return self.longest_step
+
+    @property
     def follows_samples(self) -> str:
         """Why steps are limited to two sample intervals: a pulse between two steps would not be noticed. Or nothing."""
         if self.max_step is not None:

@@ -8,11 +8,10 @@ from __future__ import annotations
 import math
 
 from gearlib.compiler.small_language import block, blocks, floats_at, native, total
-from gearlib.native.layout import MODEL
 from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.taylor.series_record import SeriesRecord
 
-__all__ = ["dense_output", "interpolate", "last_stage", "norm", "reach", "step_error"]
+__all__ = ["defect", "dense_output", "evaluate", "interpolate", "last_stage", "norm", "reach", "weigh"]
 
 
 @native
@@ -38,12 +37,20 @@ def interpolate(s: LoopRecord, theta: float, h: float, y: int) -> None:
 
 
 @native
+def weigh(s: SeriesRecord) -> None:
+    """``weights`` = reciprocals of the tolerances of the states at the start of the step."""
+    x, atol, weights, rtol = floats_at(s.x), floats_at(s.atol), floats_at(s.weights), s.rtol
+    for i in blocks(s.size):
+        weights[i] = 1.0 / (atol[i] + rtol * abs(x[i]))
+
+
+@native
 def norm(s: SeriesRecord, k: int) -> float:
     """Root mean square of the coefficients of order k relative to the tolerance."""
-    x, c, atol, size, rtol, row = floats_at(s.x), floats_at(s.c), floats_at(s.atol), s.size, s.rtol, k * s.size
+    c, weights, size, row = floats_at(s.c), floats_at(s.weights), s.size, k * s.size
     squares = block(0.0)
     for i in blocks(size):
-        e = c[i + row] / (atol[i] + rtol * abs(x[i]))
+        e = c[i + row] * weights[i]
         squares += e * e
     return math.sqrt(total(squares) / s.n)
 
@@ -51,12 +58,12 @@ def norm(s: SeriesRecord, k: int) -> float:
 @native
 def reach(size: float, before: float, k: int) -> float:
     """Step over which the term of order k stays within ``LAST`` tolerances, and the one before within ``LAST * DECAY``."""
-    h = math.inf
+    exponent = math.inf
     if size > 0.0:
-        h = math.exp(math.log(LAST / size) / k)
+        exponent = math.log(LAST / size) / k
     if before > 0.0:
-        h = min(h, math.exp(math.log(LAST * DECAY / before) / (k - 1)))
-    return h
+        exponent = min(exponent, math.log(LAST * DECAY / before) / (k - 1))
+    return math.exp(exponent)
 
 
 LAST = 0.02  # largest last term of a step, in tolerances: errors of thousands of steps add up
@@ -64,14 +71,9 @@ DECAY = 5.0  # and that of the last but one, relative to it: both, since every o
 
 
 @native
-def step_error(s: SeriesRecord, t: float, h: float) -> float:
-    """Evaluate ``x_new`` and the right-hand side there; returns the estimated error relative to the tolerance, infinite where that fails.
-
-    The defect, the derivative of the polynomial less the right-hand side, estimates the first term left out. It also reveals what the
-    coefficients do not contain: a kink within the step, or a series that converges no further.
-    """
-    x, c, x_new, y = floats_at(s.x), floats_at(s.c), floats_at(s.x_new), floats_at(s.y)
-    size, order = s.size, s.order
+def evaluate(s: SeriesRecord, h: float) -> None:
+    """``x_new`` = Taylor polynomial at the end of the step, and ``y`` its derivative."""
+    c, x_new, y, size, order = floats_at(s.c), floats_at(s.x_new), floats_at(s.y), s.size, s.order
     for i in blocks(size):
         value = c[i + order * size]
         slope = 0.0 * value
@@ -80,16 +82,18 @@ def step_error(s: SeriesRecord, t: float, h: float) -> float:
             value = value * h + c[i + k * size]
         x_new[i] = value
         y[i] = slope
-    s.evaluations += 1
-    code = MODEL(s.rhs, s.origin + (t + h), s.x_new, s.k + 8 * size, s.data, s.index)
-    if code < 0:
-        return -1.0
-    if code > 0:
-        return math.inf
-    f, atol, rtol = floats_at(s.k + 8 * size), floats_at(s.atol), s.rtol
-    squares = block(0.0)
+
+
+@native
+def defect(s: SeriesRecord, h: float, slopes: int) -> float:
+    """Estimated error of the step over the tolerance, from ``y`` and the right-hand side at its end; infinite if not finite.
+
+    The defect, the derivative of the polynomial less the right-hand side, estimates the first term left out. It also reveals what the
+    coefficients do not contain: a kink within the step, or a series that converges no further.
+    """
+    f, y, weights, size, squares = floats_at(slopes), floats_at(s.y), floats_at(s.weights), s.size, block(0.0)
     for i in blocks(size):
-        e = (f[i] - y[i]) / (atol[i] + rtol * max(abs(x_new[i]), abs(x[i])))
+        e = (f[i] - y[i]) * weights[i]
         squares += e * e
-    error = h / (order + 1) * math.sqrt(total(squares) / s.n)
+    error = h / (s.order + 1) * math.sqrt(total(squares) / s.n)
     return error if error < math.inf else math.inf

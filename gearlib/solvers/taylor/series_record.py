@@ -15,6 +15,12 @@ class SeriesRecord(LoopRecord):
     series: int  # addresses of the function for the coefficients, of its work space, and of the norms of the rows
     work: int
     norms: int
+    weights: int  # address of the reciprocals of the tolerances
+    ahead: int  # address of the coefficients at the end of the step, those of the next one
+    order_ahead: int
+    next_order: int  # order of the next expansion
+    ready: int  # whether ``ahead`` belongs to the states at which the next step begins
+    guarded: int  # whether only the right-hand side itself notices divisors that change sign
     expansions: int  # coefficients computed, counted in orders
     looked: int  # steps since the order was chosen
     # cost of a step besides its coefficients, of an order, and of an order per order before it, ns

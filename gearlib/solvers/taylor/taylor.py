@@ -18,7 +18,7 @@ from gearlib.solvers.taylor.series_record import SeriesRecord
 __all__ = ["Taylor"]
 
 # Measured, ns: an operation of one order, a term of a convolution, a coefficient in dense output and error, the rest of a step
-OPERATION, TERM, COEFFICIENT, STEP = 0.4, 1.0, 0.4, 150.0
+OPERATION, TERM, COEFFICIENT, STEP = 0.08, 1.0, 0.2, 150.0
 
 
 class Taylor(Stepper):
@@ -41,9 +41,10 @@ class Taylor(Stepper):
         self.series = series
 
     def memory(self, size: int, n_roots: int) -> dict[str, int]:
+        series = (HIGHEST + 1) * size
         return {
-            "x_new": size, "y": size, "k": 2 * size, "c": (HIGHEST + 1) * size, "g": 7 * n_roots, "side": n_roots, "atol": size,
-            "work": max(1, self.series.rows) * ROW, "norms": HIGHEST + 1,
+            "x_new": size, "y": size, "k": 2 * size, "c": series, "ahead": series, "g": 7 * n_roots, "side": n_roots, "atol": size,
+            "work": max(1, self.series.rows) * ROW, "norms": HIGHEST + 1, "weights": size,
         }  # fmt: skip
 
     def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
@@ -52,11 +53,11 @@ class Taylor(Stepper):
         record, n, span = self.record, problem.x0.size, float(problem.times[-1] - problem.times[0])
         atol = memory("atol")
         atol[n:], atol[:n] = 1.0, problem.absolute_tolerance
-        record.order, record.size, record.rtol, record.span = taylor_loop.FIRST, atol.size, problem.rtol, span
-        record.h_max = min(span, problem.longest_step)
+        record.next_order, record.size, record.rtol, record.span = taylor_loop.FIRST, atol.size, problem.rtol, span
+        record.h_max = min(span, problem.longest_step if self.series.pulses else problem.longest_expanded_step)
         record.patience = PATIENCE if problem.may_leave else -1
         record.slack, record.slack_share = 1e-16 * span, taylor_loop.LOCATED
-        record.series = self.series.address
+        record.series, record.guarded = self.series.address, int(self.series.guarded)
         record.cost_order = OPERATION * self.series.sums + COEFFICIENT * atol.size
         record.cost_product = 0.5 * TERM * self.series.products
         record.cost_step = STEP + problem.effort.rhs + COEFFICIENT * atol.size

@@ -12,7 +12,7 @@ from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.root_finding import OLD, SLOPE_OLD, crossing, just_beyond, row, slopes
 from gearlib.solvers.rungekutta.vectors import move
 from gearlib.solvers.rungekutta.within_step import establish_sides, fire
-from gearlib.solvers.taylor.polynomial import norm, reach, step_error
+from gearlib.solvers.taylor.polynomial import defect, evaluate, norm, reach, weigh
 from gearlib.solvers.taylor.series_record import SeriesRecord
 
 __all__ = ["FIRST", "LOCATED", "MODULES", "NOT_FINITE", "UNDERFLOW"]
@@ -25,7 +25,7 @@ UNDERFLOW, NOT_FINITE = -2, -3  # results of a step, besides the driver's codes
 ROUNDING = 8.9e-16
 LOCATED = 2.2e-14  # relative to time: accuracy of event location
 FIRST, LOWEST = 20, 4  # order of the first step, and the lowest one
-AGAIN = 16  # steps after which the order is chosen anew
+AGAIN = 20  # steps after which the order is chosen anew
 WORTH = 1.05  # gain in speed that a change of order is made for
 CAUTION = 0.9  # factor on a step that is repeated
 
@@ -35,7 +35,7 @@ def taylor_restart(address: int, changed: int, why: int) -> int32:
     """Restart at ``x``: evaluate the right-hand side, and the sides and slopes of the event functions."""
     s, r = SeriesRecord(address), LoopRecord(address)
     s.evaluations += 1
-    s.looked = AGAIN
+    s.looked, s.ready = AGAIN, 0
     if MODEL(s.rhs, s.origin + s.t, s.x, s.k, s.data, s.index) != 0:
         return RHS_FAILED
     if s.n_roots > 0:
@@ -46,16 +46,27 @@ def taylor_restart(address: int, changed: int, why: int) -> int32:
 
 
 @native
-def _expand(s: SeriesRecord) -> int:
-    """Compute the Taylor coefficients at ``x``; returns a failure or 0."""
-    move(s.x, s.c, s.size)
-    code: int = SERIES(s.series, s.origin + s.t, s.c, s.work, s.data, s.index, s.order, s.size)
-    s.expansions += s.order
-    return RHS_FAILED if code != 0 else 0
+def _expand(s: SeriesRecord, t: float, x: int, c: int) -> int:
+    """Compute the Taylor coefficients at some states, of order ``next_order``; returns the code of the model's function."""
+    move(x, c, s.size)
+    s.expansions += s.next_order
+    code: int = SERIES(s.series, s.origin + t, c, s.work, s.data, s.index, s.next_order, s.size)
+    return code
 
 
 @native
-def _choose_order(s: SeriesRecord) -> None:
+def _begin(s: SeriesRecord) -> bool:
+    """Take over the coefficients at the end of the last step, or compute them; returns whether that was possible."""
+    if s.ready == 1:
+        s.ready = 0
+        s.c, s.ahead, s.order = s.ahead, s.c, s.order_ahead
+        return True
+    s.order = s.next_order
+    return _expand(s, s.t, s.x, s.c) == 0
+
+
+@native
+def _choose_order(s: SeriesRecord) -> int:
     """The order that makes most progress per cost, by the decay of the coefficients: up to two more than there are."""
     norms, order = floats_at(s.norms), s.order
     for k in range(order + 1):
@@ -68,15 +79,20 @@ def _choose_order(s: SeriesRecord) -> None:
             best, fastest = k, speed
         own = speed
     if best == order:
-        s.order = min(order + 2, HIGHEST)
-    elif fastest > WORTH * own:
-        s.order = best
+        return min(order + 2, HIGHEST)
+    return best if fastest > WORTH * own else order
 
 
 @native
-def _wanted(s: SeriesRecord) -> float:
-    """The step size by the last two coefficients (Jorba and Zou, section 3.2.1)."""
-    return reach(norm(s, s.order), norm(s, s.order - 1), s.order)
+def _look_ahead(s: SeriesRecord, t: float, h: float) -> int:
+    """``x_new``, and the coefficients there, of which the first one is the right-hand side; returns the code of the model's functions."""
+    evaluate(s, h)
+    code = _expand(s, t, s.x_new, s.ahead)
+    s.order_ahead = s.next_order
+    if code == 0 and s.guarded == 1:
+        s.evaluations += 1
+        code = MODEL(s.rhs, s.origin + t, s.x_new, s.k, s.data, s.index)
+    return code
 
 
 @native
@@ -84,19 +100,16 @@ def taylor_step(address: int, stop: float) -> int32:
     """One step toward ``stop``, up to an event within it."""
     s, r = SeriesRecord(address), LoopRecord(address)
     t = s.t
-    code = _expand(s)
-    if code < 0:
-        return code
+    if not _begin(s):
+        return RHS_FAILED
+    weigh(s)
     if s.looked >= AGAIN:
         s.looked = 0
-        before = s.order
-        _choose_order(s)
-        if s.order > before:
-            code = _expand(s)
-            if code < 0:
-                return code
+        s.next_order = _choose_order(s)
+        if s.next_order < s.order:
+            s.order = s.next_order
     s.looked += 1
-    s.h = _wanted(s)
+    s.h = reach(norm(s, s.order), norm(s, s.order - 1), s.order)
     if not s.h > 0.0:
         return NOT_FINITE
     h = min(s.h, s.h_max)
@@ -105,13 +118,13 @@ def taylor_step(address: int, stop: float) -> int32:
         h = stop - t
     elif s.n_roots > 0:  # the exact increment of time
         h = (t + h) - t
-    error = 2.0
     while True:
         if h < 10.0 * ROUNDING * abs(t) + 1e-25 * s.span:
             return UNDERFLOW
-        error = step_error(s, t, h)
-        if error < 0.0:
+        code = _look_ahead(s, t + h, h)
+        if code < 0:
             return RHS_FAILED
+        error = defect(s, h, s.ahead + 8 * s.size) if code == 0 else math.inf
         if error <= 1.0:
             break
         s.rejected += 1
@@ -123,6 +136,7 @@ def taylor_step(address: int, stop: float) -> int32:
                 return UNDERFLOW
     found, theta = 0, 1.0
     if s.n_roots > 0:
+        move(s.ahead + 8 * s.size, s.k + 8 * s.size, s.size)
         found, theta = crossing(r, t, h, 0.0)
     t_new = stop if last_of_span and found == 0 else t + theta * h
     reached = t_new >= stop - ROUNDING * abs(stop)
@@ -132,4 +146,5 @@ def taylor_step(address: int, stop: float) -> int32:
             found = 1
     if found == 1:
         fire(r)
+    s.ready = 1 - found
     return FOUND if found == 1 else STEPPED

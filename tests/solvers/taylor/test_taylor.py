@@ -58,6 +58,31 @@ class Rolls(gl.Component):
         return [gl.Eq(gl.der(self.phi), self.w), gl.Eq(gl.der(self.w), self.tau)]
 
 
+class Pulse(gl.Component):
+    """A quantity that a short pulse moves, or that follows a sine of time."""
+
+    bell = gl.Structural(True)
+    rate = gl.Parameter("1/s", "makes time a number", default=1.0)
+    x = gl.Variable("1", "quantity", start=0.0)
+
+    def equations(self) -> list[Any]:
+        t = self.rate * gl.time
+        return [gl.Eq(gl.der(self.x), gl.exp(-200 * (t - 5) ** 2) if self.bell else gl.sin(2 * t))]
+
+
+def test_a_pulse_of_time_is_not_jumped_over() -> None:
+    """Where nothing moves, all coefficients are zero: the width of the bell limits the steps."""
+    result = gl.simulate(Pulse(), 10.0, samples=2, method="taylor")
+    assert result["x"][-1] == pytest.approx(math.sqrt(math.pi / 200), rel=1e-5)
+
+
+def test_sinusoids_of_time_limit_no_step() -> None:
+    result = gl.simulate(Pulse(bell=False), 100.0, samples=21, method="taylor", rtol=1e-9)
+    np.testing.assert_allclose(result["x"], np.sin(result.time) ** 2, atol=1e-8)
+    assert result.stats["steps"] < 60  # half a period would be 64
+    assert gl.simulate(Pulse(bell=False), 100.0, samples=2, method="taylor", max_step=0.5).stats["steps"] >= 200
+
+
 class Slows(gl.Component):
     """A body braked by a fan that turns with it or against it; ``no_event`` hides the kink from the event search."""
 
