@@ -70,3 +70,9 @@ def test_random_flows(triples):
     top = max((f.power for f in flows), default=1.0)
     drawn = sorted(widths(picture).values())
     assert drawn == pytest.approx(sorted(max(f.power / top * WIDEST, 0.8) for f in flows), abs=6e-3)
+
+
+def test_only_parts_with_losses_have_an_arrow_of_losses() -> None:
+    picture = sankey([Band("drive", "gear", 3.0), Band("gear", "load", 2.5)], {"gear": 0.5}, "power")
+    assert re.findall(r"loss ([^<]*)<", picture.svg) == ["0.5 W"]
+    assert picture.svg.count("<polygon") == 1

@@ -151,3 +151,27 @@ def test_start_values_of_other_variables_than_states_are_constant(tmp_path: Path
         assert "start values are computed from it" in ratio.description
     else:
         assert ratio.variability == "tunable"
+
+
+def test_start_values_of_one_variable_that_contradict_each_other(tmp_path: Path) -> None:
+    """Two bodies of one rigid shaft, both with a fixed angle: one angle, or a refusal that names both."""
+
+    class Shaft(gl.Component):
+        p_a = gl.Parameter("rad", "angle of the first body", default=0.5)
+        p_b = gl.Parameter("rad", "angle of the second", default=0.5)
+
+        def assemble(self) -> list[Any]:
+            self.a, self.b = gp.Inertia(J=1.0, start={"phi": self.p_a}), gp.Inertia(J=2.0, start={"phi": self.p_b})
+            self.spring = gp.Torque(tau=-30.0 * self.a.phi)
+            return [gl.connect(self.spring.flange, self.a.flange_a), gl.connect(self.a.flange_b, self.b.flange_a)]
+
+    (tmp_path / "content").mkdir()
+    path = gl.compile(Shaft(), outputs=["a.phi"]).export_fmu(tmp_path / "shaft.fmu")
+    one = FmuInstance(path, tmp_path / "content")
+    one.begin(p_a=0.7, p_b=0.7)
+    assert one.get("a.phi") == pytest.approx([0.7], rel=1e-12)
+    one.fmu.reset()
+    with pytest.raises(FMICallException):
+        one.begin(p_a=0.7, p_b=0.7001)
+    assert re.search(r"start\(a\.phi\) and start\(b\.phi\) contradict each other: they are one variable", one.messages[-1]), one.messages
+    one.close()

@@ -103,6 +103,7 @@ def test_all_parts_are_drawn_and_each_shaft_is_one_line(name) -> None:
     for symbol in scheme.train.symbols:
         assert f">{symbol.name}" in scheme.svg
     lines, graph = touching(scheme.routing, scheme.axes)
+    assert all(x == end or y == height for x, y, end, height, _ in lines)
     for piece in nx.connected_components(graph):
         assert len({lines[i][4] for i in piece}) == 1
     for shaft, (y, points) in scheme.routing.spines.items():

@@ -144,3 +144,16 @@ def test_a_digital_controller_in_the_loop() -> None:
         integral += 0.01 * (4.0 * (10.0 - w) / 0.5 + (y - v) / (0.9 * 0.5))
         w += 0.01 * y / 2.0
     assert r["load.w"] == pytest.approx(speeds, abs=1e-11)
+
+
+def test_a_trigger_that_stops_at_one_half_samples_nothing() -> None:
+    """Rising means above 0.5: a trigger from 0 to 0.5 at 1 s takes nothing, from 0.5 to 0.75 at 2 s it takes the input."""
+
+    class Triggered(gl.Component):
+        def assemble(self) -> list[Any]:
+            level = gl.Piecewise((0.0, gl.time < 1.0), (0.5, gl.time < 2.0), (0.75, True))
+            self.sampler = B.TriggeredSampler(u=1 * gl.time, trigger=level)
+            return []
+
+    result = gl.simulate(Triggered(), 3.0, times=[0.5, 1.5, 2.5])
+    assert result["sampler.y"] == pytest.approx([0.0, 0.0, 2.0], abs=1e-12)
