@@ -61,6 +61,24 @@ def test_linear_reference_knows_what_is_not_determined() -> None:
     assert LinearTrain(twice).problems == ["the prescribed angles contradict each other"]
 
 
+def test_a_brake_that_slips_just_before_its_force_grows() -> None:
+    """Torque 5 t on a brake of 2 N.m, pressed four times as hard from 0.401 s on: slides from 0.4 s, and sticks at once."""
+    moment, J = 0.401, 0.5
+    press = Signal(bias=1.0, steps=((moment, 3.0),), bound=True)
+    train = Train(
+        (
+            part("a", "Inertia", 0, 0, J=J),
+            part("k", "Brake", 0, 0, mu_pos=((0.0, 0.5),), fn_max=4.0, f_normalized=press),
+            part("t", "Torque", 0, tau=Signal(slope=5.0, bound=True)),
+        ),
+        (0.0,), (0.0,),
+    )  # fmt: skip
+    speed = 2.5 * 1e-3**2 / J  # (5 t - 2) / J since 0.4 s
+    rate = 5 * moment - 8.0  # and then it decelerates: speed + (rate s + 2.5 s**2) / J = 0
+    stick = moment + (-rate - np.sqrt(rate**2 - 10 * speed * J)) / 5
+    assert HybridTrain(train).solve(TIMES).events == pytest.approx([0.4, moment, stick], abs=1e-9)
+
+
 def test_massless_bodies_jump_and_creep_in_the_linear_reference() -> None:
     """Springs in series with a massless body between; a damper and a spring without a body: exp(-c t / d)."""
     train = Train(
@@ -165,7 +183,7 @@ def test_an_analysis_that_is_rightly_refused_counts_as_refused() -> None:
     [
         *(("linear", seed) for seed in (3, 14, 17, 2160, 20084, 20104, 31020)),
         *(("hybrid", seed) for seed in (1, 4)),
-        *(("analyses", seed) for seed in (6, 10002, 600245)),
+        *(("analyses", seed) for seed in (6, 10002, 600245, 600922)),
         *(("steady", seed) for seed in (3, 5, 6, 8, 14)),
     ],
 )
