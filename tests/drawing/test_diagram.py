@@ -285,6 +285,7 @@ def test_families_and_chains_are_folded():
     middle = next(box.part for box in chain.arrangement.boxes if box.part.icon == "chain")
     assert len(chain.arrangement.boxes) == 8
     assert len(middle.members) == 98 + 97
+    assert middle.note.splitlines()[1] == f"{middle.members[0]} ... {middle.members[-1]}"
     assert {"body[1]", "body[98]", "spring[1]", "spring[97]"} <= set(middle.members)
     assert len(Chain().diagram(fold=False).arrangement.boxes) == 202
 

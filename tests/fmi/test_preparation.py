@@ -173,5 +173,7 @@ def test_start_values_of_one_variable_that_contradict_each_other(tmp_path: Path)
     one.fmu.reset()
     with pytest.raises(FMICallException):
         one.begin(p_a=0.7, p_b=0.7001)
-    assert re.search(r"start\(a\.phi\) and start\(b\.phi\) contradict each other: they are one variable", one.messages[-1]), one.messages
+    assert re.search(r"start\(a\.phi\) and start\(b\.phi\) contradict each other: they are one variable", one.messages[-1]), (
+        one.messages
+    )
     one.close()

@@ -385,3 +385,10 @@ def test_classes_are_pickled_as_their_text() -> None:
     Chain = gl.read_modelica(LANGUAGE, "Chain")
     again, known = (gl.simulate(model, 0.1, samples=2) for model in (pickle.loads(pickle.dumps(Chain(n=2))), Chain(n=2)))
     assert again["stage[1].body.w"] == pytest.approx(known["stage[1].body.w"])
+
+
+def test_sums_over_an_index() -> None:
+    """A comprehension as the only argument of a function: 1 + 4 + 9, and the largest of 3 - k."""
+    text = "model Sums Real x = sum(k * k for k in 1:3); Real y = max(3 - k for k in 1:3); end Sums;"
+    result = gl.simulate(gl.read_modelica(text)(), 1.0, samples=2)
+    assert (result["x"][0], result["y"][0]) == (14.0, 2.0)

@@ -156,3 +156,18 @@ def test_steady_state_of_freewheels_is_where_the_train_goes(seed: int) -> None:
     steady = system.simulate(0.1, times=[0.0], start="steady")
     for name in names:
         assert steady[name][0] == pytest.approx(later[name][-1], rel=1e-5, abs=1e-6), name
+
+
+def test_an_operating_point_is_checked_at_its_own_time() -> None:
+    """At 0 s, where the state is -0.5 and what is bounded is time before it."""
+
+    class Late(gl.Component):
+        rate = gl.Parameter("1/s", default=1.0)
+        x = gl.Variable("s", "state", start=-0.5)
+        late = gl.Variable("s", "time after the state", min=0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), -self.rate * self.x), gl.Eq(self.late, self.x + gl.time)]
+
+    with pytest.raises(StartError, match=r"late is -0\.5 s .* at t = 0 s"):
+        gl.compile(Late()).linearize()
