@@ -59,8 +59,8 @@ class Loop:
 
         if not len(self.A):
             return np.empty((0, 0), complex), np.empty(0, complex), np.empty(0, complex)
-        balanced, scale, permutation = balance(self.A)
-        b, c = self.b[permutation] / scale, self.c[permutation] * scale  # scale is in the new order
+        balanced, scale = balance(self.A)
+        b, c = self.b / scale, self.c * scale
         triangle, basis = schur(balanced, output="complex")
         return triangle, basis.conj().T @ b, c @ basis
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gearlib.arguments import check_axes, increasing
 from gearlib.feedback.feedback_loop import Loop, as_loop
 from gearlib.feedback.margins import Margins, margins
+from gearlib.linear.balancing import balance
 from gearlib.linear.poles import poles
 from gearlib.optional import optional
 
@@ -452,10 +453,9 @@ def _gains(loop: Loop, m: Margins) -> Floats:
 
 def _paths(loop: Loop, factors: Floats) -> Complexes:
     """Closed-loop poles over the gain, tracked by the shortest total path; (gains, poles)."""
-    from scipy.linalg import matrix_balance
     from scipy.optimize import linear_sum_assignment
 
-    _, (scale, _) = matrix_balance(loop.A, permute=False, separate=True)
+    _, scale = balance(loop.A)
     rows: list[Any] = []
     for factor in factors:
         values = np.linalg.eigvals(_closed(loop, float(factor)) / scale[:, None] * scale)

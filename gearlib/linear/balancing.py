@@ -1,9 +1,10 @@
-"""Balanced state matrices: scales and an order of the states in which rounding is as small as the dynamics allow.
+"""Balanced state matrices: scales of the states at which rounding is as small as the dynamics allow.
 
 LAPACK's balancing (B. N. Parlett, C. Reinsch, "Balancing a matrix for calculation of eigenvalues and eigenvectors", Numerische
-Mathematik 13 (1969) 293-304, doi 10.1007/BF02165404) makes rows and columns equal in size. It leaves a coupling alone that acts one way
-only, from a state to one that does not act back. Such a coupling changes no eigenvalue, however large it is, but the rounding of a
-large one hides slow eigenvalues. It can be made as small as the couplings that do act back, by the scale of what it acts upon.
+Mathematik 13 (1969) 293-304, doi 10.1007/BF02165404) makes rows and columns equal in size. As it is usually called, it first sets aside
+the states that are coupled with the others one way only, and leaves them unscaled; here it scales all. A coupling that acts one way only
+changes no eigenvalue, however large it is, but the rounding of a large one hides slow eigenvalues. What is left of it between groups of
+states is made as small as the couplings within them, by the scale of what it acts upon.
 """
 
 from __future__ import annotations
@@ -15,25 +16,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
-def balance(A: Floats) -> tuple[Floats, Floats, Integers]:
-    """A balanced matrix, the scales of its states, and their order.
-
-    With ``balanced, scale, order = balance(A)``, the states of the balanced matrix are ``x[order] / scale``.
+def balance(A: Floats) -> tuple[Floats, Floats]:
+    """A balanced matrix and the scales of its states, which are ``x / scale``.
 
     Examples
     --------
-    >>> balanced, scale, order = balance(np.array([[-1.0, 0.0], [1e9, 0.5]]))
+    >>> balanced, scale = balance(np.array([[-1.0, 0.0], [1e9, 0.5]]))
     >>> bool(abs(balanced).max() <= 2.0)
     True
     """
     from scipy.linalg import matrix_balance
 
-    balanced, (scale, order) = matrix_balance(A, separate=True)
+    with np.errstate(
+        invalid="ignore"
+    ):  # SciPy reads an order of the states from the scales, too, which may be too large for that
+        balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
     further = _one_way(balanced)
-    return balanced / further[:, None] * further, scale * further, np.asarray(order, np.int64)
+    return balanced / further[:, None] * further, scale * further
 
 
 def _one_way(matrix: Floats) -> Floats:

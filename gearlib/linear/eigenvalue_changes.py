@@ -92,15 +92,13 @@ def _branches(inner: Complexes, count: int, value: complex) -> Complexes:
 
 
 def _all_vectors(A: Any) -> tuple[Complexes, Complexes, Complexes]:
-    """Eigenvalues, and unit left and right eigenvectors of the balanced matrix, in the original order and units of the states."""
+    """Eigenvalues, and unit left and right eigenvectors of the balanced matrix, in the original units of the states."""
     from scipy.linalg import eig
 
     full = np.asarray(A.toarray() if hasattr(A, "toarray") else A, float)
-    balanced, scale, permutation = balance(full)
+    balanced, scale = balance(full)
     values, left, right = eig(balanced, left=True, right=True)
-    ours_left, ours_right = np.empty_like(left), np.empty_like(right)
-    ours_left[permutation], ours_right[permutation] = left / scale[:, None], right * scale[:, None]  # scale is in the new order
-    return values, ours_left, ours_right
+    return values, left / scale[:, None], right * scale[:, None]
 
 
 def _vectors_around(A: Any, value: complex) -> tuple[Complexes, Complexes, Complexes]:

@@ -261,8 +261,8 @@ def _dense(A: Floats, B: Floats, C: Floats, D: Floats, omega: Floats) -> Complex
     n = len(A)
     if not n:
         return np.repeat(D.astype(complex)[:, :, None], len(omega), axis=2)
-    balanced, scale, permutation = balance(A)
-    b, c = B[permutation] / scale[:, None], C[:, permutation] * scale  # scale is in the new order
+    balanced, scale = balance(A)
+    b, c = B / scale[:, None], C * scale
     result = np.empty((len(omega), len(C), B.shape[1]), complex)
     at_once = max(1, AT_ONCE // n**2)
     for begin in range(0, len(omega), at_once):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import ArgumentError
+from gearlib.linear.balancing import balance
 from gearlib.linear.linear_model import Matrices
 from gearlib.recent import recent
 
@@ -57,7 +58,6 @@ def frequency_direction(model: Matrices) -> Matrices:
 def _solver(A: Any) -> Any:
     """A function that solves ``(s I - A) x = b``."""
     import scipy.sparse as sparse
-    from scipy.linalg import matrix_balance
     from scipy.sparse.linalg import splu
 
     n = A.shape[0]
@@ -77,16 +77,14 @@ def _solver(A: Any) -> Any:
                 raise refuse(s) from None
 
         return solve_sparse
-    balanced, (scale, permutation) = matrix_balance(_full(A), separate=True)
+    balanced, scale = balance(_full(A))
 
     def solve(s: complex, b: Any) -> Complexes:
         try:
-            inner = np.linalg.solve(s * np.eye(n) - balanced, np.asarray(b, complex)[permutation] / scale[:, None])
+            inner = np.linalg.solve(s * np.eye(n) - balanced, np.asarray(b, complex) / scale[:, None])
         except np.linalg.LinAlgError:
             raise refuse(s) from None
-        found = np.empty_like(inner)
-        found[permutation] = inner * scale[:, None]  # scale is in the new order
-        return found
+        return np.asarray(inner * scale[:, None])
 
     return solve
 

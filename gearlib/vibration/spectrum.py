@@ -53,7 +53,7 @@ def dense_spectrum(A: Floats, speeds: Floats, count: int | None, forces: Floats 
     n = len(A)
     if not n:
         return Spectrum(np.empty(0, complex), np.empty((0, 0), complex), np.empty((0, 0), complex), 0, np.empty(0))
-    balanced, scale, permutation = balance(A)
+    balanced, scale = balance(A)
     zero, others, chains = deflate(balanced)
     values, vectors = eig(others.T @ balanced @ others) if others.shape[1] else (np.empty(0, complex), np.empty((0, 0)))
     inner, coupling = zero.T @ balanced @ zero, zero.T @ balanced @ others
@@ -65,11 +65,11 @@ def dense_spectrum(A: Floats, speeds: Floats, count: int | None, forces: Floats 
         at_zero = np.linalg.solve(inner - value * np.eye(len(inner)), -coupling @ w) if len(inner) else np.empty(0)
         full[:, k] = others @ w + zero @ at_zero
     zero_ = zero
-    full, zero = _unscaled(full, scale, permutation), _unscaled(zero, scale, permutation)
+    full, zero = full * scale[:, None], zero * scale[:, None]
     free = _free(zero, speeds)
     # With zero rates; in a chain a motion consists of a position and a speed
     still = zero_[:, : chains[0]] if chains else zero_
-    rates, acting = (np.asarray(rows)[:, permutation] * scale for rows in (speeds, speeds if forces is None else forces))
+    rates, acting = (np.asarray(rows) * scale for rows in (speeds, speeds if forces is None else forces))
     preloads = None if forces is None else _preloads(still, rates, acting)
     return _ordered(values, full, free, preloads, count)
 
@@ -88,13 +88,6 @@ def _preloads(still: Floats, speeds: Floats, forces: Floats) -> int:
     moving, still = seen(speeds)
     still = still[:, moving:]
     return seen(forces)[0]
-
-
-def _unscaled(vectors: Any, scale: Floats, permutation: Any) -> Any:
-    """Vectors of the balanced matrix in the original order and units of the states."""
-    result = np.empty_like(vectors)
-    result[permutation] = vectors * scale[:, None]  # scale is in the new order
-    return result
 
 
 def _free(zero: Floats, speeds: Any) -> Complexes:

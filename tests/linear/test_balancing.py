@@ -9,7 +9,7 @@ from gearlib.linear.balancing import balance
 from gearlib.linear.poles import poles
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", [*range(20), 1322])
 def test_poles_of_block_triangular_matrices_are_those_of_their_blocks(seed: int) -> None:
     random = np.random.default_rng(seed)
     sizes = random.integers(1, 4, 4)
@@ -28,5 +28,5 @@ def test_poles_of_block_triangular_matrices_are_those_of_their_blocks(seed: int)
 
 def test_a_balanced_matrix_is_similar() -> None:
     A = np.array([[-2.0, 1e3, 0.0], [-1.0, 0.0, 0.0], [1e9, 5.0, -0.3]])
-    balanced, scale, order = balance(A)
-    assert A[np.ix_(order, order)] == pytest.approx(scale[:, None] * balanced / scale, rel=1e-14)
+    balanced, scale = balance(A)
+    assert scale[:, None] * balanced / scale == pytest.approx(A, rel=1e-14)

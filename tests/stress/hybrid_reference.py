@@ -387,7 +387,6 @@ class HybridTrain:
             while t < stop:
                 watched = list(self.watched())
                 functions: list[Any] = []
-                last = float(np.nextafter(stop, t))  # what jumps at the stop has not jumped in a step that ends there
                 for function, sense, _ in watched:
                     wrapped: Any = lambda t, x, function=function, last=last: function(min(t, last), x)  # noqa: E731
                     wrapped.terminal, wrapped.direction = True, sense
