@@ -311,3 +311,46 @@ def test_of_a_steady_state_behind_what_sticks(held: bool) -> None:
     assert run.sensitivity("body.w", "tau") == pytest.approx(0.0 if held else 1 / 0.5, abs=1e-9)
     assert run.sensitivity("body.w", "d") == pytest.approx(0.0 if held else -7.0 / 0.5**2, abs=1e-9)
     assert run.sensitivity("clutch.tau", "tau") == pytest.approx(-1.0)
+
+
+class Wound(gl.Component):
+    """A torque winds up a spring; behind it a gear, and a brake that holds its other shaft."""
+
+    tau = gl.Parameter("N.m", default=3.0)
+    c = gl.Parameter("N.m/rad", default=80.0)
+    ratio = gl.Parameter("1", default=2.0)
+    press = gl.Parameter("N", default=30.0)
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.spring, self.gear = (
+            gp.Torque(tau=self.tau),
+            gp.SpringDamper(c=self.c, d=0.4),
+            gp.IdealGear(ratio=self.ratio),
+        )
+        self.motor, self.shaft, self.wheel = gp.Inertia(J=0.2), gp.Inertia(J=1.0), gp.Inertia(J=0.3)
+        self.brake = gp.Brake(fn_max=self.press, f_normalized=1.0)
+        return [
+            c(self.torque.flange, self.motor.flange_a),
+            c(self.motor.flange_b, self.spring.flange_a),
+            c(self.spring.flange_b, self.shaft.flange_a),
+            c(self.shaft.flange_b, self.gear.flange_a),
+            c(self.gear.flange_b, self.wheel.flange_a),
+            c(self.wheel.flange_b, self.brake.flange_a),
+        ]
+
+
+@pytest.mark.parametrize("method", ["rk", "ida"])
+def test_of_a_steady_state_in_which_everything_sticks(method: str) -> None:
+    """Twist -tau / c, brake at ratio tau, no speed; also after finite changes of the parameters."""
+    system = gl.compile(Wound(), outputs=["spring.phi_rel", "brake.tau", "motor.w"])
+    names = ["tau", "c", "ratio", "press"]
+    run = system.simulate(1.0, start="steady", samples=2, method=method, sensitivities=names)
+    exact = {
+        "spring.phi_rel": (-1 / 80, 3 / 80**2, 0.0, 0.0), "brake.tau": (2.0, 0.0, 3.0, 0.0), "motor.w": (0.0, 0.0, 0.0, 0.0),
+    }  # fmt: skip
+    for name, changes in exact.items():
+        for parameter, change in zip(names, changes, strict=True):
+            assert run.sensitivity(name, parameter) == pytest.approx([change] * 2, abs=1e-9), (name, parameter)
+    moved = system.simulate(1.0, start="steady", samples=2, method=method, parameters={"tau": 3.001, "c": 80.01})
+    shift = 0.001 * run.sensitivity("spring.phi_rel", "tau") + 0.01 * run.sensitivity("spring.phi_rel", "c")
+    assert moved["spring.phi_rel"] - run["spring.phi_rel"] == pytest.approx(shift, abs=1e-8)
