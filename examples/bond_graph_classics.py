@@ -99,14 +99,14 @@ for pole in np.linalg.eigvals(A):
 drive = run.bind(numbers, inputs={"Sf_1": sp.Piecewise((0.4 * sp.sin(10 * sp.pi * time), time < 0.2), (0, True))})
 bump = np.linspace(0, 2, 801)
 hit = solve_ivp(drive, (0, 2), np.zeros(4), "LSODA", bump, rtol=1e-9, atol=1e-12, max_step=0.01).y
-fig, axes = plt.subplots(1, 2, figsize=(9, 2.9), layout="constrained")
-for row, label in zip(closed, ["current, A", "speed of the motor, rad/s"]):
-    axes[0].plot(times, row, label=label)
-axes[0].plot(times[::8], speeds[:, ::8].T, "k.", ms=3)
-axes[0].set(title="DC motor: 24 V at t = 0 (dots: bond graph)", xlabel="time, s")
-axes[1].plot(bump, hit[1] / m_u, label="wheel", lw=0.9)
-axes[1].plot(bump, hit[3] / m_s, label="body")
-axes[1].set(title="quarter car: a bump of 0.2 s", xlabel="time, s", ylabel="vertical velocity, m/s")
+fig, axes = plt.subplots(1, 3, figsize=(11, 2.9), layout="constrained")
+for axis, row, dots, label in zip(axes, closed, speeds, ["current, A", "speed of the motor, rad/s"]):
+    axis.plot(times, row, label="closed form")
+    axis.plot(times[::8], dots[::8], "k.", ms=3, label="bond graph")
+    axis.set(title="DC motor: 24 V at t = 0", xlabel="time, s", ylabel=label)
+axes[2].plot(bump, hit[1] / m_u, label="wheel", lw=0.9)
+axes[2].plot(bump, hit[3] / m_s, label="body")
+axes[2].set(title="quarter car: a bump of 0.2 s", xlabel="time, s", ylabel="vertical velocity, m/s")
 for axis in axes:
     axis.grid(alpha=0.3)
     axis.legend(fontsize=8)

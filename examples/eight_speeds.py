@@ -120,13 +120,15 @@ figure, (above, middle, below) = plt.subplots(3, 1, sharex=True, figsize=(8, 7),
 above.plot(run.time, ratio, color="black")
 for gear in (1, 2, 3):
     above.axhline(steps[gear], color="0.6", ls=":", lw=1)
-    above.annotate(f"{gear}", (7.8, steps[gear]), fontsize=9, va="bottom")
-above.set_ylabel("engine over output")
+    above.annotate(
+        f"gear {gear}", (7.9, steps[gear]), fontsize=9, va="top", ha="right", xytext=(0, -2), textcoords="offset points"
+    )
+above.set(ylabel="engine over output", ylim=(1.7, 4.9))
 middle.plot(run.time, run["shaft.w"] * 30 / math.pi, label="engine")
 middle.plot(run.time, 3.2 * run["car.w"] * 30 / math.pi, label="output")
 middle.set_ylabel("speed, 1/min")
 middle.legend(fontsize=8)
-for name in "ABCE":
-    below.plot(columns["t"], columns[name], label=name)
+for name, width in zip("ABCE", (5.0, 3.5, 2.0, 1.0)):  # some lie on others
+    below.plot(columns["t"], columns[name], label=name, lw=width)
 below.set(xlabel="time, s", ylabel="pressure over the largest")
-below.legend(fontsize=8, ncols=4)
+below.legend(fontsize=8, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))

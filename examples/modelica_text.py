@@ -36,11 +36,11 @@ end Drive;
 """
 
 Drive = gl.read_modelica(TEXT)
-figure, axes = plt.subplots(figsize=(7, 4))
+figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
 for J_load in (3.0, 1.0):
     system = gl.compile(Drive(J_load=J_load))
     result = system.simulate(t_end=1.0, samples=501, rtol=1e-9)
-    axes.plot(result.time, result["load.w"], label=f"load of {J_load:g} kg m²")
+    axes.plot(result.time, result["load.w"], label=f"load of {J_load:g} kg·m²")
     whole, behind = 10.0**2 * 0.02 + J_load, 10.0**2 * 0.02
     f = np.sqrt(4000.0 * (1 / behind + 1 / J_load)) / (2 * np.pi)
     exact = 50.0 / whole * (result.time - np.sin(2 * np.pi * f * result.time) / (2 * np.pi * f))
@@ -48,7 +48,7 @@ for J_load in (3.0, 1.0):
     print(f"load {J_load:g} kg m2: natural frequency {f:.4f} Hz, largest error of the speed {error:.1e} rad/s")
     assert error < 1e-6
 
-axes.set(xlabel="time / s", ylabel="speed of the load / (rad/s)")
+axes.set(xlabel="time, s", ylabel="speed of the load, rad/s")
 axes.legend()
 plt.show()
 

@@ -91,7 +91,7 @@ for h in (1.6e-2, 1e-3):
 left.plot(swing.time, 0.02 * np.cos(100.0 * swing.time), "k:", label="cosine")
 left.set(xlabel="time, s", ylabel="angle, rad")
 left.locator_params(axis="x", nbins=5)
-left.legend(loc="upper right")
+left.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=8)
 right.plot(result.time, result["w"], "o-")
 right.axvline(result.events[0][0], color="0.5", linestyle=":")
 right.set(xlabel="time, s", ylabel="braked body's speed, rad/s")

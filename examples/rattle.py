@@ -84,9 +84,11 @@ figure, (history, noise) = plt.subplots(1, 2, figsize=(11, 4), layout="constrain
 for share, colour in ((0.9, "#2e8b57"), (3.0, "#d1495b")):
     time, torque, _ = shaken(share * threshold)
     history.plot(1e3 * (time - time[0]), torque, color=colour, label=f"{share:g} of the threshold")
-history.set(xlabel="t (ms)", ylabel="torque of the mesh (N·m)", title="Mesh of the loose wheel", ylim=(-12, 8))
+history.set(xlabel="time, ms", ylabel="torque of the mesh, N·m", title="Mesh of the loose wheel", ylim=(-12, 8))
 history.legend(fontsize=8, loc="lower center")
 noise.semilogy(levels / threshold, strokes, "o-", color="#0b5394")
+noise.set_yticks([1, 2, 5, 10, 20, 50], labels=["1", "2", "5", "10", "20", "50"], minor=False)
+noise.set_yticks([], minor=True)
 noise.axvline(1.0, color="black", lw=1, ls=":")
 noise.set(xlabel="shaking over the threshold", ylabel="largest stroke over the drag", title="Rattle sets in")
 plt.show()

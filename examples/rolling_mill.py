@@ -131,4 +131,5 @@ axes[1].legend(fontsize=8)
 for slip, r in runs.items():
     axes[2].plot(r["rolls.w"], -r["spindle.tau"] / 1e3, lw=0.7, label=f"slip {slip} rad/s")
 axes[2].set(xlabel="speed of the rolls, rad/s", ylabel="torque, kN·m", title="chatter, and rest")
-axes[2].legend(fontsize=8)
+axes[2].legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 0.0), ncols=2)
+axes[2].set_ylim(bottom=20.0)

@@ -364,14 +364,17 @@ filled = left.contourf(m_22, k, around, levels=levels, norm=plt.matplotlib.color
 left.contour(m_22, k, around, levels=levels[1:-1], colors="0.4", linewidths=0.5)
 left.plot((1 + k) / GEOMETRY, k, "k--", lw=1)
 left.annotate(
-    "the ring stands still", (6.4 / GEOMETRY, 5.4), xytext=(1.4, 5.9), fontsize=8, arrowprops={"arrowstyle": "-", "lw": 0.5}
+    "the ring stands still", (6.4 / GEOMETRY, 5.4), xytext=(-3.8, 4.1), fontsize=8, arrowprops={"arrowstyle": "-", "lw": 0.5}
 )
 left.plot(*np.array(checked).T, "o", mfc="white", mec="black", ms=5, label="checked by gl.power_flow")
 left.plot(1.0, 81 / 19, "k*", ms=11, label="the paper's train")
 left.legend(loc="upper left", fontsize=8)
 bar = fig.colorbar(filled, ax=left, ticks=levels[:-1], label="circulating power over input power")
 left.set(
-    xlabel="$m_{22}$", ylabel="teeth of the ring over teeth of the sun", title="XP: ring in, sun - pair - carrier", xlim=(-4, 6)
+    xlabel="$m_{22}$, ratio of the gear pair",
+    ylabel="teeth of the ring over teeth of the sun",
+    title="XP: ring in, sun - pair - carrier",
+    xlim=(-4, 6),
 )
 for (kind, points), marker in zip(sorted(cloud.items()), "o^s"):
     x, y = np.concatenate([np.array(pair) for pair in points], axis=1)

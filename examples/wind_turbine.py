@@ -77,6 +77,19 @@ print(
 assert abs(modes.frequencies[first] - by_hand) < 2e-3 * by_hand  # the generator's torque adds a little
 
 # %%
+# Critical speeds
+# ---------------
+# The blades pass the tower three times a turn, which excites 3P and its multiples. Up to the rated speed 3P to 9P stay below the
+# first natural frequency; 12P meets it at :math:`60 f / 12` turns per minute.
+
+figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
+diagram = gl.campbell(system, [4.0 * math.pi / 30, 14.0 * math.pi / 30], {"3P": 3, "6P": 6, "9P": 9, "12P": 12})
+diagram.plot(axes=axes)
+(crossing,) = diagram.crossings
+print(f"{crossing.order} meets mode {crossing.mode} at {crossing.speed * 30 / math.pi:.3f} 1/min")
+assert abs(crossing.speed * 12 / (2 * math.pi) - modes.frequencies[first]) < 1e-6 * modes.frequencies[first]
+
+# %%
 # Power flow at the rated point
 # -----------------------------
 # At the rated speed, 5.3 MW pass the gearbox.
@@ -98,13 +111,18 @@ result = system.simulate(
 )  # fmt: skip
 shaft_torque = -result["shaft.tau"]
 
-figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(8, 5), layout="constrained")
+figure, (above, below, spectrum) = plt.subplots(3, 1, figsize=(8, 7.5), layout="constrained")
 above.plot(times, torque / 1e6, color="#e08e0b", lw=1, label="wind")
 above.plot(times, shaft_torque / 1e6, color="#0b5394", label="shaft")
 above.set_ylabel("torque, MN·m")
 above.legend()
 below.plot(times, result["rotor.w"] * 30 / math.pi)
-below.set(xlabel="time, s", ylabel="rotor, rpm")
+below.sharex(above)
+below.set(xlabel="time, s", ylabel="rotor, 1/min")
+result.plot_spectrum("shaft.tau", window="flattop", t_start=60.0, f_max=3.0, units={"N.m": "kN.m"}, axes=spectrum)
+spectrum.axvline(3 * W_RATED / (2 * math.pi), color="firebrick", ls=":", lw=1, label="3P")
+spectrum.set_ylim(bottom=1e-2)
+spectrum.legend()  # sphinx_gallery_thumbnail_number = 2
 
 # %%
 # What remains of the 3P excitation in the shaft is what the frequency response says. Below the natural frequency the rotor's

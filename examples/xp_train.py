@@ -189,10 +189,15 @@ L = 10 ** (decibel / 20) * np.exp(1j * np.radians(phase))
 levels = [-40, -20, -12, -6, -3, -1, 0, 1, 3, 6, 12]
 closed = 20 * np.log10(abs(L / (1 + L)))
 contours = axis.contour(phase, decibel, closed, levels, colors="0.7", linewidths=0.8, linestyles="dotted")
-axis.clabel(contours, fmt="%g dB", fontsize=8)
+axis.clabel(contours, [3, 6, 12], fmt="%g dB", fontsize=8)
+at = int(np.searchsorted(phase[0], -12))
+for level in (-40, -20, -12, -6, -3, -1):
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 1}
+    label = {"fontsize": 8, "color": "0.5", "ha": "center", "va": "center", "bbox": box, "zorder": 1}
+    axis.text(phase[0, at], np.interp(level, closed[:, at], decibel[:, 0]), f"{level} dB", **label)
 axis.plot([-180, pm - 180], [-20 * np.log10(gm), 0], "ko", markersize=4)
 axis.annotate(gain_margin, (-180, -20 * np.log10(gm)), (-215, -33), ha="center", **ARROW)
-axis.annotate(phase_margin, (pm - 180, 0), (-45, -8), ha="center", **ARROW)
+axis.annotate(phase_margin, (pm - 180, 0), (-54, -8), ha="center", **ARROW)
 axis.set(xlim=(-270, 0), ylim=(-60, 30), xticks=range(-270, 1, 45), title="")
 axis.set(xlabel="phase of L, deg", ylabel="magnitude of L, dB")
 fig.suptitle(f"Nichols diagram of {NAME}\ndotted: magnitude of L / (1 + L)")

@@ -116,6 +116,6 @@ def _mark(axes: Any, events: Sequence[tuple[float, str]]) -> None:
         return
     times = [t for t, _ in events]
     above = axes.get_xaxis_transform()
-    axes.plot(times, np.ones(len(times)), "v", color=MARK, ms=4, transform=above, clip_on=False, label="events", lw=0)
+    axes.plot(times, np.full(len(times), 0.985), "v", color=MARK, ms=4, transform=above, clip_on=False, label="events", lw=0)
     if len(times) <= MOST_LINES:
         axes.vlines(times, 0, 1, color=MARK, lw=0.5, ls=":", transform=above, zorder=0)

@@ -241,8 +241,8 @@ def _closed_loop_lines(ax: Any, points: Sequence[float]) -> list[Floats]:
                 np.isfinite(x)
                 & (x > left + 0.04 * (right - left))
                 & (x < right - 0.04 * (right - left))
-                & (y > low)
-                & (y < high)
+                & (y > low + 0.03 * (high - low))
+                & (y < high - 0.03 * (high - low))
             )
             if centre == points[0] and inside.any():
                 here = np.flatnonzero(inside)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from gearlib.drawing.icons import ICONS, INK, LIGHT
 from gearlib.drawing.scheme.axes import Axes, axes_of
+from gearlib.drawing.scheme.labels import Box, Label, placed
 from gearlib.drawing.scheme.routing import TRACK, Place, Routing, routed
 from gearlib.drawing.scheme.shown_results import Listing, ShownResults
 from gearlib.drawing.scheme.train import Symbol, Train
@@ -16,7 +17,8 @@ EDGE, HEADING, LINE, BAR = 30.0, 16.0, 1.8, 7.0
 GREY = "#5b6b7d"
 NUMBERS, NEXT, ROW = 90.0, 64.0, 15.0  # right edge of the first column of numbers, spacing of the next ones; height of rows
 HALO = {"stroke": "white", "stroke_width": "5", "stroke_linecap": "butt"}
-Bounds = tuple[float, float, float, float]
+FAR = (14.0, 24.0, 38.0, 56.0, 78.0)  # px, from a part to its name beside it
+Names = list[tuple[Label, tuple[float, float, str]]]
 
 
 class Scheme(Picture):
@@ -38,7 +40,8 @@ class Scheme(Picture):
 
 
 def _document(train: Train, axes: Axes, routing: Routing, results: ShownResults) -> str:
-    left, upper, right, lower = _bounds(axes, routing)
+    names = placed_names(axes, routing)
+    left, upper, right, lower = _bounds(axes, routing, names)
     title = f"Scheme of {train.name}" + (f" ({train.kind})" if train.kind != train.name else "")
     listing = results.listing(axes, routing)
     words = _words_at(listing)
@@ -49,7 +52,8 @@ def _document(train: Train, axes: Axes, routing: Routing, results: ShownResults)
     height = lower - upper + top + EDGE
     content = [
         group(
-            _drawn(axes, routing, results, (left, right)), transform=f"translate({number(EDGE - left)} {number(top - upper)})"
+            _drawn(axes, routing, names, results, (left, right)),
+            transform=f"translate({number(EDGE - left)} {number(top - upper)})",
         )
     ]
     if results.heading:
@@ -61,7 +65,7 @@ def _document(train: Train, axes: Axes, routing: Routing, results: ShownResults)
     return document(width, height, content, title)
 
 
-def _bounds(axes: Axes, routing: Routing) -> Bounds:
+def _bounds(axes: Axes, routing: Routing, names: Names) -> Box:
     x = [c for x1, _, x2, _, _ in routing.lines for c in (x1, x2)] + [p.x for p in routing.places]
     y = [c for _, y1, _, y2, _ in routing.lines for c in (y1, y2)] + [p.y for p in routing.places]
     for symbol, place in zip(axes.symbols, routing.places, strict=True):
@@ -71,13 +75,15 @@ def _bounds(axes: Axes, routing: Routing) -> Bounds:
                 y += [at - symbol.radii[k], at + symbol.radii[k]]
             elif symbol.kind in ("planetary", "double_planetary"):
                 y.append(axes.height[axes.of[shaft]] - symbol.radii[1] - 18)
-        wide = max(32.0, text_width(symbol.label, 10) / 2)
-        x += [place.x - wide, place.x + wide]
+        x += [place.x - 32, place.x + 32]
         y += [place.y - 26, place.y + 30]
+    for label, at in names:
+        left, upper, right, lower = label.box(at)
+        x, y = [*x, left, right], [*y, upper, lower]
     return min(x), min(y), max(x), max(y)
 
 
-def _drawn(axes: Axes, routing: Routing, results: ShownResults, ends: tuple[float, float]) -> Iterator[str]:
+def _drawn(axes: Axes, routing: Routing, names: Names, results: ShownResults, ends: tuple[float, float]) -> Iterator[str]:
     for at in axes.height:
         yield line(ends[0], at, ends[1], at, stroke="#9fb0c0", stroke_width="0.8", stroke_dasharray="12 3 2 3")
     yield from results.beneath(axes, routing)
@@ -93,7 +99,31 @@ def _drawn(axes: Axes, routing: Routing, results: ShownResults, ends: tuple[floa
             yield line(x1, y1, x2, y2, stroke=INK, stroke_width=LINE, stroke_linecap="round")
     for symbol, place in zip(axes.symbols, routing.places, strict=True):
         yield group(_symbol(symbol, place, axes), title="\n".join([symbol.name, *results.told_of(symbol)]))
+    for label, at in names:
+        yield label.drawn(at)
     yield from results.above(axes, routing)
+
+
+def placed_names(axes: Axes, routing: Routing) -> Names:
+    """The names of the parts, each at its place."""
+    named = [(s, p) for s, p in zip(axes.symbols, routing.places, strict=True) if s.label]
+    labels = [_label(symbol, place, axes) for symbol, place in named]
+    lines = [(min(x1, x2), min(y1, y2), max(x1, x2), max(y1, y2)) for x1, y1, x2, y2, _ in routing.lines]
+    return list(zip(labels, placed(labels, lines + [_body(*each, axes) for each in named]), strict=True))
+
+
+def _body(symbol: Symbol, place: Place, axes: Axes) -> Box:
+    """What a part covers besides its lines."""
+    x, y = place.x, place.y
+    if symbol.kind in ("planetary", "double_planetary"):
+        base = axes.height[axes.of[symbol.shafts[0]]]
+        return x - 10, base - symbol.radii[1], x + 10, base - symbol.radii[0]
+    if symbol.kind in ("external", "internal"):
+        edges = [
+            axes.height[axes.of[s]] + sense * r for s, r in zip(symbol.shafts, symbol.radii, strict=True) for sense in (-1, 1)
+        ]
+        return x - BAR, min(edges), x + BAR, max(edges)
+    return x - 10, y - 9, x + 10, y + 9
 
 
 def _symbol(symbol: Symbol, place: Place, axes: Axes) -> Iterator[str]:
@@ -102,7 +132,7 @@ def _symbol(symbol: Symbol, place: Place, axes: Axes) -> Iterator[str]:
     if symbol.kind in ("external", "internal"):
         yield from _pair(symbol, place.x, side, base)
     elif symbol.kind in ("planetary", "double_planetary"):
-        yield from _set(symbol, place.x, base[0], side)
+        yield from _set(symbol, place.x, base[0])
     elif symbol.kind == "held":
         yield from _held(symbol, place)
     elif symbol.kind == "inline":
@@ -120,18 +150,6 @@ def _teeth(x: float, y: float, half: float = BAR) -> str:
     return line(x - half, y, x + half, y, stroke=INK, stroke_width=LINE)
 
 
-def _label(x: float, y: float, content: str, **how: str) -> str:
-    style = {
-        "text_anchor": "middle",
-        "font_size": "10",
-        "fill": INK,
-        "paint_order": "stroke",
-        "stroke": "white",
-        "stroke_width": "3",
-    }
-    return text(x, y, content, **(style | how))
-
-
 def _pair(symbol: Symbol, x: float, side: float, base: Sequence[float]) -> Iterator[str]:
     gap = 1.5
     for k, (y, r) in enumerate(zip(base, symbol.radii, strict=True)):
@@ -147,11 +165,9 @@ def _pair(symbol: Symbol, x: float, side: float, base: Sequence[float]) -> Itera
             yield _gear(x, y - upper, y + lower)
             yield _teeth(x, y - upper)
             yield _teeth(x, y + lower)
-    sense = 1.0 if (base[1] > base[0]) == (symbol.kind == "external" or symbol.radii[0] > symbol.radii[1]) else -1.0
-    yield _label(x + 11, base[0] + sense * symbol.radii[0] + 3.5, symbol.label, text_anchor="start")
 
 
-def _set(symbol: Symbol, x: float, y: float, side: float) -> Iterator[str]:
+def _set(symbol: Symbol, x: float, y: float) -> Iterator[str]:
     """Upper half of a planetary set."""
     sun, ring = symbol.radii
     yield _teeth(x, y - sun)
@@ -163,7 +179,6 @@ def _set(symbol: Symbol, x: float, y: float, side: float) -> Iterator[str]:
         for edge in (inner + 2, outer - 2):
             yield line(at - BAR + 1.5, y - edge, at + BAR - 1.5, y - edge, stroke=COLOURS[0], stroke_width=LINE)
         yield circle(at, y - (inner + outer) / 2, 2.2, fill="white", stroke=COLOURS[0], stroke_width="1.4")
-    yield _label(x - 14 * side, y - (sun + ring) / 2 + 3.5, symbol.label, text_anchor="end" if side > 0 else "start")
 
 
 def _housing(x: float, y: float, up: bool, half: float = 14.0) -> Iterator[str]:
@@ -187,8 +202,6 @@ def _held(symbol: Symbol, place: Place) -> Iterator[str]:
         yield line(place.x, place.y, place.x, place.y - out * 4.5, stroke=INK, stroke_width=LINE)
         yield line(place.x, place.y - out * 10.5, place.x, place.y - out * 12, stroke=INK, stroke_width=LINE)
     yield from _housing(place.x, place.y, up)
-    if symbol.label:
-        yield _label(place.x, place.y + (-11 if up else 19), symbol.label)
 
 
 def _inline(symbol: Symbol, place: Place) -> Iterator[str]:
@@ -198,19 +211,16 @@ def _inline(symbol: Symbol, place: Place) -> Iterator[str]:
         for side in (-1, 1):
             yield line(x + 24 * side, y, x + 4 * side, y, stroke=INK, stroke_width=LINE)
             yield line(x + 4 * side, y - 9, x + 4 * side, y + 9, stroke="#c0392b", stroke_width="2.6")
-        yield _label(x, y - 14, symbol.label)
     elif symbol.icon in ("box", "ratio"):
         yield rectangle(x - 24, y - 12, 48, 24, rx=3, fill=LIGHT, stroke=INK, stroke_width="1.3")
         if symbol.icon == "ratio":
             yield line(x - 24, y + 12, x + 24, y - 12, stroke=INK, stroke_width="1")
-        yield _label(x, y - 17, symbol.label)
     else:
         icon = ICONS[symbol.icon]
         mirror = " scale(-1 1)" if place.turned else ""
         yield group(icon.drawing, transform=at + mirror)
         if icon.letters:
             yield group(icon.letters, transform=at)
-        yield _label(x, y - 21, symbol.label)
 
 
 def _end(symbol: Symbol, place: Place) -> Iterator[str]:
@@ -219,7 +229,6 @@ def _end(symbol: Symbol, place: Place) -> Iterator[str]:
     away = -1.0 if not place.turned else 1.0
     if symbol.icon == "port":
         yield circle(x, y, 4, fill="white", stroke=INK, stroke_width=LINE)
-        yield _label(x + 9 * away, y + 4, symbol.label, text_anchor="end" if away < 0 else "start")
         return
     centre = x + 24 * away
     at = f"translate({number(centre)} {number(y)})"
@@ -229,7 +238,32 @@ def _end(symbol: Symbol, place: Place) -> Iterator[str]:
     else:
         yield group(icon.drawing, transform=at + (" scale(-1 1)" if place.turned else ""))
         yield group(icon.letters, transform=at)
-    yield _label(centre, y + 30, symbol.label)
+
+
+def _label(symbol: Symbol, place: Place, axes: Axes) -> Label:
+    """The name of a part, beside, above or below it."""
+    x, y, side = place.x, place.y, -1.0 if place.turned else 1.0
+    base = [axes.height[axes.of[s]] for s in symbol.shafts]
+    if symbol.kind in ("external", "internal"):
+        sense = 1.0 if (base[1] > base[0]) == (symbol.kind == "external" or symbol.radii[0] > symbol.radii[1]) else -1.0
+        y = base[0] + sense * symbol.radii[0] + 3.5
+        return Label(symbol.label, [(x + away, y + up, "start") for away in FAR for up in (0.0, -12.0, 12.0)]
+                     + [(x - away, y, "end") for away in FAR])  # fmt: skip
+    if symbol.kind in ("planetary", "double_planetary"):
+        y = base[0] - sum(symbol.radii) / 2 + 3.5
+        return Label(symbol.label, [(x - away * sense, y + up, "end" if sense > 0 else "start")
+                                    for away in FAR for up in (0.0, -14.0, 14.0) for sense in (side, -side)])  # fmt: skip
+    if symbol.kind == "held":
+        return Label(symbol.label, [(x, y + (19 if place.turned else -11), "middle"), (x + 17, y, "start"), (x - 17, y, "end")])
+    if symbol.kind == "inline":
+        above = 14.0 if symbol.icon == "clutch" else 17.0 if symbol.icon in ("box", "ratio") else 21.0
+        rows = [(x, y - above, "middle"), (x, y + above + 7, "middle")]
+        return Label(
+            symbol.label, rows + [(x + sense * 7, at, end) for _, at, _ in rows for sense, end in ((1, "start"), (-1, "end"))]
+        )
+    if symbol.icon == "port":
+        return Label(symbol.label, [(x - 9 * side, y + 4, "end" if side > 0 else "start")])
+    return Label(symbol.label, [(x - 24 * side, y + 30, "middle"), (x - 24 * side, y - 24, "middle")])
 
 
 def _words_at(listing: Listing) -> float:

@@ -1,0 +1,49 @@
+"""Names in stick diagrams stand off all lines and off each other."""
+
+import itertools
+
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.drawing.scheme.labels import Label, overlap, placed
+from gearlib.drawing.scheme.stick_diagram import placed_names
+
+
+class Automatic(gl.Component):
+    """Ravigneaux's set with three clutches and two brakes."""
+
+    def assemble(self):
+        self.engine, self.load = gp.Torque(), gp.Torque()
+        self.box = gp.Ravigneaux(ratio_small=2.2, ratio_large=2.9)
+        self.K1, self.K2, self.K3 = (gp.Clutch(fn_max=1e4) for _ in range(3))
+        self.B1, self.B2 = (gp.Brake(fn_max=1e4) for _ in range(2))
+        return [
+            gl.connect(self.engine.flange, self.K1.flange_a, self.K2.flange_a, self.K3.flange_a),
+            gl.connect(self.K1.flange_b, self.box.small_sun),
+            gl.connect(self.K2.flange_b, self.box.large_sun, self.B1.flange_a),
+            gl.connect(self.K3.flange_b, self.box.carrier, self.B2.flange_a),
+            gl.connect(self.box.ring, self.load.flange),
+        ]
+
+
+@pytest.mark.parametrize("component", [Automatic, gp.ZhouCui2022])
+def test_no_name_lies_on_a_line_or_on_another_name(component):
+    scheme = component().scheme()
+    boxes = [label.box(place) for label, place in placed_names(scheme.axes, scheme.routing)]
+    assert len(boxes) > 3
+    lines = [(min(x1, x2), min(y1, y2), max(x1, x2), max(y1, y2)) for x1, y1, x2, y2, _ in scheme.routing.lines]
+    assert [(box, line) for box in boxes for line in lines if overlap(box, line) > 0] == []
+    assert [pair for pair in itertools.combinations(boxes, 2) if overlap(*pair) > 0] == []
+
+
+def test_the_first_free_place_is_taken_and_otherwise_the_emptiest():
+    left, right = (0.0, 0.0, "end"), (0.0, 0.0, "start")
+    wide, narrow = (1.0, -20.0, 100.0, 20.0), (-3.0, -20.0, -2.0, 20.0)
+    label = Label("name", [right, left])
+    assert placed([label], []) == [right]
+    assert placed([label], [wide]) == [left]
+    assert placed([label], [wide, narrow]) == [left]
+    assert placed([label, label], []) == [right, left]
+    assert overlap((0, 0, 2, 2), (1, 1, 1, 5)) == 1.0
+    assert overlap((0, 0, 2, 2), (3, 0, 4, 2)) == 0.0
