@@ -77,8 +77,8 @@ def _bounds(axes: Axes, routing: Routing, names: Names) -> Box:
                 y.append(axes.height[axes.of[shaft]] - symbol.radii[1] - 18)
         x += [place.x - 32, place.x + 32]
         y += [place.y - 26, place.y + 30]
-    for label, at in names:
-        left, upper, right, lower = label.box(at)
+    for label, spot in names:
+        left, upper, right, lower = label.box(spot)
         x, y = [*x, left, right], [*y, upper, lower]
     return min(x), min(y), max(x), max(y)
 
@@ -99,8 +99,8 @@ def _drawn(axes: Axes, routing: Routing, names: Names, results: ShownResults, en
             yield line(x1, y1, x2, y2, stroke=INK, stroke_width=LINE, stroke_linecap="round")
     for symbol, place in zip(axes.symbols, routing.places, strict=True):
         yield group(_symbol(symbol, place, axes), title="\n".join([symbol.name, *results.told_of(symbol)]))
-    for label, at in names:
-        yield label.drawn(at)
+    for label, spot in names:
+        yield label.drawn(spot)
     yield from results.above(axes, routing)
 
 
