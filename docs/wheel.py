@@ -1,7 +1,8 @@
 """Build the wheel of a release in dist/: that of hatchling in fewer bytes, less than 1 MB.
 
-Comments are left out of the installed sources, and so are the docstrings of private functions and classes, which nothing shows; other
-docstrings stay, and so do the lines and their numbers. Files are compressed by Zopfli, whose output is read by every unzip.
+A level of indentation is one space in the installed sources. Comments are left out, and so are the docstrings of private functions and
+classes, which nothing shows; other docstrings stay, and so do the lines and their numbers. Files are compressed by Zopfli, whose output
+is read by every unzip.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ import ast
 import base64
 import csv
 import hashlib
+import inspect
 import io
+import re
 import struct
 import tokenize
 import zipfile
@@ -20,20 +23,6 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 1 << 20  # bytes: 1 MB
 LOCAL, CENTRAL, END = "<4s5H3L2H", "<4s6H3L5H2L", "<4s4H2LH"  # records of a zip archive
-
-
-def without_comments(source: str) -> str:
-    r"""Python source without its comments, line by line; those that type checkers read stay.
-
-    >>> without_comments('a = "#"  # name\n# why\nb = 1  # type: ignore\n')
-    'a = "#"\n\nb = 1  # type: ignore\n'
-    """
-    lines = source.splitlines(keepends=True)
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.COMMENT and not token.string.startswith("# type:"):
-            row, column = token.start
-            lines[row - 1] = lines[row - 1][:column].rstrip() + "\n"
-    return "".join(lines)
 
 
 def without_private_docstrings(source: str) -> str:
@@ -58,13 +47,83 @@ def without_private_docstrings(source: str) -> str:
     return "".join(lines)
 
 
+def compact(source: str) -> str:
+    r"""Python source without its comments (those that type checkers read stay), indented by single spaces, line by line as before.
+
+    >>> compact('def f():\n    # why\n    return g(  # name\n        "#")  # type: ignore\n')
+    'def f():\n\n return g(\n "#")  # type: ignore\n'
+    """
+    lines = source.splitlines(keepends=True)
+    tokens = list(tokenize.generate_tokens(io.StringIO(source).readline))
+    out: list[str] = []
+    level, row, column, fresh, statement = 0, 1, 0, True, True
+    for token, following in zip(tokens, [*tokens[1:], tokens[-1]], strict=True):
+        if token.type in (tokenize.INDENT, tokenize.DEDENT):
+            level += 1 if token.type == tokenize.INDENT else -1
+            continue
+        if token.type == tokenize.ENDMARKER or (token.type == tokenize.COMMENT and not token.string.startswith("# type:")):
+            continue
+        if token.type in (tokenize.NEWLINE, tokenize.NL):
+            out.append("\n")
+            row, fresh, statement = row + 1, True, statement or token.type == tokenize.NEWLINE
+            continue
+        (begin, left), (end, right) = token.start, token.end
+        while row < begin:
+            out.append("\\\n")
+            row, fresh = row + 1, True
+        out.append(" " * level if fresh else lines[row - 1][column:left])
+        text = "".join(lines[begin - 1 : end])[left : right - len(lines[end - 1]) or None]
+        if token.type == tokenize.STRING and statement and end > begin and following.type == tokenize.NEWLINE:
+            text = documented(text, level)
+        out.append(text)
+        row, column, fresh, statement = end, right, False, False
+    return "".join(out)
+
+
+def documented(text: str, level: int) -> str:
+    """A docstring with another margin, which `inspect.getdoc` (and Python itself from 3.13 on) takes off."""
+    first, *rest = text.split("\n")
+    margin = min(len(line) - len(line.lstrip()) for line in rest if line.strip())
+    return "\n".join([first, *(" " * level + line[margin:] if line.strip() else "" for line in rest)])
+
+
+def same(a: str, b: str) -> bool:
+    """Whether two sources are one program, line by line, with the same docstrings."""
+
+    def told(source: str) -> str:
+        tree = ast.parse(source)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+                node.value.value = inspect.cleandoc(node.value.value)
+            if hasattr(node, "col_offset"):
+                node.col_offset = node.end_col_offset = 0
+        return ast.dump(tree, include_attributes=True)
+
+    return told(a) == told(b)
+
+
+def bare(source: str) -> str:
+    """C or CSS without comments and indentation, line by line as before."""
+
+    def kept(found: re.Match[str]) -> str:
+        return found[1] or " " + "\n" * found[0].count("\n")
+
+    text = re.sub(r"(\"(?:\\.|[^\"\\\n])*\"|'(?:\\.|[^'\\\n])*')|/\*.*?\*/|//[^\n]*", kept, source, flags=re.DOTALL)
+    return re.sub(r"^[ \t]+|[ \t]+$", "", text, flags=re.MULTILINE)
+
+
 def contents(wheel: Path) -> dict[str, bytes]:
     """What the files of a wheel hold without comments and private docstrings; RECORD has the new hashes and sizes."""
     with zipfile.ZipFile(wheel) as archive:
         files = {name: archive.read(name) for name in archive.namelist()}
     for name, data in files.items():
-        if name.endswith(".py"):
-            files[name] = without_private_docstrings(without_comments(data.decode())).encode()
+        if name.endswith((".py", ".pyi")):
+            source = without_private_docstrings(data.decode())
+            files[name] = compact(source).encode()
+            if not same(source, files[name].decode()):
+                raise SystemExit(f"{name} would be another program")
+        elif name.endswith((".c", ".h", ".css")):
+            files[name] = bare(data.decode()).encode()
     record = next(name for name in files if name.endswith(".dist-info/RECORD"))
     rows = io.StringIO()
     writer = csv.writer(rows, lineterminator="\n")

@@ -17,7 +17,8 @@ ROOT = Path(__file__).resolve().parents[1]
 BEGIN, END = "<!-- measured {}: begin -->\n", "<!-- measured {}: end -->"
 MODULES = (
     "tests.benchmarks.page", "tests.benchmarks.forms", "tests.benchmarks.scale", "tests.benchmarks.many_runs",
-    "tests.benchmarks.modal", "tests.benchmarks.before_after", "tests.stress.tables", "tests.stress.campaign",
+    "tests.benchmarks.modal", "tests.benchmarks.gradients",
+    "tests.benchmarks.before_after", "tests.stress.tables", "tests.stress.campaign",
 )  # fmt: skip
 """Modules with a ``PARTS``."""
 

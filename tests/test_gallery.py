@@ -1,6 +1,5 @@
 """The gallery's order, the home page's tasks, pages kept by version, and the wheel of a release."""
 
-import ast
 import base64
 import hashlib
 import importlib.util
@@ -93,15 +92,68 @@ def test_the_release_wheel_has_the_same_code_and_its_own_hashes(tmp_path):
     path = hatchling_like_wheel(tmp_path / "p.whl", {"gearlib/ä.py": text, "gearlib/empty.py": "", "gearlib/a.css": "/* # */"})
     wheel = module("wheel")
     files = wheel.contents(path)
-    assert ast.dump(ast.parse(files["gearlib/ä.py"]), include_attributes=True) == ast.dump(
-        ast.parse(text), include_attributes=True
-    )
+    assert wheel.same(files["gearlib/ä.py"].decode(), text)
     assert files["gearlib/ä.py"].decode().split("\n")[:2] == ["x = '# no comment'", ""]
-    assert files["gearlib/a.css"] == b"/* # */"
+    assert files["gearlib/a.css"] == b""
     for row in files["p-1.dist-info/RECORD"].decode().splitlines()[:-1]:
         name, digest, size = row.split(",")
         assert base64.urlsafe_b64decode(digest.removeprefix("sha256=") + "=") == hashlib.sha256(files[name]).digest()
         assert int(size) == len(files[name])
+
+
+SOURCE = '''"""A module.
+
+    With a margin.
+"""
+if (a and
+        b):  # why
+
+    class A:
+        """A class.
+
+        >>> for x in y:
+        ...     pass
+
+            Indented.
+        """
+
+        @f(
+            1,  # one
+        )
+        def g(self, x: int = """two
+    lines"""):
+            """
+            Doc.
+            """
+            return x + \\
+                f"""{x:>{3}} {{
+                {x!r} # no comment
+            """
+c = "//"
+'''
+
+
+def test_a_source_in_fewer_bytes_is_the_same_program():
+    wheel = module("wheel")
+    found = wheel.compact(SOURCE)
+    assert wheel.same(SOURCE, found)
+    assert len(found.splitlines()) == len(SOURCE.splitlines())
+    assert "\n  def g(self, x: int = " in found
+    assert "\n      Indented.\n" in found
+    assert "# no comment" in found
+    assert "why" not in found
+    assert "# one" not in found
+    assert not wheel.same(SOURCE, found.replace("(a and", "(a or"))
+    assert not wheel.same(SOURCE, found.replace("Indented", "indented"))
+    for path in ("gearlib/compiler/translate.py", "gearlib/progress.py", "library/gearparts/__init__.py"):
+        source = (ROOT / path).read_text(encoding="utf-8")
+        assert wheel.same(source, wheel.compact(source)), path
+
+
+def test_c_in_fewer_bytes_has_the_same_lines():
+    wheel = module("wheel")
+    source = 'int a; /* one\n two */ char *b = "/* \\" // */"; // three\n\tchar c = \'"\';\n'
+    assert wheel.bare(source) == 'int a;\nchar *b = "/* \\" // */";\nchar c = \'"\';\n'
 
 
 def test_the_release_wheel_has_the_docstrings_that_are_shown(tmp_path):

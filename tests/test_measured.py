@@ -17,9 +17,9 @@ NUMBER = r"\d[\d ]*(?:\.\d+)?(?:e-?\d+)?"
 TIME = re.compile(rf"(?<![\w.]){NUMBER}\s(?:ms|us|µs|MB|GB)\b|(?<![\w.]){NUMBER}\stimes\s(?:as\s(?:fast|long)|faster|slower)")
 STATED = {
     "blocks.md": {"50 ms", "100 ms"},  # of the model
-    "gradients.md": {"0.5 ms"},  # of an event
     "how_it_scales.md": {"512 MB"},  # a limit
     "releasing.md": {"1 MB"},  # a limit
+    "solvers.md": {"30 MB"},  # a limit
     "scaling_out.md": {"8 MB", "4 GB", "1 ms"},  # sizes of arrays; 1 ms is assumed
     "vocabulary.md": {"50 ms"},  # a limit
 }
