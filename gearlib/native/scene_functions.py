@@ -17,6 +17,7 @@ from gearlib.native.layout import Layout, Shared, lay_out
 from gearlib.native.linear_solve import SOLVE
 from gearlib.native.source import HEADER, Body, function, is_small, looped, written_out
 from gearlib.native.sparse_solve import SPARSE_SOLVE
+from gearlib.native.tangent_source import TangentVectors, vector_body
 from gearlib.program.derivative_plan import DerivativePlan
 from gearlib.program.program import Program
 from gearlib.program.relations import Relations
@@ -56,6 +57,7 @@ class NativeScene:
     index: Integers
     size: int  # of the data block
     tangent_numbers: int = 0  # offset of the numbers of `tangent_body`
+    vectors: TangentVectors | None = None  # where the right-hand side is that of `vector_body`
     noted_steps: int = 0  # offset of the steps recorded by `update_body`
 
 
@@ -72,7 +74,7 @@ def rhs_source(
 
 def compile_scene(
     program: Program, relations: Relations | None, names: Callable[[], Sequence[str]], model: FlatModel,
-    jacobian: DerivativePlan | None, tangents: DerivativePlan | None = None,
+    jacobian: DerivativePlan | None, tangents: DerivativePlan | None = None, changed: Sequence[tuple[int, int]] | None = None,
 ) -> NativeScene:  # fmt: skip
     """Compile the functions that a run needs.
 
@@ -90,16 +92,21 @@ def compile_scene(
         Derivatives of the outputs with respect to the states, where the analytic Jacobian is wanted.
     tangents : DerivativePlan, optional
         Their derivatives in directions, one seed each, where the right-hand side is extended by tangents.
+    changed : sequence of (parameter, direction), optional
+        Entries of the parameter table that directions change, where these change no discrete variables.
     """
-    shared = Shared(len(model.parameters.names), model.n_modes, len(program.inputs))
+    shared, vectors = Shared(len(model.parameters.names), model.n_modes, len(program.inputs)), None
     layout = lay_out(program, shared, shared.size, None if tangents is None else tangents.multiplied, hold=True)
     if tangents is None:
         text, body = rhs_source(program, layout, names, model.parameters.names)
         weights = end = layout.size + body.n_coefficients
+    elif (found := None if changed is None else vector_body(program, layout, tangents, changed)) is not None:
+        text, body, vectors, end = found
+        weights = vectors.place
     else:
         body, weights, end = tangent_body(program, layout, tangents)
         text = function("rhs", ["x", "dx", "data", "index"], body, RHS)
-    rhs = compile_function("rhs", text, body, layout)
+    rhs = compile_function("rhs", text, body, layout, fused=vectors is not None)
     guards = layout.guards, program.n_guards
     noted, jac, pattern, roots, update = 0, None, None, None, None
     if jacobian is not None:
@@ -126,10 +133,10 @@ def compile_scene(
             packed.append(part.body.packed(base))
             base += len(packed[-1])
     index = np.concatenate([np.array([*bases, 0], np.int64), *packed])
-    return NativeScene(rhs, jac, pattern, roots, update, shared, index, end, weights, noted)
+    return NativeScene(rhs, jac, pattern, roots, update, shared, index, end, weights, vectors, noted)
 
 
-def compile_function(name: str, text: str, body: Body, layout: Layout) -> NativeFunction:
-    """Compile one function."""
+def compile_function(name: str, text: str, body: Body, layout: Layout, fused: bool = False) -> NativeFunction:
+    """Compile one function; ``fused``: whether a product and a sum of vectors may be one instruction."""
     full = HEADER + (SOLVE if " solve(" in text else "") + (SPARSE_SOLVE if "sparse_" in text else "") + text
-    return NativeFunction(compiled(full, name), body, layout, full)
+    return NativeFunction(compiled(full, name, fused), body, layout, full)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -196,10 +196,15 @@ class Scene:
         """Compiled functions with a Jacobian."""
         return self.compiled(True)
 
-    def compiled(self, jacobian: bool, tangents: DerivativePlan | None = None) -> NativeScene:
-        """Compiled functions with or without a Jacobian, and with a right-hand side extended by the tangents of a plan."""
+    def compiled(
+        self, jacobian: bool, tangents: DerivativePlan | None = None, changed: Sequence[tuple[int, int]] | None = None
+    ) -> NativeScene:
+        """Compiled functions with or without a Jacobian, and with a right-hand side extended by the tangents of a plan.
+
+        ``changed``: as for `compile_scene`.
+        """
         return compile_scene(self.program, self.relations, lambda: self.slot_names, self.model,
-                             self.jacobian if jacobian else None, tangents)  # fmt: skip
+                             self.jacobian if jacobian else None, tangents, changed)  # fmt: skip
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:

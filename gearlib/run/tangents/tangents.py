@@ -119,6 +119,10 @@ class TangentCode:
 
     def weigh(self, data: Floats, directions: TangentDirections, discretes: Floats) -> None:
         """Write the weights of each direction, at parameters and `carried` discrete variables, into a data block."""
+        if self.native.vectors is not None:
+            written = self.native.vectors.weights(directions.entries, directions.weights.tolist())
+            data[self.native.tangent_numbers :][: len(written)] = written
+            return
         weights = np.append(directions.weights, discretes)
         first = len(self.plan.order) - len(weights)
         data[self.native.tangent_numbers :][: len(weights)] = weights[self.plan.order[first:] - first]
@@ -132,7 +136,8 @@ class TangentCode:
             right[equations, np.arange(len(equations))] = 1.0
             numbers.append(block_solve(prepared, step.block, right)[step.rows].ravel())
         written = np.concatenate(numbers)
-        at = self.native.tangent_numbers + len(directions.weights) + discretes.size
+        vectors = self.native.vectors
+        at = self.native.tangent_numbers + (vectors.size if vectors else len(directions.weights) + discretes.size)
         data[at : at + len(written)] = written
 
 
@@ -144,7 +149,9 @@ def tangent_code(scene: Scene, directions: TangentDirections, jacobian: bool = F
     if found is None:
         modes = carried(scene)
         plan = tangent_plan(scene.program, changed, scene.program.output_slots, modes)
-        found = scene.tangent_codes[key] = TangentCode(plan, scene.compiled(jacobian, plan), modes)
+        found = scene.tangent_codes[key] = TangentCode(
+            plan, scene.compiled(jacobian, plan, None if modes else directions.entries), modes
+        )
     return found
 
 
