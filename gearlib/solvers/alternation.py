@@ -54,7 +54,7 @@ class Leg:
 
 
 def alternate(
-    explicit: Callable[[Sequence[Leg]], tuple[Driver, Watchful]],
+    explicit: Callable[[list[Leg]], tuple[Driver, Watchful]],
     implicit: Callable[[Sequence[Leg]], Driver],
     trial: tuple[float, float],
     t_end: float,
@@ -65,7 +65,7 @@ def alternate(
     ----------
     explicit, implicit : callable
         Make the run of a method, continuing from the last of the given legs, or from the start if there are none; the explicit one
-        comes with its stepper.
+        comes with its stepper, and may add a leg at the start.
     trial : (float, float)
         Work of starting the implicit method and of leaving it again, and of the steps of the shortest trial.
     t_end : float
@@ -77,7 +77,8 @@ def alternate(
         The active method failed. If a method on trial fails, the explicit one continues.
     """
     legs: list[Leg] = []
-    (run, stepper), wait, before, (start, steps) = explicit(legs), 0.0, 0.0, trial
+    (run, stepper), wait, (start, steps) = explicit(legs), 0.0, trial
+    before = sum(leg.run.work for leg in legs)
     shortest = start + steps
     stepper.watch()
     while True:

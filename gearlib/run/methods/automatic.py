@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from gearlib.errors import SolverError
 from gearlib.run.methods.closed_form import exponential, exponential_solution, too_many_corners
@@ -16,9 +19,15 @@ from gearlib.solvers.alternation import Leg, alternate
 from gearlib.solvers.drive.driver import Driver, Stepper
 from gearlib.solvers.inputs.callback import Callbacks
 from gearlib.solvers.inputs.table import Table
-from gearlib.solvers.problem import Solution
+from gearlib.solvers.problem import Problem, Solution
 from gearlib.solvers.rungekutta.rungekutta import RungeKutta
 
+# Order of Runge-Kutta: steps, and share of the run, after which it is compared; steps of a pilot, and in which its steps grow; least work
+# of the rest of the run, in pilots, that justifies one; pace of an order that is taken, over the other's; work of preparing a run, ns
+SETTLED, EARLY, PILOT, GROWN, WORTH, BETTER, PREPARED = 120, 0.1, 60, 8, 6.0, 1.2, 2e5
+# Order 8 whose steps something else limits to less than half of what the tolerance allows is left for order 5, where the rest of the run
+# is worth the preparation; that is looked at every so many steps
+LIMITED, SAVED, LOOK = 2.0, 3.0, 16
 COUNTED = ("steps", "attempts", "rejected", "rhs", "jac", "restarts", "work")  # summed over the legs of a run
 
 
@@ -69,27 +78,99 @@ def _alternated(run: Run, callbacks: Callbacks, why: str) -> Solution:
     from gearlib.solvers.ida.ida_stepper import trial
 
     start = problem_of(run, callbacks, jacobian=False)
-    order = order_of(start)
+    orders = OrderChoice(run, callbacks, order_of(start))
 
-    def explicit(legs: Sequence[Leg]) -> tuple[Driver, RungeKutta]:
-        stepper = RungeKutta(order)
-        return (handed_over(run, callbacks, legs[-1].run, stepper, False) if legs else Driver(start, stepper)), stepper
+    def explicit(legs: list[Leg]) -> tuple[Driver, RungeKutta]:
+        if legs:
+            stepper = RungeKutta(orders.order)
+            return handed_over(run, callbacks, legs[-1].run, stepper, False), stepper
+        return orders.begun(start, legs)
 
     def implicit(legs: Sequence[Leg]) -> Driver:
         return handed_over(run, callbacks, legs[-1].run, ida(), True)
 
-    return _joined(run, alternate(explicit, implicit, trial(start), float(run.times[-1])), why)
+    solution = _joined(run, alternate(explicit, implicit, trial(start), float(run.times[-1])), why)
+    solution.stats["work"] += orders.work
+    return solution
+
+
+class OrderChoice:
+    """Choice of the order of Runge-Kutta by a pilot: both orders integrate the same stretch of the motion, and their work is compared.
+
+    Only where the rest of the run costs much more than that; otherwise the order is that which the tolerance suggests.
+
+    Attributes
+    ----------
+    order : int
+    work : float
+        Of pilots whose motion was thrown away, ns.
+    """
+
+    def __init__(self, run: Run, callbacks: Callbacks, order: int) -> None:
+        self.run, self.callbacks, self.order, self.work = run, callbacks, order, 0.0
+
+    def begun(self, start: Problem, legs: list[Leg]) -> tuple[Driver, RungeKutta]:
+        """The run after its first steps, integrated with the better order from there on; what the other has done becomes a leg."""
+        stepper = RungeKutta(self.order)
+        driver = Driver(start, stepper)
+        stepper.watch()
+        may_be_limited, t0, left = self.order == 8 and start.longest_step < math.inf, driver.t, math.inf
+        while left > WORTH * PREPARED and (driver.record.steps < SETTLED or driver.t < t0 + EARLY * (driver.t_end - t0)):
+            if driver.advance(LOOK if may_be_limited else SETTLED) != "more":
+                return driver, stepper
+            left = (driver.t_end - driver.t) * driver.work / max(driver.t - t0, 1e-300)
+            if may_be_limited and stepper.wanted >= LIMITED * driver.record.h_max and left > SAVED * PREPARED:
+                return self._with(5, driver, stepper, legs)
+            may_be_limited = may_be_limited and driver.record.steps < SETTLED
+        if left < WORTH * PREPARED:
+            return driver, stepper
+        problem, t0, work = self._anew(driver), driver.t, driver.work
+        if driver.advance(PILOT) != "more":
+            return driver, stepper
+        pace = (driver.t - t0) / (driver.work - work)
+        left = (driver.t_end - driver.t) / max(pace, 1e-300)
+        if left < WORTH * (driver.work - work + PREPARED):
+            return driver, stepper
+        other = RungeKutta(13 - self.order, stepper.wanted)
+        pilot = Driver(problem, other)
+        try:
+            pilot.advance(GROWN)
+            t0, first = pilot.t, pilot.work
+            while pilot.status == "more" and pilot.t < driver.t and pilot.work < driver.work - work:
+                pilot.advance(GROWN)
+        except SolverError:
+            return driver, stepper
+        self.work = pilot.work
+        if pilot.t - t0 <= BETTER * pace * (pilot.work - first):
+            return driver, stepper
+        return self._with(other.order, driver, other, legs)
+
+    def _with(self, order: int, driver: Driver, like: RungeKutta, legs: list[Leg]) -> tuple[Driver, RungeKutta]:
+        """The rest of a run with another order, beginning with a known step size."""
+        legs.append(Leg("explicit", driver, driver.solution()))
+        self.order, stepper = order, RungeKutta(order, min(like.wanted, driver.record.h_max))
+        return handed_over(self.run, self.callbacks, driver, stepper, False), stepper
+
+    def _anew(self, driver: Driver) -> Problem:
+        """The problem from where a driver is, without samples."""
+        longest = self.run.longest_step
+        here = replace(continued(self.run, driver), max_step=longest if longest < math.inf else None)
+        return problem_of(replace(here, times=np.array([driver.t, driver.t_end])), self.callbacks, False)
 
 
 def handed_over(run: Run, callbacks: Callbacks, before: Driver, stepper: Stepper, jacobian: bool) -> Driver:
     """A driver that continues with another stepper where a driver has stopped."""
+    return Driver(problem_of(continued(run, before), callbacks, jacobian), stepper, before)
+
+
+def continued(run: Run, before: Driver) -> Run:
+    """A run as it goes on from where a driver is."""
     slots, held = memory(run, before.data)
     n, tangents = len(run.scene.states), run.tangents
     start = replace(run.start, states=before.x[:n].copy())
     if tangents is not None:
         tangents = replace(tangents, start=before.x[n:].reshape(tangents.start.shape).copy())
-    here = replace(run, start=start, modes=held, slots=slots, tangents=tangents)
-    return Driver(problem_of(here, callbacks, jacobian), stepper, before)
+    return replace(run, start=start, modes=held, slots=slots, tangents=tangents)
 
 
 def _joined(run: Run, legs: Sequence[Leg], why: str) -> Solution:
@@ -105,8 +186,16 @@ def _joined(run: Run, legs: Sequence[Leg], why: str) -> Solution:
 
 def _told(legs: Sequence[Leg]) -> str:
     """The legs in words: which method integrated from where to where."""
-    first, second = legs[0].solution, legs[1]
-    text = f"explicit Runge-Kutta met stiffness at t = {first.t_last:.6g} s"
+    began = next((k for k, leg in enumerate(legs) if leg.method == "implicit"), len(legs))
+    text = ""
+    if legs[0].method == legs[1].method == "explicit":
+        text = (
+            f"order {legs[1].solution.stats['order']} from t = {legs[0].solution.t_last:.6g} s on, where it made more progress"
+        )
+    if began == len(legs):
+        return text
+    first, second = legs[began - 1].solution, legs[began]
+    text += f"{'; ' if text else ''}explicit Runge-Kutta met stiffness at t = {first.t_last:.6g} s"
     stayed = sum(leg.method == "implicit" and leg.stayed for leg in legs)
     tried = sum(leg.method == "implicit" and not leg.stayed for leg in legs)
     if stayed and second.stayed:

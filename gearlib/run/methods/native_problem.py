@@ -18,9 +18,9 @@ from gearlib.run.methods.run import Run, is_function
 from gearlib.run.scene import Scene, settle_once
 from gearlib.run.tangents.event_tangents import EventTangents
 from gearlib.run.tangents.tangents import tangent_code
-from gearlib.solvers.inputs.callback import Callbacks, with_callbacks
+from gearlib.solvers.inputs.callback import Callbacks
 from gearlib.solvers.inputs.table import Table, breakpoints, values
-from gearlib.solvers.problem import Effort, Native, Problem, Solution
+from gearlib.solvers.problem import Effort, Problem, Solution
 
 Floats = NDArray[np.float64]
 MOST_STEPS = 100_000_000
@@ -102,30 +102,21 @@ def _wired(
     if program.guards and any((np.diff(table.t) == 0.0).any() for _, table in tables):
         # a divisor may jump over zero with its input: no numerator counts as large beside infinity
         data[native.rhs.layout.guards :][: EACH * program.n_guards].reshape(-1, EACH)[:, 1] = np.inf
-    if tables:
-        from gearlib.solvers.inputs.table_lookup import with_tables
-
-        functions, data, index = with_tables(native, data, tables)
     moving = [(k, s) for k, s in enumerate(run.signals) if is_function(s)]
+    if tables or moving:
+        from gearlib.solvers.inputs.table_lookup import with_moving_inputs
 
-    def wrap(name: str, third: Any) -> Native | None:
-        function = functions[name]
-        return (
-            with_callbacks(function, native.shared, moving, callbacks, third) if function is not None and moving else function
-        )
-
-    double = ctypes.POINTER(ctypes.c_double)
-    fired = ctypes.POINTER(ctypes.c_int32)
+        functions, data, index = with_moving_inputs(native, data, tables, moving, callbacks)
     relations = scene.relations
     n_roots = int((~relations.on_time).sum()) if relations is not None else 0
     pattern = native.pattern
     iterated = run.scene.program.iterated
     return Problem(
-        rhs=wrap("rhs", double), x0=x0, data=data, index=index,  # type: ignore[arg-type]
-        differential=differential, nominal=nominal, jac=wrap("jac", double),
+        rhs=functions["rhs"], x0=x0, data=data, index=index,
+        differential=differential, nominal=nominal, jac=functions["jac"],
         jac_indptr=None if pattern is None else pattern.indptr, jac_indices=None if pattern is None else pattern.indices,
         matrix_plans={} if pattern is None else pattern.plans,
-        roots=wrap("roots", double) if n_roots else None, n_roots=n_roots, update=wrap("update", fired),
+        roots=functions["roots"] if n_roots else None, n_roots=n_roots, update=functions["update"],
         modes=slice(native.shared.relations, native.shared.relations + native.shared.n_modes),
         time_events=time_events(run), longest_step=run.longest_step,
         longest_expanded_step=run.longest_expanded_step,

@@ -138,7 +138,7 @@ class EventTangents:
         update = kind(ctypes.POINTER(ctypes.c_int32), double, whole)
         self._update, self._rhs = update(problem.update.address), kind(double, double, whole)(problem.rhs.address)
         self._callback = update(self._called)
-        callbacks.callbacks += [self._callback, self._update, self._rhs]
+        callbacks.alive += [self._callback, self._update, self._rhs]
         self.size = len(problem.data)
         others = relations.program
         both = [n for n in scene.program.slots if n in others.slots] if others.iterated else []
@@ -156,7 +156,7 @@ class EventTangents:
         try:
             return self._iterated(t, x, fired, data, index)
         except BaseException as problem:  # an exception must not propagate through native frames
-            self.callbacks.problem = problem
+            self.callbacks.stop(problem)
             return -1
 
     def _iterated(self, t: float, x: Any, fired: Any, data: Any, index: Any) -> int:

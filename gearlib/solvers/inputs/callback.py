@@ -1,24 +1,56 @@
-"""Python callbacks as inputs: evaluated and stored in the model's data before each call of a native function."""
+"""Python functions of time as inputs: callbacks that native code asks for a value (see `table_lookup`)."""
 
 from __future__ import annotations
 
 import ctypes
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from gearlib.errors import GearlibError, SolverError
-from gearlib.native.layout import Shared
+
+_KIND = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double)
 
 
 class Callbacks:
-    """Keeps Python callbacks alive during a run, and stores the exceptions that they raise."""
+    """Keeps Python callbacks alive during a run, and stores the exceptions that they raise.
+
+    Attributes
+    ----------
+    alive : list
+        What native code refers to.
+    stopped : array, shape (1,)
+        Whether one has failed, for native code.
+    """
 
     def __init__(self) -> None:
-        self.callbacks: list[Any] = []
+        self.alive: list[Any] = []
         self.problem: BaseException | None = None
+        self.stopped = np.zeros(1, np.int64)
+
+    def asking(self, signal: Callable[[float], float]) -> tuple[int, int]:
+        """Addresses of a native function of time that calls a Python function, and of the value that it leaves."""
+        value = np.zeros(1)
+
+        def call(t: float) -> int:
+            try:
+                value[0] = signal(t)
+            # An exception must not propagate through native frames, nor an interrupt be lost there
+            except BaseException as problem:
+                self.stop(problem)
+            return 0
+
+        callback = _KIND(call)
+        self.alive += [callback, value]
+        return ctypes.cast(callback, ctypes.c_void_p).value or 0, value.ctypes.data
+
+    def stop(self, problem: BaseException) -> None:
+        """End the run, which then raises an exception."""
+        self.problem, self.stopped[0] = problem, 1
 
     @contextmanager
     def listening(self) -> Iterator[None]:
@@ -27,7 +59,7 @@ class Callbacks:
 
         def lost(unraisable: Any) -> None:
             if isinstance(unraisable.exc_value, KeyboardInterrupt):
-                self.problem = unraisable.exc_value
+                self.stop(unraisable.exc_value)
             else:
                 before(unraisable)
 
@@ -48,26 +80,3 @@ class Wrapped:
     """A native function wrapped so that inputs are first stored in its data."""
 
     address: int
-
-
-def with_callbacks(
-    function: Any, shared: Shared, moving: Sequence[tuple[int, Callable[[float], float]]], callbacks: Callbacks, third: Any
-) -> Wrapped:
-    """Wrap a native function to evaluate the ``moving`` inputs, by number, first; ``third`` is the type of its third argument."""
-    double, whole = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
-    kind = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, double, third, double, whole)
-    native = kind(function.address)
-
-    def call(t: float, x: Any, out: Any, data: Any, index: Any) -> int:
-        try:
-            for k, signal in moving:
-                data[shared.inputs + k] = signal(t)
-            return -1 if callbacks.problem is not None else int(native(t, x, out, data, index))
-        # An exception must not propagate through native frames, nor an interrupt be lost there
-        except BaseException as problem:
-            callbacks.problem = problem
-            return -1
-
-    callback = kind(call)
-    callbacks.callbacks += [callback, native]
-    return Wrapped(ctypes.cast(callback, ctypes.c_void_p).value or 0)

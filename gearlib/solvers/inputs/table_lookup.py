@@ -1,26 +1,29 @@
-"""Table look-up in native code: trampolines that interpolate the tables and then call the model.
+"""Inputs that move, in native code: trampolines that interpolate tables and ask Python functions, and then call the model.
 
-The knots of the tables and their cubic coefficients follow the model's numbers in ``data``. A block behind its integers, which
-``index[TABLES]`` points to, holds the addresses of the model's functions and, for each table, the input's number, the offset of its
-knots and their count.
+The knots of the tables and their cubic coefficients follow the model's numbers in ``data``, then the last time for which Python
+functions were asked. A block behind its integers, which ``index[TABLES]`` points to, holds the addresses of the model's functions, for
+each table the input's number, the offset of its knots and their count, and for each Python function the input's
+number and the addresses of a callback and of the value that it leaves.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.compiler.native_module import native_functions
 from gearlib.compiler.small_language import floats_at, int32, ints_at, native
+from gearlib.compiler.translate import Prototype
 from gearlib.native.layout import MODEL
 from gearlib.native.scene_functions import TABLES, NativeScene
-from gearlib.solvers.inputs.callback import Wrapped
+from gearlib.solvers.inputs.callback import Callbacks, Wrapped
 from gearlib.solvers.inputs.table import Table
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+ASK = Prototype("int32", ("float",))
 FUNCTIONS = ("rhs", "jac", "roots", "update")
 
 
@@ -46,33 +49,51 @@ def _look_up(t: float, data_address: int, index_address: int, kind: int) -> int:
             since = t - data[k]
             value = data[k + n] + since * (data[k + 2 * n] + since * (data[k + 3 * n] + since * data[k + 4 * n]))
         data[index[place]] = value
+    asked = block + 5 + 3 * index[block + 4]
+    if index[asked] > 0:
+        last = index[asked + 1]
+        if data[last] != t:
+            for j in range(index[asked]):
+                place = asked + 3 + 3 * j
+                ASK(index[place + 1], t)
+                data[index[place]] = floats_at(index[place + 2])[0]
+            data[last] = t
+        if ints_at(index[asked + 2])[0] != 0:
+            return 0
     return index[block + kind]
 
 
 @native
+def _called(function: int, t: float, x: int, out: int, data: int, index: int) -> int:
+    """Call a function of the model; a failure where a Python function has failed."""
+    return MODEL(function, t, x, out, data, index) if function != 0 else -1
+
+
+@native
 def rhs(t: float, x: int, out: int, data: int, index: int) -> int32:
-    return MODEL(_look_up(t, data, index, 0), t, x, out, data, index)
+    return _called(_look_up(t, data, index, 0), t, x, out, data, index)
 
 
 @native
 def jac(t: float, x: int, out: int, data: int, index: int) -> int32:
-    return MODEL(_look_up(t, data, index, 1), t, x, out, data, index)
+    return _called(_look_up(t, data, index, 1), t, x, out, data, index)
 
 
 @native
 def roots(t: float, x: int, out: int, data: int, index: int) -> int32:
-    return MODEL(_look_up(t, data, index, 2), t, x, out, data, index)
+    return _called(_look_up(t, data, index, 2), t, x, out, data, index)
 
 
 @native
 def update(t: float, x: int, out: int, data: int, index: int) -> int32:
-    return MODEL(_look_up(t, data, index, 3), t, x, out, data, index)
+    return _called(_look_up(t, data, index, 3), t, x, out, data, index)
 
 
-def with_tables(
-    scene: NativeScene, data: Floats, tables: Sequence[tuple[int, Table]]
-) -> tuple[dict[str, Wrapped | None], Floats, Integers]:
-    """The functions of a scene with table inputs, and their data and index blocks.
+def with_moving_inputs(
+    scene: NativeScene, data: Floats, tables: Sequence[tuple[int, Table]],
+    functions: Sequence[tuple[int, Callable[[float], float]]], callbacks: Callbacks,
+) -> tuple[dict[str, Wrapped | None], Floats, Integers]:  # fmt: skip
+    """The functions of a scene with tables and Python functions as inputs, and their data and index blocks.
 
     Parameters
     ----------
@@ -80,16 +101,21 @@ def with_tables(
     data : array
         The scene's data block.
     tables : sequence of (number of the input, Table)
+    functions : sequence of (number of the input, function of time)
+    callbacks : Callbacks
     """
-    functions = [getattr(scene, name) for name in FUNCTIONS]
-    block = [0 if f is None else f.address for f in functions] + [len(tables)]
+    models = [getattr(scene, name) for name in FUNCTIONS]
+    block = [0 if f is None else f.address for f in models] + [len(tables)]
     at = len(data)
     for k, table in tables:
         block += [scene.shared.inputs + k, at, len(table.t)]
         at += 5 * len(table.t)
+    block += [len(functions), at, callbacks.stopped.ctypes.data]
+    for k, function in functions:
+        block += [scene.shared.inputs + k, *callbacks.asking(function)]
     index = np.concatenate([scene.index, np.array(block, np.int64)])
     index[TABLES] = len(scene.index)
     knots = [part for _, table in tables for part in (table.t, *table.coefficients)]
     addresses = native_functions(__name__).addresses
-    shells = {name: None if f is None else Wrapped(addresses[name]) for name, f in zip(FUNCTIONS, functions, strict=True)}
-    return shells, np.concatenate([data, *knots]), index
+    shells = {name: None if f is None else Wrapped(addresses[name]) for name, f in zip(FUNCTIONS, models, strict=True)}
+    return shells, np.concatenate([data, *knots, [np.nan]]), index
