@@ -15,11 +15,9 @@ from gearlib.arguments import one_of, real
 from gearlib.errors import ArgumentError, GearlibWarning, InputWarning, warn
 from gearlib.progress import RunProgress, check_progress, reporting
 from gearlib.reduce.rows import some
-from gearlib.run.integrate import integrate
 from gearlib.run.methods.method import Method
-from gearlib.run.methods.method_table import method_of
+from gearlib.run.methods.method_table import integrate, method_of
 from gearlib.run.methods.run import Run
-from gearlib.run.refusals.differentiated import refuse_tangents
 from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.refusals.limits import refuse_start, refuse_too_small
 from gearlib.run.request import Request, absolute_tolerance, check_form, check_options, output_times
@@ -29,7 +27,7 @@ from gearlib.run.scene import Scene
 from gearlib.run.segment import Segment
 from gearlib.run.start_values import Start
 from gearlib.run.state_switching import integrate_through
-from gearlib.run.tangents.requested import directions
+from gearlib.run.tangents.requested import CONTINUED, directions, refuse_form
 from gearlib.run.tangents.tangents import Tangents
 from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import Table, values
@@ -189,7 +187,9 @@ def checked_request(
     )
     varied = directions(translation, sensitivities, numbers, parameters or (), start)
     if varied is not None:
-        refuse_tangents(translation, form, start)
+        refuse_form(translation, form)
+        if isinstance(start[0] if isinstance(start, tuple) else start, Result):
+            raise ArgumentError(CONTINUED)
     return translation, Request(*numbers_of_run, varied, tuple(parameters or ()), on_interrupt)
 
 

@@ -14,8 +14,8 @@ from gearlib.errors import SolverError
 from gearlib.program.build import build
 from gearlib.program.interpret import evaluate, prepare
 from gearlib.reduce.reduction import choose_again
-from gearlib.run.integrate import integrate
 from gearlib.run.methods.method import Integrates, explained
+from gearlib.run.methods.method_table import integrate
 from gearlib.run.methods.native_problem import Floats, memory
 from gearlib.run.methods.run import Run
 from gearlib.run.scene import Scene, needed_states

@@ -33,8 +33,8 @@ from gearlib.program.invariance import symmetries
 from gearlib.program.newton import Correction, newton
 from gearlib.program.program import Newton
 from gearlib.program.relations import relations_of
-from gearlib.run.integrate import integrate
 from gearlib.run.methods.implicit import Implicit
+from gearlib.run.methods.method_table import integrate
 from gearlib.run.methods.run import Run
 from gearlib.run.refusals.limits import too_small
 from gearlib.run.scene import Scene, node_name

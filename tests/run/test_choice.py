@@ -9,7 +9,7 @@ import pytest
 
 import gearlib as gl
 from tests.benchmarks.users import USERS
-from tests.run.test_integrate import Drive
+from tests.run.methods.test_integrate import Drive
 
 SHORT = {
     "fan": 0.05,

@@ -17,7 +17,7 @@ from gearlib.run.methods.native_problem import memory, problem_of
 from gearlib.run.methods.run import Run
 from gearlib.solvers.alternation import Leg, alternate
 from gearlib.solvers.drive.driver import Driver, Stepper
-from gearlib.solvers.inputs.callback import Callbacks
+from gearlib.solvers.inputs.moving import Callbacks
 from gearlib.solvers.inputs.table import Table
 from gearlib.solvers.problem import Problem, Solution
 from gearlib.solvers.rungekutta.rungekutta import RungeKutta

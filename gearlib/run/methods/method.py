@@ -19,7 +19,7 @@ from gearlib.run.methods.run import Run, is_function
 from gearlib.run.scene import Scene
 from gearlib.solvers.drive.driver import Driver, Stepper
 from gearlib.solvers.drive.driver import integrate as to_the_end
-from gearlib.solvers.inputs.callback import Callbacks
+from gearlib.solvers.inputs.moving import Callbacks
 from gearlib.solvers.problem import Problem, Solution
 
 

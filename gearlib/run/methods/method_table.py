@@ -1,6 +1,8 @@
-"""Methods by name; `register_method` adds one."""
+"""Methods by name; `register_method` adds one; `integrate` carries one out."""
 
 from __future__ import annotations
+
+import time as clock
 
 from gearlib.arguments import shown
 from gearlib.errors import ArgumentError, nearest
@@ -8,8 +10,10 @@ from gearlib.run.methods.automatic import Alternating, Automatic
 from gearlib.run.methods.closed_form import Exact
 from gearlib.run.methods.explicit import Explicit, Explicit5, Explicit8
 from gearlib.run.methods.implicit import Implicit
-from gearlib.run.methods.method import Integrates, Method
+from gearlib.run.methods.method import Integrates, Method, refusal
 from gearlib.run.methods.power_series import TaylorSeriesMethod
+from gearlib.run.methods.run import Run
+from gearlib.solvers.problem import Solution
 
 BY_TURNS = Alternating()  # as "auto" does for nonlinear scenes
 METHODS: dict[str, Integrates] = {
@@ -48,3 +52,26 @@ def method_of(choice: str | Method) -> Integrates:
         )
         raise ArgumentError(f"there is no method {shown(choice)}; {advice}")
     return METHODS[choice]
+
+
+def integrate(run: Run, method: Integrates) -> Solution:
+    """Integrate a run with a method, after checking that the method fits.
+
+    Raises
+    ------
+    ArgumentError
+        The method cannot integrate this scene.
+    SolverError
+        The integration failed.
+    """
+    begin = clock.perf_counter()
+    if run.still:
+        solution = Exact().solve(run, "there are no states")
+    elif not run.scene.states:  # events only: any method steps from one to the next
+        if reason := method.fits(run):
+            raise refusal(method.name, reason)
+        solution = Explicit().solve(run, "there are no states, but discrete variables")
+    else:
+        solution = method.solve(run, "asked for")
+    solution.stats["seconds"] = clock.perf_counter() - begin
+    return solution

@@ -18,7 +18,7 @@ from gearlib.run.methods.run import Run, is_function
 from gearlib.run.scene import Scene, settle_once
 from gearlib.run.tangents.event_tangents import EventTangents
 from gearlib.run.tangents.tangents import tangent_code
-from gearlib.solvers.inputs.callback import Callbacks
+from gearlib.solvers.inputs.moving import Callbacks
 from gearlib.solvers.inputs.table import Table, breakpoints, values
 from gearlib.solvers.problem import Effort, Problem, Solution
 
@@ -104,7 +104,7 @@ def _wired(
         data[native.rhs.layout.guards :][: EACH * program.n_guards].reshape(-1, EACH)[:, 1] = np.inf
     moving = [(k, s) for k, s in enumerate(run.signals) if is_function(s)]
     if tables or moving:
-        from gearlib.solvers.inputs.table_lookup import with_moving_inputs
+        from gearlib.solvers.inputs.moving import with_moving_inputs
 
         functions, data, index = with_moving_inputs(native, data, tables, moving, callbacks)
     relations = scene.relations

@@ -22,7 +22,7 @@ from gearlib.run.methods.native_problem import named_events, problem_of, time_ev
 from gearlib.run.methods.run import Run, is_function
 from gearlib.solvers.drive.driver import Driver
 from gearlib.solvers.ida.ida_stepper import trial
-from gearlib.solvers.inputs.callback import Callbacks
+from gearlib.solvers.inputs.moving import Callbacks
 from gearlib.solvers.inputs.table import Table
 from gearlib.solvers.rungekutta.rungekutta import RungeKutta
 

@@ -32,7 +32,7 @@ from gearlib.run.methods.run import Run
 from gearlib.run.scene import Scene
 from gearlib.run.tangents.directions import TangentDirections
 from gearlib.run.tangents.tangents import TangentCode, Tangents
-from gearlib.solvers.inputs.callback import Callbacks, Wrapped
+from gearlib.solvers.inputs.moving import Callbacks, Wrapped
 from gearlib.solvers.inputs.table import values
 from gearlib.solvers.problem import Problem
 
