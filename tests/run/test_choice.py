@@ -61,7 +61,7 @@ def test_samples_have_no_part_in_the_choice(name: str) -> None:
 
 def test_the_choice_can_be_read() -> None:
     said = gl.compile(USERS["gearbox"].component()).simulate(10.0, samples=2).stats
-    assert said["method"] == "rk8"  # at the limit of stability it makes a little more progress
+    assert said["method"] in ("rk5", "rk8")
     assert said["why"].endswith("and would have taken longer")
     said = gl.compile(Drive()).simulate(1.0, samples=2).stats
     assert said["method"] == "ida"
