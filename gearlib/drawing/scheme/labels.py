@@ -10,6 +10,8 @@ from gearlib.drawing.svg import text, text_width
 
 SIZE = 10.0  # px, of the letters
 AIR = 2.0  # px, around them
+HALO = {"paint_order": "stroke", "stroke": "white", "stroke_width": "3"}
+"""Of letters, which interrupt lines."""
 Box = tuple[float, float, float, float]
 """Left, upper, right and lower edge, px."""
 
@@ -38,8 +40,7 @@ class Label:
     def drawn(self, place: tuple[float, float, str]) -> str:
         """The text at a place."""
         x, y, anchor = place
-        style = {"font_size": "10", "fill": INK, "paint_order": "stroke", "stroke": "white", "stroke_width": "3"}
-        return text(x, y, self.words, text_anchor=anchor, **style)
+        return text(x, y, self.words, text_anchor=anchor, font_size="10", fill=INK, **HALO)
 
 
 def overlap(a: Box, b: Box) -> float:

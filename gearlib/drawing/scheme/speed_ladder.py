@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from math import floor, log10, pi
 
 from gearlib.drawing.icons import INK
+from gearlib.drawing.scheme.labels import HALO
 from gearlib.drawing.scheme.train import Symbol, Train, members
 from gearlib.drawing.style import COLOURS, MARK
 from gearlib.drawing.svg import Picture, circle, document, group, line, path, text, text_width
@@ -182,11 +183,11 @@ def _ladder(
     yield text(
         x + WIDTH / 2, EDGE + 22, ", ".join(s.name for s in ladder.sets), text_anchor="middle", font_size="11", fill=GREY
     )
-    for row, shafts in enumerate(_staggered(ladder, labels)):
-        for shaft in shafts:
-            label_y = EDGE + 24 + ROW * (row + 1)
-            yield line(at[shaft], label_y + 3, at[shaft], y(span[0]), stroke=GREY, stroke_width="1")
-            yield text(at[shaft], label_y, labels[shaft], text_anchor="middle", font_size="10", fill=INK)
+    base = {shaft: EDGE + 24 + ROW * (row + 1) for row, shafts in enumerate(_staggered(ladder, labels)) for shaft in shafts}
+    for shaft, label_y in base.items():
+        yield line(at[shaft], label_y + 3, at[shaft], y(span[0]), stroke=GREY, stroke_width="1")
+    for shaft, label_y in base.items():  # above the rails, which they interrupt
+        yield text(at[shaft], label_y, labels[shaft], text_anchor="middle", font_size="10", fill=INK, **HALO)
     for k, (name, found) in enumerate(speeds.items()):
         points = sorted((at[s], y(found[s] * 30 / pi), found[s] * 30 / pi) for s in at if s in found)
         if len(points) < 2:
@@ -202,9 +203,7 @@ def _ladder(
                     f"{w:.5g}",
                     font_size="10",
                     fill=colour,
-                    paint_order="stroke",
-                    stroke="white",
-                    stroke_width="3",
+                    **HALO,
                 )
                 for px, py, w in points
             ]

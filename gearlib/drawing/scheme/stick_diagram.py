@@ -16,7 +16,7 @@ from gearlib.drawing.svg import Picture, circle, document, group, line, number, 
 EDGE, HEADING, LINE, BAR = 30.0, 16.0, 1.8, 7.0
 GREY = "#5b6b7d"
 NUMBERS, NEXT, ROW = 90.0, 64.0, 15.0  # right edge of the first column of numbers, spacing of the next ones; height of rows
-HALO = {"stroke": "white", "stroke_width": "5", "stroke_linecap": "butt"}
+BEHIND = {"stroke": "white", "stroke_width": "5", "stroke_linecap": "butt"}
 FAR = (14.0, 24.0, 38.0, 56.0, 78.0)  # px, from a part to its name beside it
 Names = list[tuple[Label, tuple[float, float, str]]]
 
@@ -95,7 +95,7 @@ def _drawn(axes: Axes, routing: Routing, names: Names, results: ShownResults, en
             crossed = [v for v in routing.lines if v[4] != shaft and v[0] == v[2] and min(x1, x2) < v[0] < max(x1, x2)
                        and min(v[1], v[3]) < y1 < max(v[1], v[3])]  # fmt: skip
             for v in crossed:
-                yield line(v[0] - 5, y1, v[0] + 5, y1, **HALO)
+                yield line(v[0] - 5, y1, v[0] + 5, y1, **BEHIND)
             yield line(x1, y1, x2, y2, stroke=INK, stroke_width=LINE, stroke_linecap="round")
     for symbol, place in zip(axes.symbols, routing.places, strict=True):
         yield group(_symbol(symbol, place, axes), title="\n".join([symbol.name, *results.told_of(symbol)]))

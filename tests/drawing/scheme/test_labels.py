@@ -1,6 +1,7 @@
 """Names in stick diagrams stand off all lines and off each other."""
 
 import itertools
+import re
 
 import pytest
 
@@ -27,6 +28,22 @@ class Automatic(gl.Component):
         ]
 
 
+class Turning(gl.Component):
+    """Ravigneaux's set with its carrier held."""
+
+    def assemble(self):
+        self.engine, self.load, self.housing = gp.Torque(), gp.Torque(), gp.Fixed()
+        self.box = gp.Ravigneaux(ratio_small=2.2, ratio_large=2.9)
+        self.body = [gp.Inertia(J=1.0) for _ in range(4)]
+        shafts = [self.box.small_sun, self.box.large_sun, self.box.carrier, self.box.ring]
+        return [
+            gl.connect(self.engine.flange, self.box.small_sun),
+            gl.connect(self.box.ring, self.load.flange),
+            gl.connect(self.housing.flange, self.box.carrier),
+            *(gl.connect(body.flange_a, shaft) for body, shaft in zip(self.body, shafts, strict=True)),
+        ]
+
+
 @pytest.mark.parametrize("component", [Automatic, gp.ZhouCui2022])
 def test_no_name_lies_on_a_line_or_on_another_name(component):
     scheme = component().scheme()
@@ -47,3 +64,12 @@ def test_the_first_free_place_is_taken_and_otherwise_the_emptiest():
     assert placed([label, label], []) == [right, left]
     assert overlap((0, 0, 2, 2), (1, 1, 1, 5)) == 1.0
     assert overlap((0, 0, 2, 2), (3, 0, 4, 2)) == 0.0
+
+
+def test_labels_of_a_ladder_are_drawn_over_all_its_rails():
+    """A label that lies on the rail of another shaft interrupts it."""
+    svg = gl.compile(Turning()).power_flow(speeds={"engine.flange": 200.0}, torques={"engine.tau": 100.0}).speed_ladder().svg
+    last_rail = max(found.start() for found in re.finditer(r'<line [^>]*stroke="#5b6b7d"', svg))
+    names = [found for found in re.finditer(r"<text [^>]*>box\.[^<]*=", svg) if "paint-order" in found[0]]
+    assert len(names) == 2
+    assert all(found.start() > last_rail for found in names)
