@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.compiler.translate import Prototype
+from gearlib.equations.template import memoised
 from gearlib.native.sparse_solve import factors_size
 from gearlib.program.interpret import Prepared, constant_values
 from gearlib.program.program import Batch, Linear, Newton, Program
@@ -94,7 +95,7 @@ def substitution(order: EliminationOrder) -> float:
     return INDIRECT * (4.0 * order.fill + 2.0 * order.n)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Layout:
     """One function's section of ``data``: solution matrices of its linear blocks, slots, scratch."""
 
@@ -180,6 +181,7 @@ def fill(data: Floats, layout: Layout, coefficients: Sequence[Batch], prepared: 
         data[layout.slots : layout.slots + len(guess)] = guess
 
 
+@memoised
 def operations(program: Program, layout: Layout) -> float:
     """Approximate cost of one evaluation of a program, in additions; two iterations are assumed for nonlinear blocks."""
     total, needed, held = 0.0, iter(layout.needed), iter(layout.held)

@@ -155,12 +155,16 @@ class FastestDrive:
         """The largest rate with these parameters, rad/s; 0 where there is none."""
         if not self.varying:
             return self.constant
-        key = parameters.tobytes()
-        if key not in self._last:
-            rates = [np.abs(rate(*parameters[places.T])).max() for rate, places in self.varying]
-            self._last.clear()
-            self._last[key] = max(self.constant, float(np.nan_to_num(np.array(rates), posinf=0.0).max()))
-        return self._last[key]
+        return recent(self._last, parameters[self._decisive].tobytes(), lambda: self._fastest(parameters))
+
+    @cached_property
+    def _decisive(self) -> NDArray[np.int64]:
+        """The parameters that rates depend on; most runs change others."""
+        return np.unique(np.concatenate([places.ravel() for _, places in self.varying]))
+
+    def _fastest(self, parameters: Floats) -> float:
+        rates = [np.abs(rate(*parameters[places.T])).max() for rate, places in self.varying]
+        return max(self.constant, float(np.nan_to_num(np.array(rates), posinf=0.0).max()))
 
 
 def fastest_drive(program: Program, relations: Relations | None) -> FastestDrive:

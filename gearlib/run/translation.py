@@ -20,6 +20,7 @@ from gearlib.flatten.model import FlatModel
 from gearlib.flatten.specialise import Special
 from gearlib.language.component import Component
 from gearlib.language.recipes import packed
+from gearlib.recent import recent
 from gearlib.reduce.combinations import CancellingSum, cancel, combinations, replaced
 from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
 from gearlib.reduce.rows import some
@@ -39,6 +40,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 States = tuple[Node, ...]
 Rounds = tuple[tuple[CancellingSum, ...], ...]
+NONE = np.empty(0, np.int64)
 FLATTENED = 0.4  # share of the time of a large model
 MOST_ROUNDS = 10  # in which sums take the place of equations, each of which raises the index of what it acts on
 MOST_COMBINED = 8  # translations with such sums that are kept
@@ -86,10 +88,20 @@ class Variants:
     known: dict[Special, Translation] = field(default_factory=dict)  # keyed by the substituted values
     chosen: dict[Special, Translation] = field(default_factory=dict)  # keyed by the values that make a coefficient zero
     combined: dict[Special, dict[Rounds, Translation]] = field(default_factory=dict)  # with sums in place of equations
+    _cancelled: dict[bytes, Special] = field(default_factory=dict)  # of the last parameters in sums
 
     def special(self, parameters: Floats) -> Special:
         """The parameters, with their values, that make a variable's coefficient zero."""
+        if self.sums and parameters[self.factors].all():
+            return recent(
+                self._cancelled, parameters[self._in_sums].tobytes(), lambda: special_values(NONE, self.sums, parameters)
+            )
         return special_values(self.factors, self.sums, parameters)
+
+    @cached_property
+    def _in_sums(self) -> Integers:
+        """The parameters in coefficients that may cancel; most runs change others."""
+        return np.unique(np.concatenate([places.ravel() for _, places in self.sums]))
 
     def ordinary(self, parameters: Floats) -> NDArray[np.bool_]:
         """In which runs no coefficient is zero; ``parameters`` has the shape (parameters, runs)."""

@@ -79,7 +79,7 @@ class Run:
             return math.inf
         return self.longest_step
 
-    @property
+    @cached_property
     def follows_samples(self) -> str:
         """Why steps are limited to two sample intervals: a pulse between two steps would not be noticed. Or nothing."""
         if self.max_step is not None:
@@ -95,7 +95,7 @@ class Run:
             return "an expression of time whose shortest pulse is not known"
         return ""
 
-    @property
+    @cached_property
     def driven(self) -> bool:
         """Whether time drives the scene, other than through tables."""
         programs = [self.scene.program, *([self.scene.relations.program] if self.scene.relations is not None else [])]
