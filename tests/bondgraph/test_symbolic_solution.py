@@ -7,7 +7,7 @@ import random
 import pytest
 import sympy as sp
 
-from gearlib.bondgraph import state_equations
+from gearlib.bondgraph import BondGraph, C, I, One, R, Se, state_equations
 from gearlib.bondgraph.symbolic_solution import solved_by_blocks
 from gearparts.trains.paper_graphs import PREFERENCE, planetary_unit, single_loop_train
 
@@ -59,3 +59,14 @@ def test_shared_sums_are_printed_once():
     text = state_equations(single_loop_train().graph, PREFERENCE).latex(solved=True)
     assert text.count("s_{1} &=") == 1
     assert r"\dot{p}_{11} &= \frac{- s_{2} s_{6} + s_{4} s_{5}}{- s_{1} s_{2} + s_{3} s_{4}}" in text
+
+
+def test_solved_sums_are_broken_into_lines_and_quotients_stay_whole() -> None:
+    v = One("v")
+    equations = state_equations(BondGraph((1, Se(), v), (2, v, I()), (3, v, C()), (4, v, R())))
+    lines = equations.latex(solved=True, terms=2).splitlines()
+    assert lines[1:-1] == [
+        r"\dot{p}_{2} &= - \frac{R_{4}}{I_{2}} p_{2} - \frac{1}{C_{3}} q_{3} \\",
+        r"&\quad + Se_{1} \\",
+        r"\dot{q}_{3} &= \frac{p_{2}}{I_{2}}",
+    ]

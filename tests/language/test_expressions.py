@@ -9,6 +9,7 @@ import sympy
 
 import gearlib as gl
 from gearlib.errors import DeclarationError
+from gearlib.language.expressions import DEEPEST, check_depth
 
 x, y, k = sympy.symbols("x y k", real=True)
 dx, dy = sympy.Symbol("der(x)", real=True), sympy.Symbol("der(y)", real=True)
@@ -104,3 +105,14 @@ def test_functions_have_names_documentation_and_a_number_of_arguments() -> None:
     ):
         with pytest.raises(TypeError, match=said):
             function(*arguments)
+
+
+def test_depth_is_counted_before_sympy_works_on_an_expression() -> None:
+    """As deep as is allowed passes; one level more is refused by name, also where sympy could still follow."""
+    deep = x
+    for _ in range(DEEPEST - 1):
+        deep = sympy.sin(deep)
+    check_depth(deep, "Part")
+    check_depth(3.0, "Part")
+    with pytest.raises(DeclarationError, match="Part: an expression is nested too deeply"):
+        check_depth(sympy.sin(deep), "Part")

@@ -1,6 +1,7 @@
 """Stick diagrams: every part of a train is drawn, shafts join what is connected, and bands are as wide as the power."""
 
 import xml.etree.ElementTree as ET
+from random import Random
 
 import networkx as nx
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.drawing.scheme.routing import _Search
 from gearlib.drawing.scheme.train import train_of
 from gearlib.errors import ModelError
 from gearlib.language.outline import outline
@@ -110,6 +112,14 @@ def test_all_parts_are_drawn_and_each_shaft_is_one_line(name) -> None:
         own = [i for i, line in enumerate(lines) if line[4] == shaft and line[1] == line[3] == y]
         assert own or len({x for _, _, x in points}) == 1, shaft
         assert len({next(k for k, c in enumerate(nx.connected_components(graph)) if i in c) for i in own}) <= 1
+
+
+@pytest.mark.parametrize("name", ["simpson", "one set"])
+def test_lines_of_all_arrangements_are_horizontal_or_vertical(name) -> None:
+    search, random = _Search(TRAINS[name]().scheme().axes), Random(1)
+    for _ in range(60):
+        lines = search.drawn(search.shaken(search.first(), random)).lines
+        assert all(x == end or y == height for x, y, end, height, _ in lines)
 
 
 def test_shafts_are_what_is_connected_rigidly() -> None:
