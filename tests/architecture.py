@@ -388,8 +388,8 @@ BEGIN, END = "<!-- counted: begin -->", "<!-- counted: end -->"
 ROWS: Mapping[str, tuple[str, str, str]] = {
     "record types between compile and result": (
         "66", "22",
-        "a dozen are the public classes that any model is made of (`Parameter`, `Variable`, `Flow`, `Eq`, `connect`'s, `System`, the "
-        "result); six belong to the exact solution alone; what is left are the results of phases, each read by several later ones",
+        "eight are made while modules are loaded (the declarations of classes, and C prototypes), five are public (`Eq`, `Connection`, "
+        "`Port`, `System`, the result), six belong to the exact solution alone; the others are results of phases, read by later ones",
     ),
     "forms of one equation": ("12", "8", "`Rows` for the structure, and the compiler's own intermediate text and object code"),
     "implementations: differentiating a program": ("5", "1", ""),
