@@ -49,6 +49,8 @@ class TaylorSeries:
         Whether divisors may change sign, which the right-hand side itself watches.
     pulses : bool
         Whether an exponential, such as a bell curve of time, may hide a pulse from the coefficients before it.
+    branches : bool
+        Whether values at the start of a step choose between expressions, so that a short visit to another one may go unseen.
     """
 
     machine_code: CompiledFunction
@@ -57,6 +59,7 @@ class TaylorSeries:
     products: int
     guarded: bool
     pulses: bool
+    branches: bool
 
     @property
     def address(self) -> int:
@@ -84,6 +87,7 @@ class _Writer:
     rows: int = 0
     products: int = 0
     pulses: bool = False
+    branches: bool = False
     _known: dict[tuple[object, ...], PowerSeries] = field(default_factory=dict)
     _rows: dict[tuple[str, str], int] = field(default_factory=dict)
 
@@ -260,6 +264,7 @@ class _Writer:
             case "sqrt":
                 return self.root(a)
             case "abs":
+                self.branches = True
                 return self.times(
                     a, self._named(("sign", a), f"1.0 if {a.name} >= 0.0 else -1.0", "", PowerSeries("", varies=False))
                 )
@@ -413,11 +418,13 @@ class _Reader:
             return write.constant(f"{name}({', '.join(a.name for a in arguments)})")
         match name, arguments:
             case "min" | "max", [first, *others]:
+                write.branches = True
                 for other in others:
                     sign = "<=" if name == "min" else ">="
                     first = write.chosen(f"{first.name} {sign} {other.name}", first, other)
                 return first
             case "copysign", [size, a] if not size.varies:
+                write.branches = True
                 return write._named(
                     ("copysign", size, a), f"copysign({size.name}, {a.name})", "", PowerSeries("", varies=False)
                 )
@@ -434,6 +441,7 @@ class _Reader:
         match node:
             case ast.Compare(left, operators, comparators):
                 parts = [self.read(left).name]
+                self.write.branches |= any(self.read(side).varies for side in (left, *comparators))
                 for operator, right in zip(operators, comparators, strict=True):
                     parts += [ast.unparse(ast.Compare(ast.Name("a"), [operator], [ast.Name("b")]))[2:-2], self.read(right).name]
                 return f"({' '.join(parts)})"
@@ -498,4 +506,4 @@ def taylor_series(program: Program, layout: Layout) -> TaylorSeries | str:
     except NoSeriesError as reason:
         return str(reason)
     code = compiled(HEADER + text, "series")
-    return TaylorSeries(code, write.rows, len(write.later), write.products, bool(program.guards), write.pulses)
+    return TaylorSeries(code, write.rows, len(write.later), write.products, bool(program.guards), write.pulses, write.branches)

@@ -19,6 +19,7 @@ class SeriesRecord(LoopRecord):
     ahead: int  # address of the coefficients at the end of the step, those of the next one
     order_ahead: int
     next_order: int  # order of the next expansion
+    highest: int  # order
     ready: int  # whether ``ahead`` belongs to the states at which the next step begins
     guarded: int  # whether only the right-hand side itself notices divisors that change sign
     expansions: int  # coefficients computed, counted in orders
@@ -27,3 +28,4 @@ class SeriesRecord(LoopRecord):
     cost_step: float
     cost_order: float
     cost_product: float
+    cosine: float  # of the angle between the last two coefficients

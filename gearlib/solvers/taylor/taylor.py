@@ -55,7 +55,13 @@ class Taylor(Stepper):
         record, n, span = self.record, problem.x0.size, float(problem.times[-1] - problem.times[0])
         atol = memory("atol")
         atol[n:], atol[:n] = 1.0, problem.absolute_tolerance
-        record.next_order, record.size, record.rtol, record.span = taylor_loop.FIRST, atol.size, problem.rtol, span
+        record.highest = taylor_loop.SEARCHED if record.n_roots or self.series.branches else HIGHEST
+        record.next_order, record.size, record.rtol, record.span = (
+            min(taylor_loop.FIRST, record.highest),
+            atol.size,
+            problem.rtol,
+            span,
+        )
         record.h_max = min(span, problem.longest_step if self.series.pulses else problem.longest_expanded_step)
         record.patience = PATIENCE if problem.may_leave else -1
         record.slack, record.slack_share = 1e-16 * span, taylor_loop.LOCATED
@@ -98,8 +104,7 @@ class Taylor(Stepper):
     @property
     def damped(self) -> bool:
         """Whether the motion that limits the steps is a decay rather than a vibration."""
-        record = self.record
-        return record.products < 0.0 and record.products**2 > DAMPED * DAMPED * record.slopes * record.moves
+        return self.record.cosine < -DAMPED
 
     def stats(self) -> dict[str, Any]:
         record = self.record

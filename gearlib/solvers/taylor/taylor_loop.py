@@ -6,7 +6,7 @@ import math
 
 from gearlib.compiler.small_language import floats_at, int32, native
 from gearlib.native.layout import MODEL
-from gearlib.native.series_source import HIGHEST, SERIES
+from gearlib.native.series_source import SERIES
 from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, STEPPED, STIFF
 from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.root_finding import OLD, SLOPE_OLD, crossing, just_beyond, row, slopes
@@ -15,7 +15,7 @@ from gearlib.solvers.rungekutta.within_step import establish_sides, fire
 from gearlib.solvers.taylor.polynomial import defect, evaluate, norm, product, reach, weigh
 from gearlib.solvers.taylor.series_record import SeriesRecord
 
-__all__ = ["FIRST", "LOCATED", "MODULES", "NOT_FINITE", "UNDERFLOW"]
+__all__ = ["FIRST", "LOCATED", "MODULES", "NOT_FINITE", "SEARCHED", "UNDERFLOW"]
 
 MODULES = (  # compiled as one unit
     "gearlib.solvers.taylor.taylor_loop", "gearlib.solvers.taylor.polynomial", "gearlib.solvers.rungekutta.root_finding",
@@ -27,6 +27,9 @@ LOCATED = 2.2e-14  # relative to time: accuracy of event location
 FIRST, LOWEST = 20, 4  # order of the first step, and the lowest one
 AGAIN = 20  # steps after which the order is chosen anew
 WORTH = 1.05  # gain in speed that a change of order is made for
+# Highest order where events are searched for, or expressions chosen: longer steps hide more than the one dip that the search between
+# their ends can find, and short visits to another expression
+SEARCHED = 10
 SURE = 3  # choices of the order in a row at which stability limits the steps
 UNSEEN = 10.0  # amplitude of the fastest motion, in tolerances, below which it does not matter
 CAUTION = 0.9  # factor on a step that is repeated
@@ -81,7 +84,7 @@ def _choose_order(s: SeriesRecord) -> int:
             best, fastest = k, speed
         own = speed
     if best == order:
-        return min(order + 2, HIGHEST)
+        return min(order + 2, s.highest)
     return best if fastest > WORTH * own else order
 
 
@@ -99,7 +102,7 @@ def _watch(s: SeriesRecord) -> bool:
     amplitude = last
     for j in range(1, k + 1):
         amplitude *= j / rate
-    s.slopes, s.moves, s.products = k * k * last * last, before * before, k * product(s)
+    s.cosine = product(s) / last / before
     if not amplitude < UNSEEN:
         s.stiff_steps = 0
         return False
@@ -129,6 +132,9 @@ def taylor_step(address: int, stop: float) -> int32:
     if not _begin(s):
         return RHS_FAILED
     weigh(s)
+    while s.order > LOWEST and not norm(s, s.order) < math.inf:  # rates of 1e7 /s to the power of 30 overflow
+        s.order -= 1
+        s.next_order = s.order
     if s.looked >= AGAIN:
         s.looked = 0
         s.next_order = _choose_order(s)

@@ -188,3 +188,40 @@ def test_a_stepped_run_equals_a_whole_one() -> None:
         run.advance(float(t))
     whole = OSCILLATOR.simulate(1.0, samples=2, method="taylor", rtol=1e-10, inputs={"torque.tau": 1.0})
     assert abs(run["one.w"] - whole["one.w"][-1]) < 1e-8
+
+
+class Swings(gl.Component):
+    """cos(30 t), which is above 0.9995 for a hundredth of each period."""
+
+    rate = gl.Parameter("1/s", "makes speeds numbers", default=30.0)
+    x = gl.Variable("1", "deflection", start=1.0)
+    v = gl.Variable("1", "speed", start=0.0)
+    n = gl.Discrete("number of times that it came above")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), self.rate * self.v), gl.Eq(gl.der(self.v), -self.rate * self.x),
+            gl.When(self.x > 0.9995, gl.Eq(self.n, gl.pre(self.n) + 1)),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8])
+def test_a_short_visit_within_a_step_is_not_missed(rtol: float) -> None:
+    result = gl.simulate(Swings(), 10.0, samples=2, method="taylor", rtol=rtol, max_step=1.0)
+    assert result["n"][-1] == 47.0  # 300 rad
+
+
+def test_a_decay_of_any_rate_has_its_series() -> None:
+    """Coefficients of order 30 overflow for a rate of 1e12 /s: fewer are used."""
+
+    class Damped(gl.Component):
+        """A decay so fast that it is over at once."""
+
+        rate = gl.Parameter("1/s", "rate", default=1e12)
+        x = gl.Variable("1", "quantity", start=1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), -self.rate * (self.x + gl.no_event(abs(self.x) * self.x)))]
+
+    result = gl.simulate(Damped(), 1e-9, samples=5, method="taylor")
+    np.testing.assert_allclose(result["x"][1:], 0.0, atol=1e-5)
