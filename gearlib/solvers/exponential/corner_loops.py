@@ -76,8 +76,9 @@ def by_series(address: int) -> int32:
             for r in range(order):
                 term[r] = z[r]
                 following[r] = 0.0
-            k, left = 1, 1.0
-            while left > ROUNDING and k < 40:
+            k, left, grows = 1, 1.0, True
+            # the bound on the terms holds in scaled coordinates: where states hardly act back, a later term may be larger than it says
+            while (left > ROUNDING or grows) and k < 40:
                 for r in range(n):
                     added = 0.0
                     for j in range(order):
@@ -85,9 +86,11 @@ def by_series(address: int) -> int32:
                     following[r] = added * h / k
                 for r in range(m):
                     following[n + r] = term[n + m + r] * h / k
+                grows = False
                 for r in range(order):
                     term[r] = following[r]
                     z[r] = z[r] + following[r]
+                    grows = grows or abs(following[r]) > ROUNDING * abs(z[r])
                 left *= s.rate * h / k
                 k += 1
         for r in range(n):

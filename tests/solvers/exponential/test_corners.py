@@ -10,10 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 import gearlib as gl
 import gearparts as gp
 from gearlib.solvers.exponential.corners import Intervals, solve
+from gearlib.solvers.inputs.table import Table
 
 c = gl.connect
 
@@ -119,3 +121,17 @@ def test_many_states_leave_a_table_with_many_corners_to_runge_kutta() -> None:
     assert "a table has 301 points" in left.stats["why"]
     exact = system.simulate(10.0, samples=11, inputs={"t.tau": measured}, method="exact")
     assert left["j[29].w"] == pytest.approx(exact["j[29].w"], rel=1e-6, abs=1e-7)
+
+
+@pytest.mark.parametrize("back", [0.0, 1e-19, 1e-12, 1e-3])
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_states_that_hardly_act_back(n: int, back: float) -> None:
+    """A chain of integrators driven by a ramp: the last term of the series is the one that reaches the last state."""
+    A, B = np.diag(np.full(n - 1, 0.7), -1), np.zeros((n, 1))
+    A[0, -1], B[0, 0] = back, 0.15
+    ramp, times = Table([0.0, 1.3], [2.0, 5.0]), np.array([0.0, 0.123, 0.5, 1.3])
+    found = solve(A, B, [ramp], np.zeros(n), times, Intervals.of(times, [ramp]))
+    whole = np.zeros((n + 2, n + 2))
+    whole[:n, :n], whole[:n, n], whole[n, n + 1] = A, B[:, 0], 1.0
+    right = np.array([expm(whole * t)[:n] @ [*np.zeros(n), 2.0, 3.0 / 1.3] for t in times])
+    assert found == pytest.approx(right, rel=1e-12, abs=1e-300)
