@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from typing import Any
 
@@ -135,3 +136,18 @@ def test_states_that_hardly_act_back(n: int, back: float) -> None:
     whole[:n, :n], whole[:n, n], whole[n, n + 1] = A, B[:, 0], 1.0
     right = np.array([expm(whole * t)[:n] @ [*np.zeros(n), 2.0, 3.0 / 1.3] for t in times])
     assert found == pytest.approx(right, rel=1e-12, abs=1e-300)
+
+
+@pytest.mark.parametrize("rate", [0.0, 1.7e-18, -1e-12, 1e-30])
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_chains_of_integrators_with_a_rate_that_is_rounding(rate: float, n: int) -> None:
+    """A table that rises, over n integrators: 3 t**(n + 1) / (n + 1)!; from the last one back there is next to nothing."""
+    A = np.diag(np.ones(n - 1), -1)
+    A[0, -1] = rate
+    B = np.zeros((n, 1))
+    B[0] = 1.0
+    ramp, times = Table([0.0, 2.0], [-4.0, 2.0]), np.array([0.0, 0.01, 0.05, 0.5, 1.0])
+    found = solve(A, B, [ramp], np.zeros(n), times, Intervals.of(times, [ramp]))
+    for k in range(1, n + 1):
+        expected = -4.0 * times**k / math.factorial(k) + 3.0 * times ** (k + 1) / math.factorial(k + 1)
+        assert found[:, k - 1] == pytest.approx(expected, rel=1e-9, abs=1e-18)
