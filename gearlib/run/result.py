@@ -702,10 +702,13 @@ class SimulatedResult(Result):
 
     def _balance(self, request: Request) -> EnergyBalance:
         from gearlib.run.energy.audit import energy_balance
+        from gearlib.solvers.inputs.table import Table
 
-        # the exact method crosses switches in time without events
-        switches = self.translation.energy_scene.time_switches(request.parameters, float(self.time[0]), float(self.time[-1]))
-        jumps = [t for t, _ in (*self.events, *switches)]
+        # the exact method crosses switches in time and jumps of inputs without events
+        t0, t1 = float(self.time[0]), float(self.time[-1])
+        switches = self.translation.energy_scene.time_switches(request.parameters, t0, t1)
+        tables = [signal.over(t0, t1) for signal in request.signals if isinstance(signal, Table)]
+        jumps = [*(t for t, _ in (*self.events, *switches)), *(t for table in tables for t in table.jumps.tolist())]
         return energy_balance(self.translation, request, self.time, jumps, self._run)
 
     def energy_balance(self) -> EnergyBalance:

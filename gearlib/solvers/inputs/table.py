@@ -175,6 +175,12 @@ class Table(Tabulated):
         """Times that a run steps to exactly, s: all points, unless the curve is known to be smooth at them."""
         return self.t if self._corners is None else self._corners
 
+    @property
+    def jumps(self) -> Floats:
+        """Times at which its value jumps, s."""
+        changes = np.diff(self.y) != 0
+        return self.t[1:][changes if self.interpolation == "previous" else changes & (np.diff(self.t) == 0)]
+
     def between(self, begin: float, end: float) -> Table:
         """The part that holds from one time up to another one; after that its last piece goes on."""
         first = max(int(np.searchsorted(self.t, begin, side="right")) - 1, 0)
