@@ -179,7 +179,8 @@ class Table(Tabulated):
     def jumps(self) -> Floats:
         """Times at which its value jumps, s."""
         changes = np.diff(self.y) != 0
-        return self.t[1:][changes if self.interpolation == "previous" else changes & (np.diff(self.t) == 0)]
+        found: Floats = self.t[1:][changes if self.interpolation == "previous" else changes & (np.diff(self.t) == 0)]
+        return found
 
     def between(self, begin: float, end: float) -> Table:
         """The part that holds from one time up to another one; after that its last piece goes on."""
