@@ -118,7 +118,7 @@ def floor(library: Any, count: int, rtol: float) -> tuple[Any, int]:
     address = [ctypes.cast(f, ctypes.c_void_p).value for f in (library.residual, library.jacobian)]
     solver.create(address[0], 0.0, ctypes.addressof(model), rtol, atol, np.ones(n))
     model.band = solver.use_band(2, 2)
-    solver.attach(address[1], 0, 0)
+    solver.attach(address[1], 0, np.empty(0, np.int32))
     sundials.IDASetMaxNumSteps(solver.mem, 10**7)
     sundials.IDASetStopTime(solver.mem, TIMES[-1])
     pointers = [ctypes.c_void_p(p) for p in (sundials.address("IDASolve"), solver.mem, solver.yy, solver.yp, TIMES.ctypes.data)]

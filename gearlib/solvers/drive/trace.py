@@ -21,7 +21,7 @@ from gearlib.compiler.small_language import floats_at, int32, ints_at, native, r
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-MOST = 2_000_000  # numbers in a trace (16 MB); a longer one is dropped
+MOST = 100_000  # numbers in a trace (0.8 MB, so that results do not grow with the length of a run); a longer one is dropped
 FIRST, GROWTH = 4096, 4  # numbers in the first piece; by how much each further one is longer
 POINTS = 6  # ends of steps that a polynomial passes through, at most
 QUARTERS = np.array([0.5, 0.25, 0.75])  # of a step: where samples help
