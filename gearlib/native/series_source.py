@@ -279,7 +279,7 @@ class _Writer:
             "acosh": lambda: self.over(one, self.root(self.plus(square, self.constant("(-1.0)")))),
         }
         if name not in inner:
-            raise NoSeriesError(f"it has no Taylor series for {name}(...)")
+            raise NoSeriesError(f"has no Taylor series for {name}(...)")
         return self.integral((name, a), f"{name}({a.name})", [(a, self.row(inner[name]()))])
 
     def angle(self, y: PowerSeries, x: PowerSeries) -> PowerSeries:
@@ -381,7 +381,7 @@ class _Reader:
                 return write.chosen(self.condition(test), self.read(body), self.read(orelse))
             case ast.Call(ast.Name(name), arguments):
                 return self._call(name, [self.read(a) for a in arguments])
-        raise NoSeriesError(f"it has no Taylor series for {ast.unparse(node)[:60]}")
+        raise NoSeriesError(f"has no Taylor series for {ast.unparse(node)[:60]}")
 
     def _chain(self, node: ast.BinOp) -> PowerSeries:
         """Sums and products from left to right, iteratively: a sum of many terms has a syntax tree as deep."""
@@ -403,7 +403,7 @@ class _Reader:
                 case ast.Div():
                     result = write.over(result, right)
                 case _:
-                    raise NoSeriesError(f"it has no Taylor series for {ast.unparse(node)[:60]}")
+                    raise NoSeriesError(f"has no Taylor series for {ast.unparse(node)[:60]}")
         return result
 
     def _absolute(self, test: ast.expr, name: str) -> PowerSeries:
@@ -434,7 +434,7 @@ class _Reader:
                 return write.power(a, b, None)
             case _, [a]:
                 return write.function(name, a)
-        raise NoSeriesError(f"it has no Taylor series for {name}(...)")
+        raise NoSeriesError(f"has no Taylor series for {name}(...)")
 
     def condition(self, node: ast.expr) -> str:
         """A condition on values at the start of the step."""
@@ -451,7 +451,7 @@ class _Reader:
                 return f"(not {self.condition(operand)})"
             case ast.Constant(bool()):
                 return "1.0 == 1.0" if node.value else "1.0 == 0.0"
-        raise NoSeriesError(f"it has no Taylor series for a choice by {ast.unparse(node)[:60]}")
+        raise NoSeriesError(f"has no Taylor series for a choice by {ast.unparse(node)[:60]}")
 
 
 def _number(node: ast.expr) -> float | None:
@@ -472,7 +472,7 @@ def taylor_source(program: Program, layout: Layout) -> tuple[str, _Writer]:
     """
     if any(isinstance(step, Newton) for step in program.steps):
         raise NoSeriesError(
-            "it has no Taylor series for equations that are solved together, or by iteration, in each evaluation"
+            "has no Taylor series for equations that are solved together, or by iteration, in each evaluation"
         )
     if not is_small(program):
         raise NoSeriesError(f"it takes up to {LONGEST} equations")
