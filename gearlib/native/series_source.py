@@ -142,7 +142,7 @@ class _Writer:
         """Sum over j from 1 to ``last`` of row a at j times row b at k - j."""
         self.products += 1
         if self.products > MOST_PRODUCTS:
-            raise NoSeriesError(f"there are more than {MOST_PRODUCTS} products and functions of variables")
+            raise NoSeriesError(f"takes up to {MOST_PRODUCTS} products and functions of variables")
         total = f"p{self.products}"
         self.later += [f"{total} = 0.0", f"for j in range(1, {last}):", f"    {total} += work[{a} + j] * work[{b} + k - j]"]
         return total
@@ -475,7 +475,7 @@ def taylor_source(program: Program, layout: Layout) -> tuple[str, _Writer]:
             "has no Taylor series for equations that are solved together, or by iteration, in each evaluation"
         )
     if not is_small(program):
-        raise NoSeriesError(f"it takes up to {LONGEST} equations")
+        raise NoSeriesError(f"takes up to {LONGEST} equations")
     write = _Writer()
     reader = _Reader(write)
     n = len(program.states)
