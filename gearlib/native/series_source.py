@@ -471,9 +471,7 @@ def taylor_source(program: Program, layout: Layout) -> tuple[str, _Writer]:
         The program is too large, iterates, or uses an operation without a series; the message is the rest of a sentence.
     """
     if any(isinstance(step, Newton) for step in program.steps):
-        raise NoSeriesError(
-            "has no Taylor series for equations that are solved together, or by iteration, in each evaluation"
-        )
+        raise NoSeriesError("has no Taylor series for equations that are solved together, or by iteration, in each evaluation")
     if not is_small(program):
         raise NoSeriesError(f"takes up to {LONGEST} equations")
     write = _Writer()

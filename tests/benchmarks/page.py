@@ -215,6 +215,7 @@ LINES = {
     "gearlib exact": {"color": "#0b5394", "marker": "*", "lw": 1.8, "ms": 5},
     "gearlib rk5": {"color": "#e08e0b", "marker": ".", "lw": 1.8},
     "gearlib rk8": {"color": "#2e8b57", "marker": ".", "lw": 1.8},
+    "gearlib taylor": {"color": "#e0489b", "marker": "+", "lw": 1.8},
     "gearlib ida": {"color": "#d1495b", "marker": ".", "lw": 1.8},
     "SciPy LSODA": {"color": "#6a3d9a", "marker": "o"},
     "SciPy Radau": {"color": "#b07cc6", "marker": "s"},
