@@ -235,6 +235,16 @@ def existing(names: tuple[str, ...]) -> list[str]:
 # ---------------------------------------------------------------- a run
 
 
+def profiled(action: Callable[[], object], watch: Callable[[FrameType, str, Any], None]) -> None:
+    """Run an action under a profiling function."""
+    before = sys.getprofile()
+    sys.setprofile(watch)
+    try:
+        action()
+    finally:
+        sys.setprofile(before)
+
+
 def record_types(action: Callable[[], object]) -> list[str]:
     """Classes of gearlib of which an action makes instances."""
     made: set[str] = set()
@@ -246,12 +256,7 @@ def record_types(action: Callable[[], object]) -> list[str]:
             if kind.__module__.startswith("gearlib."):
                 made.add(f"{kind.__module__}.{kind.__qualname__}")
 
-    before = sys.getprofile()
-    sys.setprofile(watch)
-    try:
-        action()
-    finally:
-        sys.setprofile(before)
+    profiled(action, watch)
     return sorted(made)
 
 
@@ -276,12 +281,7 @@ def calls_with(kind: type, action: Callable[[], object]) -> list[Call]:
                 (a, one), (b, other) = ((package(module), c.co_name) for module, c in ends)
                 found.setdefault((a, one, b, other))
 
-    before = sys.getprofile()
-    sys.setprofile(watch)
-    try:
-        action()
-    finally:
-        sys.setprofile(before)
+    profiled(action, watch)
     return list(found)
 
 

@@ -159,6 +159,16 @@ def fields_of(record: object) -> list[tuple[str, object]]:
     return [field for base in bases for field in vars(base).get("_fields_", ())]
 
 
+def chain(node: ast.BinOp) -> tuple[ast.expr, list[ast.BinOp]]:
+    """The first operand of sums and products, and the operations from left to right: iteratively, since long sums nest as deep."""
+    pending: list[ast.BinOp] = []
+    first: ast.expr = node
+    while isinstance(first, ast.BinOp) and not isinstance(first.op, ast.Pow):
+        pending.append(first)
+        first = first.left
+    return first, pending[::-1]
+
+
 def _refusal(node: ast.AST) -> Unsupported:
     return Unsupported(f"`{ast.unparse(node)}` is not in the language of generated functions")
 
@@ -519,14 +529,10 @@ class _Function:
         raise Unsupported(f"`{ast.unparse(node)}`: there is no such field")
 
     def operations(self, node: ast.BinOp) -> Value:
-        """A chain of binary operations, iteratively: a sum of thousands of terms has a syntax tree as deep."""
-        pending: list[ast.BinOp] = []
-        first: ast.expr = node
-        while isinstance(first, ast.BinOp) and not isinstance(first.op, ast.Pow):
-            pending.append(first)
-            first = first.left
+        """A chain of binary operations, from left to right."""
+        first, later = chain(node)
         result = self.value(first)
-        for outer in reversed(pending):
+        for outer in later:
             if isinstance(outer.op, (ast.FloorDiv, ast.Mod)):
                 both = self.write.divided(result, self.value(outer.right))
                 result = both[isinstance(outer.op, ast.Mod)]

@@ -29,9 +29,8 @@ def balance(A: Floats) -> tuple[Floats, Floats]:
     """
     from scipy.linalg import matrix_balance
 
-    with np.errstate(
-        invalid="ignore"
-    ):  # SciPy reads an order of the states from the scales, too, which may be too large for that
+    # SciPy reads an order of the states from the scales, too, for which they may be too large
+    with np.errstate(invalid="ignore"):
         balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
     further = _one_way(balanced)
     return balanced / further[:, None] * further, scale * further

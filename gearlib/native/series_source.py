@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
 from gearlib.compiler.object_code import CompiledFunction, compiled
-from gearlib.compiler.translate import Prototype
+from gearlib.compiler.translate import Prototype, chain
 from gearlib.native.layout import Layout
 from gearlib.native.source import HEADER, LONGEST, assignments, is_small
 from gearlib.program.program import Newton, Program
@@ -384,14 +384,10 @@ class _Reader:
         raise NoSeriesError(f"has no Taylor series for {ast.unparse(node)[:60]}")
 
     def _chain(self, node: ast.BinOp) -> PowerSeries:
-        """Sums and products from left to right, iteratively: a sum of many terms has a syntax tree as deep."""
-        pending: list[ast.BinOp] = []
-        first: ast.expr = node
-        while isinstance(first, ast.BinOp) and not isinstance(first.op, ast.Pow):
-            pending.append(first)
-            first = first.left
+        """Sums and products, from left to right."""
+        first, later = chain(node)
         result, write = self.read(first), self.write
-        for outer in reversed(pending):
+        for outer in later:
             right = self.read(outer.right)
             match outer.op:
                 case ast.Add():

@@ -12,10 +12,10 @@ from gearlib.native.layout import MODEL
 from gearlib.solvers.drive.drive_loop import FOUND, RETRY, RHS_FAILED, START, STEPPED, STIFF, TIMED
 from gearlib.solvers.rungekutta.first_step import first_step, is_stiff, note
 from gearlib.solvers.rungekutta.record import LoopRecord
-from gearlib.solvers.rungekutta.root_finding import OLD, SLOPE_OLD, crossing, just_beyond, row, slopes
+from gearlib.solvers.rungekutta.root_finding import OLD, SLOPE_OLD, crossing, row, slopes
 from gearlib.solvers.rungekutta.stages import step_error, take_step
 from gearlib.solvers.rungekutta.step_size import adapt, begin_phase
-from gearlib.solvers.rungekutta.within_step import establish_sides, fire
+from gearlib.solvers.rungekutta.within_step import LOCATED, ROUNDING, end_of_step, establish_sides
 
 __all__ = ["LOCATED", "MODULES", "UNDERFLOW"]
 
@@ -27,8 +27,6 @@ MODULES = tuple(  # compiled as one unit
 UNDERFLOW = -2  # result of a step, besides the driver's codes
 
 SURE, CALM = 15, 6
-ROUNDING = 8.9e-16
-LOCATED = 2.2e-14  # relative to time: accuracy of event location
 
 
 @native
@@ -114,14 +112,7 @@ def rk_step(address: int, stop: float) -> int32:
             s.h_cut = (1.0 + 1e-4) * theta * h
             s.rejected += 1
             return RETRY
-    t_new = stop if last_of_span and found == 0 else t + theta * h
-    reached = t_new >= stop - ROUNDING * abs(stop)
-    s.reached, s.h_step = stop if reached else t_new, h
-    if found == 0 and reached and s.n_roots > 0 and s.stop == s.n_stops - 1:
-        if just_beyond(s, stop, LOCATED * max(abs(s.origin + stop), s.span)):
-            found = 1
-    if found == 1:
-        fire(s)
+    found = end_of_step(s, stop, stop if last_of_span and found == 0 else t + theta * h, h, found)
     if stiff:
         s.pause = STIFF
     return FOUND if found == 1 else STEPPED

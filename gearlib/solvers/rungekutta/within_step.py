@@ -7,11 +7,14 @@ from __future__ import annotations
 
 from gearlib.compiler.small_language import floats_at, int32, int32s_at, native
 from gearlib.solvers.rungekutta.record import LoopRecord
-from gearlib.solvers.rungekutta.root_finding import NEW, OLD, SLOPE_NEW, SLOPE_OLD, row
+from gearlib.solvers.rungekutta.root_finding import NEW, OLD, SLOPE_NEW, SLOPE_OLD, just_beyond, row
 from gearlib.solvers.rungekutta.stages import dense_output, interpolate, last_stage
 from gearlib.solvers.rungekutta.vectors import move
 
-__all__ = ["establish_sides", "fire"]
+__all__ = ["LOCATED", "ROUNDING", "end_of_step", "establish_sides"]
+
+ROUNDING = 8.9e-16
+LOCATED = 2.2e-14  # relative to time: accuracy of event location
 
 
 @native
@@ -38,6 +41,19 @@ def rk_accept(address: int) -> int32:
         old[i] = new[i]
         slope_old[i] = slope_new[i]
     return 0
+
+
+@native
+def end_of_step(s: LoopRecord, stop: float, t_new: float, h: float, found: int) -> int:
+    """Set where a step ends, and record its event, if there is one; returns 1 for an event."""
+    reached = t_new >= stop - ROUNDING * abs(stop)
+    s.reached, s.h_step = stop if reached else t_new, h
+    if found == 0 and reached and s.n_roots > 0 and s.stop == s.n_stops - 1:
+        if just_beyond(s, stop, LOCATED * max(abs(s.origin + stop), s.span)):
+            found = 1
+    if found == 1:
+        fire(s)
+    return found
 
 
 @native

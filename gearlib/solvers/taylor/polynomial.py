@@ -11,7 +11,7 @@ from gearlib.compiler.small_language import block, blocks, floats_at, native, to
 from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.taylor.series_record import SeriesRecord
 
-__all__ = ["defect", "dense_output", "evaluate", "interpolate", "last_stage", "norm", "product", "reach", "weigh"]
+__all__ = ["defect", "dense_output", "evaluate", "interpolate", "last_stage", "norm", "reach", "weigh"]
 
 
 @native
@@ -53,16 +53,6 @@ def norm(s: SeriesRecord, k: int) -> float:
         e = c[i + row] * weights[i]
         squares += e * e
     return math.sqrt(total(squares) / s.n)
-
-
-@native
-def product(s: SeriesRecord) -> float:
-    """Mean product of the last two coefficients relative to the tolerance: negative for a decay."""
-    c, weights, size, row = floats_at(s.c), floats_at(s.weights), s.size, s.order * s.size
-    products = block(0.0)
-    for i in blocks(size):
-        products += c[i + row] * weights[i] * (c[i + row - size] * weights[i])
-    return total(products) / s.n
 
 
 @native

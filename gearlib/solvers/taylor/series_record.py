@@ -28,4 +28,3 @@ class SeriesRecord(LoopRecord):
     cost_step: float
     cost_order: float
     cost_product: float
-    cosine: float  # of the angle between the last two coefficients

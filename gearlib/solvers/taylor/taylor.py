@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 from weakref import proxy
@@ -13,7 +12,6 @@ from gearlib.native.series_source import HIGHEST, ROW, TaylorSeries
 from gearlib.solvers.drive import drive_loop
 from gearlib.solvers.drive.driver import PATIENCE, Driver, Stepper
 from gearlib.solvers.problem import Floats
-from gearlib.solvers.rungekutta.first_step import DAMPED
 from gearlib.solvers.taylor import taylor_loop
 from gearlib.solvers.taylor.series_record import SeriesRecord
 
@@ -76,35 +74,14 @@ class Taylor(Stepper):
 
     @property
     def work(self) -> float:
-        record = self.record
-        return self._work(record.steps, record.expansions, record.events - self.driver.events_before)
-
-    def _work(self, steps: int, orders: float, events: int) -> float:
         """Estimated cost of steps, of orders of coefficients, and of events (ns), from counted operations."""
-        record, effort, mean = self.record, self.problem.effort, orders / max(steps, 1)
+        record, effort, events = self.record, self.problem.effort, self.record.events - self.driver.events_before
+        mean = record.expansions / max(record.steps, 1)
         looks = effort.roots if self.problem.roots is not None else 0.0
-        own = steps * (record.cost_step + 2.0 * looks) + orders * (record.cost_order + mean * record.cost_product)
-        return own + events * (effort.rhs + effort.update + 10.0 * looks)
-
-    def watch(self, work_first: float = 0.0) -> None:
-        """Watch for stiffness, and stop once it limits the steps, after a given amount of further work."""
-        record = self.record
-        mean = record.expansions / record.steps if record.steps else taylor_loop.FIRST
-        steps = math.ceil(min(work_first / self._work(1, mean, 0), 1e12))
-        record.detect, record.detect_from, record.stiff_steps = 1, record.steps + steps, 0
-
-    @property
-    def pace(self) -> float:
-        """Seconds of motion per nanosecond of work, since stability has limited the steps."""
-        record = self.record
-        steps, events = record.steps - record.stiff_first, record.events - record.stiff_events
-        done = self._work(steps, steps * record.expansions / max(record.steps, 1), events)
-        return (record.t - record.stiff_t) / done if done > 0.0 else 0.0
-
-    @property
-    def damped(self) -> bool:
-        """Whether the motion that limits the steps is a decay rather than a vibration."""
-        return self.record.cosine < -DAMPED
+        own = record.steps * (record.cost_step + 2.0 * looks) + record.expansions * (
+            record.cost_order + mean * record.cost_product
+        )
+        return float(own + events * (effort.rhs + effort.update + 10.0 * looks))
 
     def stats(self) -> dict[str, Any]:
         record = self.record

@@ -9,23 +9,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.drawing.scheme.labels import Label, overlap, placed
 from gearlib.drawing.scheme.stick_diagram import placed_names
-
-
-class Automatic(gl.Component):
-    """Ravigneaux's set with three clutches and two brakes."""
-
-    def assemble(self):
-        self.engine, self.load = gp.Torque(), gp.Torque()
-        self.box = gp.Ravigneaux(ratio_small=2.2, ratio_large=2.9)
-        self.K1, self.K2, self.K3 = (gp.Clutch(fn_max=1e4) for _ in range(3))
-        self.B1, self.B2 = (gp.Brake(fn_max=1e4) for _ in range(2))
-        return [
-            gl.connect(self.engine.flange, self.K1.flange_a, self.K2.flange_a, self.K3.flange_a),
-            gl.connect(self.K1.flange_b, self.box.small_sun),
-            gl.connect(self.K2.flange_b, self.box.large_sun, self.B1.flange_a),
-            gl.connect(self.K3.flange_b, self.box.carrier, self.B2.flange_a),
-            gl.connect(self.box.ring, self.load.flange),
-        ]
+from tests.drawing.scheme.test_stick_diagram import Automatic
 
 
 class Turning(gl.Component):
