@@ -31,7 +31,7 @@ ACCEPT = Prototype("int32", ("int",))
 RESTART = Prototype("int32", ("int", "int", "int"))
 
 BURST = 1000  # number of instants with events within ``window`` that means a chattering model rather than a rattling gear
-ROUNDING = 8.9e-16  # four unit roundoffs (4 * 2.2e-16)
+ROUNDING = 8.9e-16  # relative to time: four spacings of doubles (4 * 2.2e-16)
 MARGIN = 2  # rows that a step may add to the trace
 PASSES = 100  # of event iteration and restart at one instant
 

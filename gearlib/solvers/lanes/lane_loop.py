@@ -22,15 +22,16 @@ from gearlib.compiler.small_language import (
     native,
     where,
 )
+from gearlib.solvers.drive.drive_loop import ROUNDING
 from gearlib.solvers.lanes.lane_record import LANE_MODEL, LaneRecord
+from gearlib.solvers.rungekutta.first_step import DAMPED, NEAR5
 from gearlib.solvers.rungekutta.tableaux import TSIT5_A, TSIT5_C, TSIT5_E, TSIT5_R
+from gearlib.solvers.rungekutta.vectors import TINY
 
 __all__ = ["GENERATED"]
 
 DONE, FAILED = 1, -1
-ROUNDING = 8.9e-16  # four unit roundoffs (4 * 2.2e-16)
-TINY = 1e-250  # below it arithmetic may be slow
-NEAR, DAMPED = 0.45**2, 0.7**2  # squares of what ``rungekutta.first_step`` has
+SQUARE_NEAR, SQUARE_DAMPED = NEAR5**2, DAMPED**2
 LEAST, LEAST_BEFORE = 1e-20, 10**-0.25  # of the square of an error, and of the sixteenth root of one that is remembered
 
 
@@ -243,8 +244,8 @@ def _step(s: LaneRecord) -> None:
     error = h * h * total / n  # its square
     accepted = error <= 1.0
     # caution near the limit of stability: see ``rungekutta.first_step``
-    share = h * h * slopes / (NEAR * moves)
-    damped = both(product < 0.0, product * product > DAMPED * slopes * moves)
+    share = h * h * slopes / (SQUARE_NEAR * moves)
+    damped = both(product < 0.0, product * product > SQUARE_DAMPED * slopes * moves)
     factor = where(either(damped, not share > 1.0), 1.0, min(share * share, in_lanes(12.0)))
     quarter = math.sqrt(math.sqrt(math.sqrt(max(error * factor * factor, in_lanes(LEAST)))))
     eighth = math.sqrt(quarter)

@@ -23,7 +23,7 @@ from gearlib.solvers.rungekutta.vectors import add_slope
 __all__ = ["crossing", "flipped", "just_beyond", "row", "slopes"]
 
 OLD, NEW, SLOPE_OLD, SLOPE_NEW, LOW, HIGH, FREE = range(7)
-_ROUNDING = 4.4e-16
+_ROUNDING = 4.4e-16  # two spacings of doubles at 1: accuracy to which a fraction of a step is determined
 AT_ONCE = 1e-9  # fraction of a step after which a function on the wrong side from the start counts as an event
 CLOCK = 64 * 2.2e-16  # relative to time: a difference quotient over less would be dominated by rounding of time
 SLOPE_OVER = 1e-6  # fraction of a step over which a slope is taken: a minimum is located to half of it
@@ -169,7 +169,7 @@ def crossing(s: LoopRecord, t: float, h: float, error: float) -> tuple[int, floa
         dense_output(s, t, h)
         _look(s, t, h, AT_ONCE, HIGH)
         if flipped(s, HIGH):
-            _take(s, t, h, AT_ONCE)
+            _take(s, h, AT_ONCE)
             return 1, AT_ONCE
         low = AT_ONCE
         _copy(s, HIGH, LOW)
@@ -187,7 +187,7 @@ def crossing(s: LoopRecord, t: float, h: float, error: float) -> tuple[int, floa
     if NEAR_START < theta < NEAR_END and error > (0.3 if s.order == 5 else 0.1):
         return -1, theta
     theta = _on_the_clock(s, t, h, theta)
-    _take(s, t, h, theta)
+    _take(s, h, theta)
     return 1, theta
 
 
@@ -221,7 +221,7 @@ def _on_the_clock(s: LoopRecord, t: float, h: float, theta: float) -> float:
 
 
 @native
-def _take(s: LoopRecord, t: float, h: float, theta: float) -> None:
+def _take(s: LoopRecord, h: float, theta: float) -> None:
     """Let the step end at ``theta``, where row HIGH of ``g`` was evaluated."""
     if theta < 1.0:
         interpolate(s, theta, h, s.x_new)

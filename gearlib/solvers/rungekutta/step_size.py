@@ -1,7 +1,7 @@
 """Step-size control, and warm starts of the step size after events; inlined into ``loop``.
 
-Between two events the modes are constant, and the same phase often recurs: contact, flight, contact. The step size that suited the
-beginning of a phase is remembered with its modes. An unknown phase begins with a fraction of the previous step.
+Between two events the discrete state is constant, and the same phase often recurs: contact, flight, contact. The step size that suited
+the beginning of a phase is remembered with its discrete state. An unknown phase begins with a fraction of the previous step.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ GROWTH_KNOWN, GROWTH_SECOND = 1.1, 1.2  # growth of the remembered step, and fro
 
 @native
 def _signature(s: LoopRecord) -> float:
-    """A hash of the modes."""
+    """A hash of the discrete state."""
     modes, total = floats_at(s.data + 8 * s.first_mode), 0.0
     for i in range(s.n_modes):
         total += (1.0 + 0.6180339887 * i) * modes[i]
@@ -34,7 +34,7 @@ def _signature(s: LoopRecord) -> float:
 
 @native
 def _find(s: LoopRecord, signature: float) -> int:
-    """Index of the phase with these modes; -1 if there is none."""
+    """Index of the phase with this discrete state; -1 if there is none."""
     known = floats_at(s.phases)
     for i in range(PHASES):
         if known[PHASES + i] > 0.0 and known[i] == signature:
@@ -44,7 +44,7 @@ def _find(s: LoopRecord, signature: float) -> int:
 
 @native
 def begin_phase(s: LoopRecord, changed: bool) -> None:
-    """Choose the first step after an event: that of an earlier phase with the same modes, if they changed."""
+    """Choose the first step after an event: that of an earlier phase with the same discrete state, if it changed."""
     before = s.h_before_event
     s.h_before_event = s.h
     s.h = min(s.h, before)
@@ -68,8 +68,9 @@ def _remember(s: LoopRecord, h: float) -> None:
 def adapt(s: LoopRecord, h: float, error: float) -> bool:
     """Choose the next step size; returns whether the step is accepted.
 
-    PI control (Gustafsson): h grows with error^-alpha, damped by the error of the previous step. With these constants hardly a step is
-    rejected, and steps at the stability limit are much more accurate than with alpha = 1 / order, beta = 0.
+    PI control (Gustafsson, 1991): h grows with error^-alpha, damped by the error of the previous step. With his alpha = 0.7 / order and
+    beta = 0.4 / order hardly a step is rejected, and steps at the stability limit are much more accurate than with alpha = 1 / order and
+    beta = 0.
     """
     if not error <= 1.0:
         s.rejected += 1

@@ -6,6 +6,7 @@ Compiled with the ``dense_output``, ``interpolate`` and ``last_stage`` of each m
 from __future__ import annotations
 
 from gearlib.compiler.small_language import floats_at, int32, int32s_at, native
+from gearlib.solvers.drive.drive_loop import ROUNDING
 from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.root_finding import NEW, OLD, SLOPE_NEW, SLOPE_OLD, just_beyond, row
 from gearlib.solvers.rungekutta.stages import dense_output, interpolate, last_stage
@@ -13,8 +14,7 @@ from gearlib.solvers.rungekutta.vectors import move
 
 __all__ = ["LOCATED", "ROUNDING", "end_of_step", "establish_sides"]
 
-ROUNDING = 8.9e-16
-LOCATED = 2.2e-14  # relative to time: accuracy of event location
+LOCATED = 2.2e-14  # relative to time, a hundred spacings of doubles: accuracy of event location
 
 
 @native
