@@ -15,7 +15,7 @@ from gearlib.drawing.quantities import axis_label, spelled
 from gearlib.drawing.style import COLOURS
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.linear.balancing import balance
-from gearlib.linear.linear_model import LinearModel, check_linear, matrices
+from gearlib.linear.linear_model import LinearModel, check_linear, is_sparse, matrices, signal_names
 from gearlib.linear.linearize import input_names, linearized, read_by_equations
 from gearlib.linear.response_changes import response_changes
 from gearlib.optional import optional
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-MOST_DENSE = 400  # states up to which the matrix is treated as dense
 AT_ONCE = 200_000  # matrix entries, over frequencies, that are solved in one batch
 
 
@@ -228,11 +227,12 @@ def frequency_response(
     ):
         raise ArgumentError("inputs, outputs, at and parameters belong to a System; a linear model has them already")
     check_linear(model)
-    if hasattr(model, "A") and model.A.shape[0] > MOST_DENSE:
-        values, signals = _sparse(model, grid), (tuple(model.inputs), tuple(model.outputs))
+    if hasattr(model, "A") and is_sparse(model.A):
+        ins, outs = signal_names(model)
+        values = _sparse(model, grid)
     else:
         A, B, C, D, ins, outs = matrices(model)
-        values, signals = _dense(A, B, C, D, grid), (tuple(ins), tuple(outs))
+        values = _dense(A, B, C, D, grid)
     said = model.conditions if isinstance(model, LinearModel) else ()
     if not np.isfinite(values).all():
         w = grid[~np.isfinite(values).all(axis=(0, 1))][0]
@@ -242,7 +242,7 @@ def frequency_response(
         if isinstance(model, LinearModel) and model.changes is not None
         else None
     )
-    return FrequencyResponse(grid, values, *signals, units or ("",) * len(signals[1]), per, said, find)
+    return FrequencyResponse(grid, values, tuple(ins), tuple(outs), units or ("",) * len(outs), per, said, find)
 
 
 def _changes(model: LinearModel, s: Complexes) -> Callable[[Sequence[str]], Complexes]:

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from gearlib.errors import ArgumentError
 from gearlib.linear.balancing import balance
-from gearlib.linear.linear_model import Matrices
+from gearlib.linear.linear_model import Matrices, is_sparse
 from gearlib.recent import recent
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-MOST_DENSE = 400  # states up to which the matrix is treated as dense
 
 
 def response_changes(model: Matrices, change: Matrices, s: Any) -> Complexes:
@@ -65,7 +64,7 @@ def _solver(A: Any) -> Any:
     def refuse(s: complex) -> ArgumentError:
         return ArgumentError(f"the model has a pole at {s:.6g} rad/s: the response there has no derivative")
 
-    if n > MOST_DENSE:
+    if is_sparse(A):
         large = sparse.csc_matrix(A)
         known: dict[complex, Any] = {}
 

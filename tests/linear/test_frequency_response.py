@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import control
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.linear.linear_model import is_sparse
 
 
 def amplitude(time: Any, signal: Any, w: float) -> complex:
@@ -121,6 +123,22 @@ def test_large_model_uses_sparse_matrices(chain: Callable[..., gl.System]) -> No
         shaft = c * (1 + 0.2 * i) + 1j * w * d
         stiffness = -J * (1 + 0.3 * i) * w**2 + shaft * stiffness / (shaft + stiffness)
     assert response["body[0].w"][0] == pytest.approx(1j * w / stiffness, rel=1e-8)
+
+
+def test_a_large_model_of_python_control_has_its_signals_names() -> None:
+    """Fifty first-order lags in series from each of two inputs, 1 / (1 + j w T)**50 each; a sampled model is refused at any size."""
+    n, T = 50, 0.01
+    lags = (np.eye(n, k=-1) - np.eye(n)) / T
+    A, B, C = np.kron(np.eye(2), lags), np.kron(np.eye(2), np.eye(n, 1) / T), np.kron(np.eye(2), np.eye(1, n, n - 1))
+    model = control.ss(A, B, C, np.zeros((2, 2)), inputs=["a", "b"], outputs=["x", "y"])
+    assert is_sparse(model.A)
+    w = np.array([0.0, 5.0, 40.0])
+    response = gl.frequency_response(model, w)
+    assert response["x", "a"] == pytest.approx((1 + 1j * w * T) ** -float(n), rel=1e-12)
+    assert np.abs(response["x", "b"]).max() == 0.0
+    assert response["y", "b"] == pytest.approx(response["x", "a"], rel=1e-12)
+    with pytest.raises(gl.GearlibError, match="sampled"):
+        gl.frequency_response(control.ss(A, B, C, np.zeros((2, 2)), 0.1), w)
 
 
 def test_response_says_what_is_wrong(paper: gl.System, chain: Callable[..., gl.System]) -> None:
