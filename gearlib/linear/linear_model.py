@@ -121,7 +121,7 @@ def matrices(model: Any) -> tuple[Floats, Floats, Floats, Floats, list[str], lis
 def is_sparse(A: Any) -> bool:
     """Whether equations with ``s I - A`` are solved faster by a sparse factorisation than by a dense one."""
     n = A.shape[0]
-    return n > MOST_DENSE and (A.nnz if hasattr(A, "nnz") else np.count_nonzero(A)) < MOST_FILLED * n**2
+    return bool(n > MOST_DENSE and (A.nnz if hasattr(A, "nnz") else np.count_nonzero(A)) < MOST_FILLED * n**2)
 
 
 def signal_names(model: Any) -> tuple[list[str], list[str]]:

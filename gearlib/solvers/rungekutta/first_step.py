@@ -12,7 +12,7 @@ from gearlib.solvers.rungekutta.vectors import add_slope
 __all__ = ["caution", "first_step", "is_damped", "is_stiff", "note"]
 
 FADE = 0.9  # forgetting factor of the running means, which then extend over some ten steps
-DAMPED = 0.7  # cosine of the angle between an eigenvalue and the negative real axis, 45 degrees: faster in decay than in vibration
+DAMPED = 0.7  # cosine of the angle between an eigenvalue and the negative real axis: 45 degrees
 # Mean |h lambda| from which steps count as limited by stability, for order 5 and 8. Measured on x' = lambda (x - cos t) with the step
 # control of ``step_size``: where stability limits the steps it is 3.5 and 6.4 for a decay, 2.2 and 5.5 at a damping ratio of 0.016; where
 # accuracy limits them at most 1.1 and 4.2. Hairer's 3.25 and 6.1 for single steps would miss vibrations.
