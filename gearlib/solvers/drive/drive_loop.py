@@ -5,6 +5,7 @@ It calls the functions of a stepper by their addresses, with the address of the 
     int32 step(address, stop)               one step from t, by no means beyond ``stop``; says in ``reached`` how far, and in
                                             ``fired`` which event functions crossed zero there. STEPPED, FOUND, RETRY or a failure
     int32 interpolate(address, t, out)      the states at a time within that step
+    int32 motion(address, t)                the same into ``within``, and their derivatives into ``rates_within``, if there are ``parts``
     int32 accept(address)                   ``x`` becomes the states at ``reached``
     int32 restart(address, changed, why)    begin anew at ``x``. ``changed`` is what the event iteration did; ``why`` is ROOT, TIMED
                                             or START. How many event functions crossed zero by it (``fired`` says which), or a failure
@@ -27,12 +28,13 @@ RHS_FAILED, UPDATE_FAILED, UNSETTLED, CHATTER, STEP_LIMIT = -101, -102, -103, -1
 
 STEP = Prototype("int32", ("int", "float"))
 INTERPOLATE = Prototype("int32", ("int", "float", "int"))
+MOTION = Prototype("int32", ("int", "float"))
 ACCEPT = Prototype("int32", ("int",))
 RESTART = Prototype("int32", ("int", "int", "int"))
 
 BURST = 1000  # number of instants with events within ``window`` that means a chattering model rather than a rattling gear
 ROUNDING = 8.9e-16  # relative to time: four spacings of doubles (4 * 2.2e-16)
-MARGIN = 2  # rows that a step may add to the trace
+MARGIN = 8  # rows that a step may add to the trace
 PASSES = 100  # of event iteration and restart at one instant
 
 
@@ -57,18 +59,34 @@ def store(s: DriveRecord, t: float, interpolated: bool) -> int:
 
 
 @native
-def trace(s: DriveRecord) -> None:
+def add_row(s: DriveRecord, t: float, x_at: int, rates_at: int) -> None:
     """Add a row to the trace: time, some states, their derivatives, and the discrete state. Two rows of one time: an event."""
     n, n_modes = s.n_traced, s.n_modes
     row, traced = floats_at(s.trace + 8 * s.trace_rows * (1 + 2 * n + n_modes)), ints_at(s.traced)
-    x, rates, modes = floats_at(s.x), floats_at(s.rates), floats_at(s.data + 8 * s.first_mode)
-    row[0] = s.t
+    x, rates, modes = floats_at(x_at), floats_at(rates_at), floats_at(s.data + 8 * s.first_mode)
+    row[0] = t
     for j in range(n):
         row[1 + j] = x[traced[j]]
         row[1 + n + j] = rates[traced[j]]
     for j in range(n_modes):
         row[1 + 2 * n + j] = modes[j]
     s.trace_rows += 1
+
+
+@native
+def trace(s: DriveRecord) -> None:
+    """Add a row for the current time to the trace."""
+    add_row(s, s.t, s.x, s.rates)
+
+
+@native
+def trace_within(s: DriveRecord) -> None:
+    """Rows within a step that ends at ``reached``, where the method takes steps too long for the polynomials between two rows."""
+    h = (s.reached - s.t) / s.parts
+    if h > 100.0 * ROUNDING * abs(s.reached):
+        for i in range(1, s.parts):
+            MOTION(s.motion, s.address, s.t + i * h)
+            add_row(s, s.t + i * h, s.within, s.rates_within)
 
 
 @native
@@ -148,11 +166,15 @@ def one_step(s: DriveRecord) -> int:
         code = store(s, times[s.sample], True)
         if code < 0:
             return code
+    if s.trace != 0 and s.parts > 1:
+        trace_within(s)
     s.t = s.reached
     code = ACCEPT(s.accept, s.address)
     if code < 0:
         return code
     if s.trace != 0:
+        if found:  # within a step, whose end the stepper's derivatives belong to
+            MODEL(s.rhs, s.origin + s.t, s.x, s.rates, s.data, s.index)
         trace(s)
     if reached and s.stop < s.n_stops - 1:
         s.stop += 1

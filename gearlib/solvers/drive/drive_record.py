@@ -22,6 +22,7 @@ class DriveRecord(ctypes.Structure):
     interpolate: int
     accept: int
     restart: int
+    motion: int
     # addresses of the model's functions (0: none) and of its numbers
     rhs: int
     roots: int
@@ -41,6 +42,8 @@ class DriveRecord(ctypes.Structure):
     rates: int  # x' at ``t``, in the model's order; 0: the stepper does not tell
     trace: int  # rows of the steps' ends, see ``drive_loop.trace``; 0: not kept
     traced: int  # indices of the states in them
+    within: int  # states within a step, and their derivatives
+    rates_within: int
     # integers
     n: int  # states
     n_roots: int
@@ -51,6 +54,7 @@ class DriveRecord(ctypes.Structure):
     first_mode: int
     capacity: int  # of the event log
     n_traced: int
+    parts: int  # of the last step, each of which ends with a row; at most ``drive_loop.MARGIN - 1``
     trace_rows: int
     trace_capacity: int
     budget: int  # steps to take before returning

@@ -11,7 +11,7 @@ from gearlib.compiler.small_language import block, blocks, floats_at, native, to
 from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.taylor.series_record import SeriesRecord
 
-__all__ = ["defect", "dense_output", "evaluate", "interpolate", "last_stage", "norm", "reach", "weigh"]
+__all__ = ["defect", "dense_output", "evaluate", "interpolate", "last_stage", "norm", "product", "reach", "weigh"]
 
 
 @native
@@ -56,6 +56,16 @@ def norm(s: SeriesRecord, k: int) -> float:
 
 
 @native
+def product(s: SeriesRecord) -> float:
+    """Mean product of the last two coefficients relative to the tolerance: negative for a decay."""
+    c, weights, size, row = floats_at(s.c), floats_at(s.weights), s.size, s.order * s.size
+    products = block(0.0)
+    for i in blocks(size):
+        products += c[i + row] * weights[i] * (c[i + row - size] * weights[i])
+    return total(products) / s.n
+
+
+@native
 def reach(size: float, before: float, k: int) -> float:
     """Step over which the term of order k stays within ``LAST`` tolerances, and the one before within ``LAST * DECAY``."""
     exponent = math.inf
@@ -71,17 +81,17 @@ DECAY = 5.0  # and that of the last but one, relative to it: both, since every o
 
 
 @native
-def evaluate(s: SeriesRecord, h: float) -> None:
-    """``x_new`` = Taylor polynomial at the end of the step, and ``y`` its derivative."""
-    c, x_new, y, size, order = floats_at(s.c), floats_at(s.x_new), floats_at(s.y), s.size, s.order
+def evaluate(s: SeriesRecord, h: float, x: int, slopes: int) -> None:
+    """``x`` = Taylor polynomial at ``h`` from the start of the step, and ``slopes`` its derivative."""
+    c, values, rates, size, order = floats_at(s.c), floats_at(x), floats_at(slopes), s.size, s.order
     for i in blocks(size):
         value = c[i + order * size]
         slope = 0.0 * value
         for k in range(order - 1, -1, -1):
             slope = slope * h + value
             value = value * h + c[i + k * size]
-        x_new[i] = value
-        y[i] = slope
+        values[i] = value
+        rates[i] = slope
 
 
 @native

@@ -28,3 +28,4 @@ class SeriesRecord(LoopRecord):
     cost_step: float
     cost_order: float
     cost_product: float
+    cosine: float  # of the angle between the last two coefficients

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 from weakref import proxy
@@ -12,6 +13,7 @@ from gearlib.native.series_source import HIGHEST, ROW, TaylorSeries
 from gearlib.solvers.drive import drive_loop
 from gearlib.solvers.drive.driver import PATIENCE, Driver, Stepper
 from gearlib.solvers.problem import Floats
+from gearlib.solvers.rungekutta.first_step import DAMPED
 from gearlib.solvers.taylor import taylor_loop
 from gearlib.solvers.taylor.series_record import SeriesRecord
 
@@ -34,6 +36,7 @@ class Taylor(Stepper):
     A. Jorba, M. Zou, doi:10.1080/10586458.2005.10128904.
     """
 
+    name = "taylor"
     Record = SeriesRecord
     record: SeriesRecord
 
@@ -44,7 +47,7 @@ class Taylor(Stepper):
         series = (HIGHEST + 1) * size
         return {
             "x_new": size, "y": size, "k": 2 * size, "c": series, "ahead": series, "g": 7 * n_roots, "side": n_roots, "atol": size,
-            "work": max(1, self.series.rows) * ROW, "norms": HIGHEST + 1, "weights": size,
+            "within": size, "rates_within": size, "work": max(1, self.series.rows) * ROW, "norms": HIGHEST + 1, "weights": size,
         }  # fmt: skip
 
     def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
@@ -62,31 +65,53 @@ class Taylor(Stepper):
         )
         record.h_max = min(span, problem.longest_step if self.series.pulses else problem.longest_expanded_step)
         record.patience = PATIENCE if problem.may_leave else -1
+        record.rates = record.k
         record.slack, record.slack_share = 1e-16 * span, taylor_loop.LOCATED
         record.series, record.guarded = self.series.address, int(self.series.guarded)
         record.cost_order = OPERATION * self.series.sums + COEFFICIENT * atol.size
         record.cost_product = 0.5 * TERM * self.series.products
         record.cost_step = STEP + problem.effort.rhs + COEFFICIENT * atol.size
-        record.step, record.interpolate, record.accept, record.restart = _functions()
+        record.step, record.interpolate, record.accept, record.restart, record.motion = _functions()
 
     def until(self, t: float, longest_step: float) -> None:
         self.record.h_max = longest_step
 
     @property
     def work(self) -> float:
+        record = self.record
+        return self._work(record.steps, record.expansions, record.events - self.driver.events_before)
+
+    def _work(self, steps: int, orders: float, events: int) -> float:
         """Estimated cost of steps, of orders of coefficients, and of events (ns), from counted operations."""
-        record, effort, events = self.record, self.problem.effort, self.record.events - self.driver.events_before
-        mean = record.expansions / max(record.steps, 1)
+        record, effort, mean = self.record, self.problem.effort, orders / max(steps, 1)
         looks = effort.roots if self.problem.roots is not None else 0.0
-        own = record.steps * (record.cost_step + 2.0 * looks) + record.expansions * (
-            record.cost_order + mean * record.cost_product
-        )
-        return float(own + events * (effort.rhs + effort.update + 10.0 * looks))
+        own = steps * (record.cost_step + 2.0 * looks) + orders * (record.cost_order + mean * record.cost_product)
+        return own + events * (effort.rhs + effort.update + 10.0 * looks)
+
+    def watch(self, work_first: float = 0.0) -> None:
+        """Watch for stiffness, and stop once it limits the steps, after a given amount of further work."""
+        record = self.record
+        mean = record.expansions / record.steps if record.steps else taylor_loop.FIRST
+        steps = math.ceil(min(work_first / self._work(1, mean, 0), 1e12))
+        record.detect, record.detect_from, record.stiff_steps = 1, record.steps + steps, 0
+
+    @property
+    def pace(self) -> float:
+        """Seconds of motion per nanosecond of work, since stability has limited the steps."""
+        record = self.record
+        steps, events = record.steps - record.stiff_first, record.events - record.stiff_events
+        done = self._work(steps, steps * record.expansions / max(record.steps, 1), events)
+        return (record.t - record.stiff_t) / done if done > 0.0 else 0.0
+
+    @property
+    def damped(self) -> bool:
+        """Whether the motion that limits the steps is a decay rather than a vibration."""
+        return self.record.cosine < -DAMPED
 
     def stats(self) -> dict[str, Any]:
         record = self.record
         return {
-            "method": "taylor", "order": record.order, "steps": record.steps, "rejected": record.rejected, "rhs": record.evaluations,
+            "method": self.name, "order": record.order, "steps": record.steps, "rejected": record.rejected, "rhs": record.evaluations,
             "coefficients": record.expansions,
         }  # fmt: skip
 
@@ -104,7 +129,7 @@ class Taylor(Stepper):
         return SolverError(text + self.problem.blamed(driver.t, driver.x, driver.data))
 
 
-def _functions() -> tuple[int, int, int, int]:
+def _functions() -> tuple[int, int, int, int, int]:
     """Addresses of the compiled functions."""
     found = native_functions(*taylor_loop.MODULES).addresses
-    return found["taylor_step"], found["rk_interpolate"], found["rk_accept"], found["taylor_restart"]
+    return found["taylor_step"], found["rk_interpolate"], found["rk_accept"], found["taylor_restart"], found["taylor_motion"]

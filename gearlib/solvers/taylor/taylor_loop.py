@@ -7,12 +7,12 @@ import math
 from gearlib.compiler.small_language import floats_at, int32, native
 from gearlib.native.layout import MODEL
 from gearlib.native.series_source import SERIES
-from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, STEPPED
+from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, STEPPED, STIFF
 from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.root_finding import OLD, SLOPE_OLD, crossing, row, slopes
 from gearlib.solvers.rungekutta.vectors import move
 from gearlib.solvers.rungekutta.within_step import LOCATED, ROUNDING, end_of_step, establish_sides
-from gearlib.solvers.taylor.polynomial import defect, evaluate, norm, reach, weigh
+from gearlib.solvers.taylor.polynomial import defect, evaluate, norm, product, reach, weigh
 from gearlib.solvers.taylor.series_record import SeriesRecord
 
 __all__ = ["FIRST", "LOCATED", "MODULES", "NOT_FINITE", "SEARCHED", "UNDERFLOW"]
@@ -28,6 +28,9 @@ WORTH = 1.05  # gain in speed that a change of order is made for
 # Highest order where events are searched for, or expressions chosen: longer steps hide more than the one dip that the search between
 # their ends can find, and short visits to another expression
 SEARCHED = 10
+SURE = 3  # choices of the order in a row at which stability limits the steps
+UNSEEN = 10.0  # amplitude of the fastest motion, in tolerances, below which it does not matter
+PARTS, ORDERS = 1, 8  # of a step in the trace: one more for every so many orders, since the polynomials in it are of degree 11
 CAUTION = 0.9  # factor on a step that is repeated
 
 
@@ -85,15 +88,47 @@ def _choose_order(s: SeriesRecord) -> int:
 
 
 @native
+def _watch(s: SeriesRecord) -> bool:
+    """Whether stability limits the steps: the fastest motion, as the last two coefficients show it, is smaller than the tolerance.
+
+    A vibration or decay of rate w and amplitude a has the coefficients a w^k / k!. Confirmed when the order is chosen `SURE` times.
+    """
+    last, before, k = norm(s, s.order), norm(s, s.order - 1), s.order
+    if not (last > 0.0 and before > 0.0):
+        s.stiff_steps = 0
+        return False
+    rate = k * last / before
+    amplitude = last
+    for j in range(1, k + 1):
+        amplitude *= j / rate
+    s.cosine = product(s) / last / before
+    if not amplitude < UNSEEN:
+        s.stiff_steps = 0
+        return False
+    if s.stiff_steps == 0:
+        s.stiff_t, s.stiff_first, s.stiff_events = s.t, s.steps, s.events
+    s.stiff_steps += 1
+    return s.stiff_steps >= SURE and s.steps >= s.detect_from
+
+
+@native
 def _look_ahead(s: SeriesRecord, t: float, h: float) -> int:
     """``x_new``, and the coefficients there, of which the first one is the right-hand side; returns the code of the model's functions."""
-    evaluate(s, h)
+    evaluate(s, h, s.x_new, s.y)
     code = _expand(s, t, s.x_new, s.ahead)
     s.order_ahead = s.next_order
     if code == 0 and s.guarded == 1:
         s.evaluations += 1
         code = MODEL(s.rhs, s.origin + t, s.x_new, s.k, s.data, s.index)
     return code
+
+
+@native
+def taylor_motion(address: int, t: float) -> int32:
+    """States at a time within the step, and their derivatives."""
+    s = SeriesRecord(address)
+    evaluate(s, t - s.t, s.within, s.rates_within)
+    return 0
 
 
 @native
@@ -110,6 +145,8 @@ def taylor_step(address: int, stop: float) -> int32:
     if s.looked >= AGAIN:
         s.looked = 0
         s.next_order = _choose_order(s)
+        if s.detect == 1 and _watch(s):
+            s.pause = STIFF
         if s.next_order < s.order:
             s.order = s.next_order
     s.looked += 1
@@ -139,8 +176,9 @@ def taylor_step(address: int, stop: float) -> int32:
             if s.patience == 0:
                 return UNDERFLOW
     found, theta = 0, 1.0
+    s.parts = PARTS + s.order // ORDERS
+    move(s.ahead + 8 * s.size, s.k + 8 * s.size, s.size)
     if s.n_roots > 0:
-        move(s.ahead + 8 * s.size, s.k + 8 * s.size, s.size)
         found, theta = crossing(r, t, h, 0.0)
     found = end_of_step(r, stop, stop if last_of_span and found == 0 else t + theta * h, h, found)
     s.ready = 1 - found

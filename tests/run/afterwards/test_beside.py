@@ -12,8 +12,9 @@ import gearparts as gp
 from gearlib.run import state_switching
 from gearlib.run.afterwards import beside
 from gearlib.solvers.drive import driver
+from gearlib.solvers.drive.trace import Trace
 
-METHODS = ("auto", "rk5", "rk8", "ida")
+METHODS = ("auto", "rk5", "rk8", "ida", "taylor")
 
 
 class Integrals(gl.Component):
@@ -77,6 +78,44 @@ def test_integrals_in_closed_form_without_another_run(method: str, samples: int,
     assert result["y"] == pytest.approx(y, rel=1e-7, abs=1e-8)
     assert integrations == [1]
     assert result.stats == before
+
+
+@pytest.fixture
+def traces(monkeypatch: pytest.MonkeyPatch) -> list[Trace]:
+    """Traces of the runs that are integrated."""
+    found: list[Trace] = []
+    original = state_switching.integrate
+
+    def kept(run: Any, method: Any) -> Any:
+        solution = original(run, method)
+        if solution.trace is not None:
+            found.append(solution.trace)
+        return solution
+
+    monkeypatch.setattr(state_switching, "integrate", kept)
+    return found
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_states_and_slopes_of_the_trace_in_closed_form(method: str, traces: list[Trace]) -> None:
+    gl.compile(Integrals(), outputs=["x"]).simulate(5.0, samples=2, method=method, rtol=1e-9)
+    (trace,) = traces
+    x = 1 / (1 + trace.times)
+    assert trace.states[:, 0] == pytest.approx(x, abs=1e-8)
+    assert trace.rates[:, 0] == pytest.approx(-(x**2), abs=1e-6)
+    assert np.diff(trace.times).max() < 2.0  # long steps have rows within
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_slopes_before_an_event_belong_to_its_time(method: str, traces: list[Trace]) -> None:
+    """Forces of a soft contact do not jump: the slopes after the event are those before it."""
+    gl.compile(Rattling(), outputs=["mesh.tau"]).simulate(0.6, samples=2, method=method, rtol=1e-6)
+    (trace,) = traces
+    before = np.flatnonzero(np.diff(trace.times) == 0.0)
+    assert len(before) > 10
+    assert trace.states[before] == pytest.approx(trace.states[before + 1], rel=1e-12)
+    size = np.abs(trace.rates).max()
+    assert trace.rates[before] == pytest.approx(trace.rates[before + 1], abs=1e-3 * size)
 
 
 @pytest.mark.parametrize("omega", [3.0, 3000.0])
