@@ -275,8 +275,8 @@ class System(Compiled):
             Output times instead of ``samples``, s, increasing, not before ``t_start``.
         method : {"auto", "exact", "ida", "rk", "rk5", "rk8", "taylor"} or Method
             ``"exact"``: matrix exponential of a linear scene. ``"ida"``: SUNDIALS IDA. ``"rk"``: explicit Runge-Kutta, order by
-            tolerance. ``"auto"`` chooses, and ``result.stats`` gives the reason. Or a user-defined `Method`, or the name under which it
-            was registered (`register_method`).
+            tolerance. ``"taylor"``: power series of the motion, of variable order. ``"auto"`` chooses, and ``result.stats`` gives the
+            reason. Or a user-defined `Method`, or the name under which it was registered (`register_method`).
         rtol : float
             Relative tolerance, 1e-13 .. 0.1.
         atol : float or array, optional

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from gearlib.run.translation import Translation
 from gearlib.solvers.exponential.dense import balanced_norm
 from gearlib.solvers.inputs.table import Table, breakpoints
 from gearlib.solvers.lanes.lanes import LaneProblem, LaneRuns
+from gearlib.solvers.taylor.taylor import Taylor
 
 Floats = NDArray[np.float64]
 ORDER5_FROM = 1e-6  # rtol from which "rk" takes the method of order 5, which is that of the lanes
@@ -85,7 +86,9 @@ def most_steps(sweep: SideBySide) -> float | str:
     except GearlibError as problem:
         return f"the first run fails: {problem}"
     if stats.get("legs") != 1:
-        return "stability limits the steps of Runge-Kutta in the first run"
+        return "stability limits the steps of the first run"
+    if stats["method"] == Taylor.name:  # its steps are other ones
+        stats = run(sweep.translation, replace(request, method="rk5")).stats
     return PATIENCE * float(stats["steps"]) + LEAST_STEPS
 
 

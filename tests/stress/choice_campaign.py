@@ -21,7 +21,7 @@ from tests.stress.linear_draw import linear_train
 from tests.stress.linear_reference import LinearTrain, Unclear, start_values
 
 TOLERANCES = (1e-4, 1e-6, 1e-8)
-OWN = ("exact", "rk5", "rk8", "ida")
+OWN = ("exact", "rk5", "rk8", "taylor", "ida")
 ALLOWED = 2.0  # of auto's time over that of the best method
 ROUNDS, ENOUGH = 7, 0.25  # calls of each method at most, and processor time (s) after which there are no more
 HOPELESS = 5.0  # a method that takes so many times as long as auto is given up

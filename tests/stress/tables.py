@@ -36,7 +36,7 @@ def stiffness(rows: Rows) -> str:
         max(r["k"] for r in rows if r["method"] != "ida"),
         min(r["k"] for r in rows if r["method"] == "ida"),
     )
-    said = f"`auto` ends with Runge-Kutta up to {explicit:.0e} N/m, and with IDA from {implicit:.0e} N/m on."
+    said = f"`auto` ends with an explicit method up to {explicit:.0e} N/m, and with IDA from {implicit:.0e} N/m on."
     return f"{table(head, cells)}\n\n{said}"
 
 

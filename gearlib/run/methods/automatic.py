@@ -1,19 +1,22 @@
-"""``"auto"``: choice of the integration method, with switching between Runge-Kutta and IDA on stiffness."""
+"""``"auto"``: choice of the integration method, with switching between an explicit method and IDA on stiffness."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from gearlib.errors import SolverError
+from gearlib.native.series_source import TaylorSeries
 from gearlib.run.methods.closed_form import exponential, exponential_solution, too_many_corners
 from gearlib.run.methods.explicit import order_of
 from gearlib.run.methods.implicit import Implicit
 from gearlib.run.methods.method import finished, with_callbacks
 from gearlib.run.methods.native_problem import memory, problem_of
+from gearlib.run.methods.power_series import TaylorSeriesMethod
 from gearlib.run.methods.run import Run
 from gearlib.solvers.alternation import Leg, alternate
 from gearlib.solvers.drive.driver import Driver, Stepper
@@ -21,6 +24,7 @@ from gearlib.solvers.inputs.moving import Callbacks
 from gearlib.solvers.inputs.table import Table
 from gearlib.solvers.problem import Problem, Solution
 from gearlib.solvers.rungekutta.rungekutta import RungeKutta
+from gearlib.solvers.taylor.taylor import Taylor
 
 # Order of Runge-Kutta: steps, and share of the run, after which it is compared; steps of a pilot, and in which its steps grow; least work
 # of the rest of the run, in pilots, that justifies one; pace of an order that is taken, over the other's; work of preparing a run, ns
@@ -28,11 +32,14 @@ SETTLED, EARLY, PILOT, GROWN, WORTH, BETTER, PREPARED = 120, 0.1, 60, 8, 6.0, 1.
 # Order 8 whose steps something else limits to less than half of what the tolerance allows is left for order 5, where the rest of the run
 # is worth the preparation; that is looked at every so many steps
 LIMITED, SAVED, LOOK = 2.0, 3.0, 16
+# Largest right-hand side, ns, whose Taylor series are used: they are never slower than Runge-Kutta, but their compilation takes a
+# millisecond for each, once per structure
+AT_ONCE = 250.0
 COUNTED = ("steps", "attempts", "rejected", "rhs", "jac", "restarts", "work")  # summed over the legs of a run
 
 
 class Automatic:
-    """Matrix exponentials where the scene is linear, else Runge-Kutta alternating with IDA."""
+    """Matrix exponentials where the scene is linear, else Taylor series, or Runge-Kutta, alternating with IDA."""
 
     name = "auto"
 
@@ -60,7 +67,7 @@ class Automatic:
 
 
 class Alternating:
-    """Runge-Kutta, and IDA where it makes faster progress."""
+    """Taylor series, or Runge-Kutta where they do not exist; IDA where it makes faster progress."""
 
     name = "rk and ida"
 
@@ -74,10 +81,16 @@ class Alternating:
 
 
 def _alternated(run: Run, callbacks: Callbacks, why: str) -> Solution:
-    from gearlib.solvers.ida.ida import ida
-    from gearlib.solvers.ida.ida_stepper import trial
-
     start = problem_of(run, callbacks, jacobian=False)
+    series = _series(run, start)
+    if series is not None:
+
+        def expanded(legs: list[Leg]) -> tuple[Driver, Taylor]:
+            stepper = Taylor(series)
+            return (handed_over(run, callbacks, legs[-1].run, stepper, False) if legs else Driver(start, stepper)), stepper
+
+        with suppress(SolverError):  # where a series ends, Runge-Kutta may go on, or says why not
+            return _in_turns(run, callbacks, start, expanded, why)
     orders = OrderChoice(run, callbacks, order_of(start))
 
     def explicit(legs: list[Leg]) -> tuple[Driver, RungeKutta]:
@@ -86,12 +99,34 @@ def _alternated(run: Run, callbacks: Callbacks, why: str) -> Solution:
             return handed_over(run, callbacks, legs[-1].run, stepper, False), stepper
         return orders.begun(start, legs)
 
+    solution = _in_turns(run, callbacks, start, explicit, why)
+    solution.stats["work"] += orders.work
+    return solution
+
+
+def _series(run: Run, start: Problem) -> TaylorSeries | None:
+    """The Taylor coefficients, where they exist and are compiled soon enough."""
+    if start.effort.rhs > AT_ONCE or TaylorSeriesMethod().fits(run):
+        return None
+    found = run.scene.series
+    return found if isinstance(found, TaylorSeries) else None
+
+
+def _in_turns(
+    run: Run,
+    callbacks: Callbacks,
+    start: Problem,
+    explicit: Callable[[list[Leg]], tuple[Driver, Taylor | RungeKutta]],
+    why: str,
+) -> Solution:
+    """Integrate by an explicit method and IDA, whichever makes faster progress."""
+    from gearlib.solvers.ida.ida import ida
+    from gearlib.solvers.ida.ida_stepper import trial
+
     def implicit(legs: Sequence[Leg]) -> Driver:
         return handed_over(run, callbacks, legs[-1].run, ida(), True)
 
-    solution = _joined(run, alternate(explicit, implicit, trial(start), float(run.times[-1])), why)
-    solution.stats["work"] += orders.work
-    return solution
+    return _joined(run, alternate(explicit, implicit, trial(start), float(run.times[-1])), why)
 
 
 class OrderChoice:
@@ -195,7 +230,8 @@ def _told(legs: Sequence[Leg]) -> str:
     if began == len(legs):
         return text
     first, second = legs[began - 1].solution, legs[began]
-    text += f"{'; ' if text else ''}explicit Runge-Kutta met stiffness at t = {first.t_last:.6g} s"
+    name = "the Taylor series" if first.stats["method"] == Taylor.name else "explicit Runge-Kutta"
+    text += f"{'; ' if text else ''}{name} met stiffness at t = {first.t_last:.6g} s"
     stayed = sum(leg.method == "implicit" and leg.stayed for leg in legs)
     tried = sum(leg.method == "implicit" and not leg.stayed for leg in legs)
     if stayed and second.stayed:
