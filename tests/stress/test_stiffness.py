@@ -119,7 +119,7 @@ def test_ida_steps_are_bounded_up_the_ladder(stiffness: float, ratio: float) -> 
 
 def test_auto_hands_over_where_it_is_stiff() -> None:
     soft, stiff = run(1e5, 1.0, "auto"), run(1e14, 1.0, "auto")
-    assert soft.stats["method"].startswith("rk")
+    assert soft.stats["method"] == "taylor"
     assert stiff.stats["method"] == "ida"
     assert "handed over" in stiff.stats["why"]
     assert stiff.stats["steps"] < 5000
@@ -132,7 +132,7 @@ def test_auto_switches_once_up_the_ladder(ratio: float) -> None:
     handed = [r.stats["method"] == "ida" for r in results]
     assert handed == sorted(handed)
     assert 0 < sum(handed) < len(handed)
-    assert all(r.stats["steps"] < 1000 for r in results), [r.stats["steps"] for r in results]
+    assert all(r.stats["work"] < 2e6 for r in results), [r.stats["work"] for r in results]
 
 
 @pytest.mark.parametrize("rtol", [1e-6, 1e-8])
@@ -151,10 +151,10 @@ def test_auto_leaves_a_vibration_that_has_died_away(ratio: float, rtol: float) -
 @pytest.mark.stress
 @pytest.mark.parametrize("stiffness", STIFFNESSES)
 def test_auto_stays_where_a_vibration_is_undamped(stiffness: float) -> None:
-    """Every method must follow it, and Runge-Kutta does so with the fewest steps."""
+    """Every method must follow it, and explicit ones do so with the fewest steps."""
     t_end = min(0.5, 3000 * math.sqrt(MASS / stiffness))  # 480 periods at most
     auto, ida = (run(stiffness, 0.0, m, t_end=t_end) for m in ("auto", "ida"))
-    assert auto.stats["method"].startswith("rk")
+    assert auto.stats["method"] == "taylor"
     assert auto.stats["steps"] < ida.stats["steps"]
     scale = max(np.abs(ida["wheel.w"]).max(), 1.0)  # the nominal speed is 1 rad/s, and short runs end below
     assert np.abs(auto["wheel.w"] - ida["wheel.w"]).max() <= 1e-5 * scale

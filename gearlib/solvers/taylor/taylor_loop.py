@@ -89,19 +89,21 @@ def _choose_order(s: SeriesRecord) -> int:
 
 @native
 def _watch(s: SeriesRecord) -> bool:
-    """Whether stability limits the steps: the fastest motion, as the last two coefficients show it, is smaller than the tolerance.
+    """Whether stability limits the steps: the fastest motion, as the last coefficients show it, is smaller than the tolerance.
 
-    A vibration or decay of rate w and amplitude a has the coefficients a w^k / k!. Confirmed when the order is chosen `SURE` times.
+    A vibration of rate w and amplitude a has the coefficients c_k of size a w^k / k!, less a phase that changes by a quarter turn from
+    one to the next: those of either parity are in the ratio w^2 / (k (k - 1)), and the larger ones show a. So it is with a decay.
+    Confirmed when the order is chosen `SURE` times.
     """
-    last, before, k = norm(s, s.order), norm(s, s.order - 1), s.order
-    if not (last > 0.0 and before > 0.0):
-        s.stiff_steps = 0
-        return False
-    rate = k * last / before
-    amplitude = last
-    for j in range(1, k + 1):
-        amplitude *= j / rate
-    s.cosine = product(s) / last / before
+    k = s.order
+    last, before, third, fourth = norm(s, k), norm(s, k - 1), norm(s, k - 2), norm(s, k - 3)
+    amplitude = math.inf
+    if last > 0.0 and before > 0.0 and third > 0.0 and fourth > 0.0:
+        rate = math.sqrt(max(k * last / third, (k - 2) * before / fourth) * (k - 1))
+        amplitude = max(before, last * k / rate)
+        for j in range(1, k):
+            amplitude *= j / rate
+        s.cosine = product(s) / last / before
     if not amplitude < UNSEEN:
         s.stiff_steps = 0
         return False
