@@ -47,7 +47,7 @@ def can_be_completed(graph: BondGraph, effort_to: Mapping[int, Element]) -> bool
     False
     """
     net = nx.Graph()
-    wanting = [e for e in graph.elements if isinstance(e, Junction) and not _is_told(graph, e, effort_to)]
+    wanting = [e for e in graph.elements if isinstance(e, Junction) and not _is_determined(graph, e, effort_to)]
     net.add_nodes_from(wanting)
     seen: set[int] = set()
     middles = 0
@@ -67,7 +67,8 @@ def can_be_completed(graph: BondGraph, effort_to: Mapping[int, Element]) -> bool
     return bool(sum(net.edges[edge]["weight"] for edge in matching) == len(wanting) + middles)
 
 
-def _is_told(graph: BondGraph, junction: Junction, effort_to: Mapping[int, Element]) -> bool:
+def _is_determined(graph: BondGraph, junction: Junction, effort_to: Mapping[int, Element]) -> bool:
+    """Whether a bond already determines the junction's common variable: the effort of a 0-junction, the flow of a 1-junction."""
     zero = isinstance(junction, Zero)
     return any((effort_to[b.number] is junction) == zero for b in graph.at(junction) if b.number in effort_to)
 

@@ -29,7 +29,7 @@ from gearlib.bondgraph.elements import (
 from gearlib.bondgraph.graph import Bond, BondGraph
 from gearlib.errors import ArgumentError, DeclarationError
 
-__all__ = ["Walk", "rate_of"]
+__all__ = ["Traversal", "rate_of"]
 
 
 def rate_of(variable: Any) -> Any:
@@ -39,7 +39,7 @@ def rate_of(variable: Any) -> Any:
     return symbol(f"d{variable.name}")
 
 
-class Walk:
+class Traversal:
     """Efforts and flows as expressions, found by traversal against the causal direction.
 
     With ``own_law`` the common variable of a junction with a storage element of derivative causality is expressed by that element's own

@@ -18,7 +18,7 @@ import sympy as sp
 
 from gearlib.arguments import flag, shown, whole
 from gearlib.bondgraph.causality import Causality, assign_causality, evaluation_order
-from gearlib.bondgraph.efforts_and_flows import Walk, rate_of
+from gearlib.bondgraph.efforts_and_flows import Traversal, rate_of
 from gearlib.bondgraph.elements import C, I, Se, Sf, symbol, time
 from gearlib.bondgraph.graph import BondGraph, check_graph
 from gearlib.bondgraph.symbolic_solution import solved_by_blocks
@@ -241,17 +241,17 @@ def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Cau
         raise ArgumentError(
             f"{graph.name}: causality is {shown(causality)}; expected the result of assign_causality for this graph"
         )
-    walk = Walk(graph, causality, evaluation_order(graph, causality), own_law=True)
+    traversal = Traversal(graph, causality, evaluation_order(graph, causality), own_law=True)
     imposed = [("f" if isinstance(graph.element(n, I, C), I) else "e", n) for n in causality.derivative]
-    straight = Walk(graph, causality, evaluation_order(graph, causality, imposed), own_law=False)
-    states = {n: walk.energy(n) for n in causality.integral}
-    rates = {x: sp.expand(walk(("e" if x.name[0] == "p" else "f", n))) for n, x in states.items()}
-    dependent = {walk.energy(n): sp.expand(straight.stored(n)) for n in causality.derivative}
-    tears = {walk.tear(q): sp.expand(walk.set_value(q)) for q in causality.tears}
+    straight = Traversal(graph, causality, evaluation_order(graph, causality, imposed), own_law=False)
+    states = {n: traversal.energy(n) for n in causality.integral}
+    rates = {x: sp.expand(traversal(("e" if x.name[0] == "p" else "f", n))) for n, x in states.items()}
+    dependent = {traversal.energy(n): sp.expand(straight.stored(n)) for n in causality.derivative}
+    tears = {traversal.tear(q): sp.expand(traversal.set_value(q)) for q in causality.tears}
     dependent = _without_tears(dependent, straight)
     inputs = tuple(symbol(f"{'Se' if isinstance(graph.element(n, Se, Sf), Se) else 'Sf'}_{n}") for n in _open_sources(graph))
-    efforts = {n: walk(("e", n)) for n in graph.bonds}
-    flows = {n: walk(("f", n)) for n in graph.bonds}
+    efforts = {n: traversal(("e", n)) for n in graph.bonds}
+    flows = {n: traversal(("f", n)) for n in graph.bonds}
     known = {*states.values(), *dependent, *map(rate_of, dependent), *inputs, *tears, time}
     everything = [*rates.values(), *dependent.values(), *tears.values(), *efforts.values(), *flows.values()]
     parameters = set().union(*(value.free_symbols for value in everything)) - known
@@ -262,7 +262,7 @@ def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Cau
     )  # fmt: skip
 
 
-def _without_tears(dependent: dict[Any, Any], straight: Walk) -> dict[Any, Any]:
+def _without_tears(dependent: dict[Any, Any], straight: Traversal) -> dict[Any, Any]:
     """Dependent p and q in terms of states and inputs alone.
 
     In a rigid loop the flows depend on each other cyclically, and are solved for here. Such a loop contains no resistance: the

@@ -95,7 +95,8 @@ def arranged(outline: Outline, width: float) -> Arrangement:
     border = {port.name: len(outline.parts) + i for i, port in enumerate(own)}
     ends = [[(border[p.port] if p.part == OWN else index[p.part], p) for p in net.pins] for net in outline.nets]
     liking = [
-        [(n, _liking(things[n], pin, net, inner)) for n, pin in found] for found, net in zip(ends, outline.nets, strict=True)
+        [(n, _conventional_side(things[n], pin, net, inner)) for n, pin in found]
+        for found, net in zip(ends, outline.nets, strict=True)
     ]
     sides = _border_sides(things, liking)
     layer = layers(len(things), liking, sides)
@@ -104,7 +105,7 @@ def arranged(outline: Outline, width: float) -> Arrangement:
     return _routed(outline, design, width)
 
 
-def _liking(thing: Outline | Terminal, pin: Pin, net: Net, inner: dict[str, Arrangement]) -> int:
+def _conventional_side(thing: Outline | Terminal, pin: Pin, net: Net, inner: dict[str, Arrangement]) -> int:
     """Conventional side of a port on its part: -1, 1, or 0 for either."""
     if isinstance(thing, Terminal):
         if net.domain == "signal":

@@ -9,14 +9,16 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.errors import FileError
+from gearlib.errors import ArgumentError, FileError
 
 Floats = NDArray[np.float64]
+Kind = TypeVar("Kind")
 KIND = "gearlib result"
 VERSION = 1  # of the header; files of a later version are refused
 
@@ -144,7 +146,7 @@ def from_header(header: str, time: Any, data: Any, path: Any) -> Record:
         found = json.loads(header)
         later = found[KIND] > VERSION
     except (ValueError, KeyError, TypeError):
-        raise not_ours(path) from None
+        raise foreign_file(path) from None
     if later:
         raise FileError(f"{path} was written by a later gearlib, {found.get('versions')}; this one cannot read it")
     try:
@@ -168,7 +170,21 @@ def from_header(header: str, time: Any, data: Any, path: Any) -> Record:
     return record
 
 
-def not_ours(path: Any) -> FileError:
+def by_suffix(path: Path, formats: Mapping[str, Kind]) -> Kind:
+    """The format that a path's suffix selects.
+
+    Raises
+    ------
+    ArgumentError
+        No format has that suffix.
+    """
+    found = formats.get(path.suffix.lower())
+    if found is None:
+        raise ArgumentError(f"{path} has the suffix {path.suffix!r}; expected {', '.join(formats)}")
+    return found
+
+
+def foreign_file(path: Any) -> FileError:
     """The error for a file of another kind."""
     return FileError(f"{path} is not a result file of gearlib; expected a file written by result.save(...)")
 

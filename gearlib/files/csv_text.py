@@ -9,7 +9,7 @@ from typing import TextIO
 
 import numpy as np
 
-from gearlib.files.contents import Record, damaged, from_header, not_ours
+from gearlib.files.contents import Record, damaged, foreign_file, from_header
 
 MARK = "# gearlib "
 
@@ -37,9 +37,9 @@ def read(path: Path) -> Record:
         try:
             text = file.read()
         except UnicodeDecodeError:
-            raise not_ours(path) from None
+            raise foreign_file(path) from None
     if not text.startswith(MARK):
-        raise not_ours(path)
+        raise foreign_file(path)
     header, _, rest = text.partition("\n")
     if not rest.endswith("\n"):
         raise damaged(path, "its last line has no end")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gearlib.errors import ArgumentError, FileError
-from gearlib.files.contents import Record, damaged, from_header, not_ours
+from gearlib.files.contents import Record, damaged, foreign_file, from_header
 from gearlib.optional import optional
 
 if TYPE_CHECKING:
@@ -41,11 +41,11 @@ def read(path: Path) -> Record:
     """Read a record."""
     _, xarray = optional("zarr"), optional("xarray")
     if not (path / ".zgroup").exists():
-        raise not_ours(path)
+        raise foreign_file(path)
     try:
         with xarray.open_zarr(path, decode_times=False, chunks=None) as found:
             if HEADER not in found:
-                raise not_ours(path)
+                raise foreign_file(path)
             columns = {str(name): found[name].to_numpy() for name in found.variables}
     except FileError:
         raise

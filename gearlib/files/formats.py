@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from gearlib.errors import ArgumentError, FileError
+from gearlib.errors import FileError
 from gearlib.files import csv_text, dataset, mat, netcdf, parquet
-from gearlib.files.contents import Record
+from gearlib.files.contents import Record, by_suffix
 from gearlib.files.replacing import replacing
 
 
@@ -30,11 +30,8 @@ FORMATS = {
 
 
 def format_of(path: Path) -> Format:
-    """The format selected by a path's suffix; `ArgumentError` if there is none."""
-    found = FORMATS.get(path.suffix.lower())
-    if found is None:
-        raise ArgumentError(f"{path} has the suffix {path.suffix!r}; expected {', '.join(FORMATS)}")
-    return found
+    """The format of a result file; `ArgumentError` if the suffix selects none."""
+    return by_suffix(path, FORMATS)
 
 
 def save_record(record: Record, path: Path) -> None:

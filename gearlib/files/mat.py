@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.files.contents import Record, damaged, from_header, not_ours
+from gearlib.files.contents import Record, damaged, foreign_file, from_header
 
 Floats = NDArray[np.float64]
 CLASS = ("Atrajectory", "1.1", "", "binTrans")
@@ -73,14 +73,14 @@ def read(path: Path) -> Record:
         try:
             found = loadmat(file, chars_as_strings=False)
         except Exception as problem:  # whatever the library raises for missing bytes
-            raise (damaged(path, str(problem)) if begins else not_ours(path)) from None
+            raise (damaged(path, str(problem)) if begins else foreign_file(path)) from None
     if "Aclass" not in found or _lines(found["Aclass"])[:1] != [CLASS[0]]:
-        raise not_ours(path)
+        raise foreign_file(path)
     missing = [name for name in ("name", "description", "dataInfo", "data_1", "data_2") if name not in found]
     if missing:
         raise damaged(path, f"it has no {missing[0]}")
     if _lines(found["Aclass"])[3:] != [CLASS[3]]:
-        raise not_ours(path)
+        raise foreign_file(path)
     samples = np.asarray(found["data_2"], float).T
     if "gearlib" in found:
         return from_header(_lines(found["gearlib"])[0], samples[:, 0], samples[:, 1:], path)

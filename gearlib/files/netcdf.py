@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from gearlib.errors import ArgumentError, FileError
-from gearlib.files.contents import Record, damaged, from_header, not_ours
+from gearlib.files.contents import Record, damaged, foreign_file, from_header
 
 HEADER = "gearlib_header"  # the attribute with the provenance
 MAGIC = b"CDF"
@@ -43,12 +43,12 @@ def read(path: Path) -> Record:
 
     with path.open("rb") as raw:
         if raw.read(3) != MAGIC:
-            raise not_ours(path)
+            raise foreign_file(path)
     try:
         with netcdf_file(path, "r", mmap=False) as file:
             header = getattr(file, HEADER, None)
             if header is None:
-                raise not_ours(path)
+                raise foreign_file(path)
             columns = {n.encode("latin-1").decode(): np.array(v.data, float) for n, v in file.variables.items()}
     except FileError:
         raise

@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 
 from gearlib.arguments import as_path, by_name, shown
 from gearlib.errors import ArgumentError, DeclarationError, FileError
+from gearlib.files.contents import by_suffix
 from gearlib.files.replacing import replacing
 from gearlib.language.units import BASE, dimension
 
@@ -63,7 +64,7 @@ def save_parameters(
             raise ArgumentError(f"parameter {name} is {shown(value)}; expected a number")
         values[name] = float(value)
     known = by_name("units", units, "a mapping of paths to units")
-    text = _format(target)[0](values, {name: str(known.get(name, "")) for name in values})
+    text = by_suffix(target, FORMATS)[0](values, {name: str(known.get(name, "")) for name in values})
     with replacing(target) as beside:
         beside.write_text(text, encoding="utf-8", newline="")
 
@@ -88,7 +89,7 @@ def load_parameters(path: str | os.PathLike[str]) -> dict[str, float]:
         The file cannot be read, or contains something other than names and numbers.
     """
     source = as_path("path", path)
-    read = _format(source)[1]
+    read = by_suffix(source, FORMATS)[1]
     try:
         text = source.read_text(encoding="utf-8-sig")
     except OSError as problem:
@@ -216,10 +217,3 @@ FORMATS: dict[str, tuple[Writer, Reader]] = {
     ".csv": (_to_csv, _from_csv),
     ".ssv": (_to_ssv, _from_ssv),
 }
-
-
-def _format(path: Path) -> tuple[Writer, Reader]:
-    found = FORMATS.get(path.suffix.lower())
-    if found is None:
-        raise ArgumentError(f"{path} has the suffix {path.suffix!r}; expected {', '.join(FORMATS)}")
-    return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gearlib.errors import FileError
-from gearlib.files.contents import Record, damaged, from_header, not_ours
+from gearlib.files.contents import Record, damaged, foreign_file, from_header
 from gearlib.optional import optional
 
 HEADER = b"gearlib"  # key in the metadata of the schema
@@ -31,13 +31,13 @@ def read(path: Path) -> Record:
     parquet = optional("pyarrow.parquet")
     with path.open("rb") as file:
         if file.read(4) != MAGIC:
-            raise not_ours(path)
+            raise foreign_file(path)
     try:
         with path.open("rb") as file:
             table = parquet.read_table(file)
         header = (table.schema.metadata or {}).get(HEADER)
         if header is None:
-            raise not_ours(path)
+            raise foreign_file(path)
         time, *histories = (column.to_numpy() for column in table.columns)
     except FileError:
         raise

@@ -169,12 +169,12 @@ class Fit:
             sure = f"{error:18.3g}" if np.isfinite(error) else f"{'not determined':>18s}"
             held = "  at its bound" if name in self.at_bounds else ""
             lines.append(f"{name:{width}s}  {value:12.6g} {sure}  {unit:12s} {f'{low:g} .. {high:g}':>24s}{held}".rstrip())
-        lines += self._said()
+        lines += self._remarks()
         return "\n".join(
             w for line in lines for w in (textwrap.wrap(line, WIDE, subsequent_indent="  ") if len(line) > WIDE else [line])
         )
 
-    def _said(self) -> list[str]:
+    def _remarks(self) -> list[str]:
         """Residuals and identifiability in words."""
         seen, lines = self.identifiability, []
         known = int(seen.determined.sum())

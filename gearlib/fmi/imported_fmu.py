@@ -91,14 +91,14 @@ class ImportedFmu:
 
     def _put(self, references: Sequence[int], values: Sequence[float]) -> None:
         if references:
-            put = self._fmu.setReal if self._is_2 else self._fmu.setFloat64
+            put = self._fmu.setReal if self._is_fmi2 else self._fmu.setFloat64
             put(list(references), [float(v) for v in values])
 
     def _get(self, references: Sequence[int]) -> Any:
-        return (self._fmu.getReal if self._is_2 else self._fmu.getFloat64)(list(references))
+        return (self._fmu.getReal if self._is_fmi2 else self._fmu.getFloat64)(list(references))
 
     @property
-    def _is_2(self) -> bool:
+    def _is_fmi2(self) -> bool:
         return bool(self._description.fmiVersion.startswith("2.0"))
 
     def _begin(self, t: float, values: Sequence[float]) -> None:
@@ -108,7 +108,7 @@ class ImportedFmu:
             self._fmu.reset()
         self._put(self._set, [*self.values.values()])
         self._put(self._given, values)
-        if self._is_2:
+        if self._is_fmi2:
             self._fmu.setupExperiment(startTime=t)
             self._fmu.enterInitializationMode()
         else:
@@ -116,10 +116,10 @@ class ImportedFmu:
         self._fmu.exitInitializationMode()
 
     def _instance(self) -> Any:
-        fmpy, module = optional("fmpy"), optional("fmpy.fmi2" if self._is_2 else "fmpy.fmi3")
+        fmpy, module = optional("fmpy"), optional("fmpy.fmi2" if self._is_fmi2 else "fmpy.fmi3")
         folder = tempfile.mkdtemp(prefix="gearlib-fmu-")
         fmpy.extract(str(self.path), folder)
-        made = (module.FMU2Slave if self._is_2 else module.FMU3Slave)(
+        made = (module.FMU2Slave if self._is_fmi2 else module.FMU3Slave)(
             guid=self._description.guid, unzipDirectory=folder, instanceName=Path(self.path).stem,
             modelIdentifier=self._description.coSimulation.modelIdentifier,
         )  # fmt: skip

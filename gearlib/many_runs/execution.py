@@ -98,7 +98,7 @@ class _Execution:
 
     def __init__(self, gathering: Gathering, tell: Told | None) -> None:
         self.gathering, self._tell = gathering, tell
-        self._ticker, self._begin, self._came = Ticker(), time.perf_counter(), gathering.before
+        self._ticker, self._begin, self._received = Ticker(), time.perf_counter(), gathering.before
 
     def take(self, run: int, row: Row | GearlibError) -> None:
         """A run that was executed in this process."""
@@ -106,23 +106,23 @@ class _Execution:
             self.gathering.fail(run, row)
         else:
             self.gathering.add(run, row)
-        self.came(1)
+        self.received(1)
 
     def take_all(self, runs: Integers, rows: ManyRows) -> None:
         """Runs that were executed in this process, and are alike."""
         self.gathering.add_all(runs, rows)
-        self.came(len(runs))
+        self.received(len(runs))
 
-    def came(self, count: int) -> None:
-        """Count further runs as received."""
-        self._came += count
+    def received(self, count: int) -> None:
+        """Count some more runs as received, and report progress if it is due."""
+        self._received += count
         if self._tell is not None and self._ticker.due():
             self.report()
 
     def report(self, last: bool = False) -> None:
         """Report progress."""
         if self._tell is not None:
-            self._tell(self._came / len(self.gathering.samples), time.perf_counter() - self._begin)
+            self._tell(self._received / len(self.gathering.samples), time.perf_counter() - self._begin)
 
 
 def _sequentially(execution: _Execution, runs: Integers) -> None:
@@ -157,7 +157,7 @@ def _distributed(execution: _Execution, executor: Executor, elsewhere: list[Warn
                 chunk = _brought(future, gathering)
                 gathering.take(runs, chunk)
                 elsewhere += chunk.warned
-                execution.came(len(runs))
+                execution.received(len(runs))
     except BaseException:
         for future in flying:
             future.cancel()

@@ -79,7 +79,7 @@ class TextClasses:
         """Component class for a class of the text, with modifications of its parts applied."""
         key = scope.node, tuple((n, s.node) for n, s in scope.replaced.items()), tuple(modifications.items())
         if key not in self.made:
-            self.made[key] = _Maker(self, scope, modifications).made()
+            self.made[key] = _ClassBuilder(self, scope, modifications).made()
         return self.made[key]
 
     def connector_of(self, scope: ClassScope) -> type[Connector]:
@@ -89,7 +89,7 @@ class TextClasses:
         return self.connectors[scope.node]
 
 
-class _Maker:
+class _ClassBuilder:
     """Builder that turns one class of the text into a component class."""
 
     def __init__(self, classes: TextClasses, scope: ClassScope, modifications: Modifications) -> None:

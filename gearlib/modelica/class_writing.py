@@ -112,7 +112,7 @@ class PackageText:
         if not self.standard_library:
             return None
         found = modelica_class(type(part))
-        if found is None or not _can_say(found[1], part):
+        if found is None or not _can_express(found[1], part):
             return None
         return found
 
@@ -135,7 +135,8 @@ def interface_of(kind: type[Connector]) -> str | None:
     return None
 
 
-def _can_say(counterpart: Counterpart, part: Component) -> bool:
+def _can_express(counterpart: Counterpart, part: Component) -> bool:
+    """Whether no value or choice given to a part is without an equivalent in the Modelica library."""
     given = given_to(part)
     names = [*given.values, *given.choices]
     return not any(name in counterpart.own for name in names)
@@ -346,7 +347,7 @@ class ClassText:
             at(path).within(["nominal"]).value = repr(float(value))
         for path, value in {**given.state, **(_below(name, outer.state) if outer else {})}.items():
             at(path).within(["stateSelect"]).value = f"StateSelect.{value}"
-        self._lift(name, part, given.values, joined, at)
+        self._lift_inputs(name, part, given.values, joined, at)
         for array, signals in found[1].arrays.items() if found is not None else ():
             if isinstance(signals, tuple):
                 elements = [change.inner.pop(f"{array}[{k + 1}]", Change("0")) for k in range(len(signals))]
@@ -363,7 +364,7 @@ class ClassText:
             return f"{{{', '.join(map(self.text, value))}}}"
         return self.given(f"{name}.{own}", value)
 
-    def _lift(self, name: str, part: Component, values: Mapping[str, Any], joined: Mapping[str, str], at: Any) -> None:
+    def _lift_inputs(self, name: str, part: Component, values: Mapping[str, Any], joined: Mapping[str, str], at: Any) -> None:
         """Turn unbound inputs of parts into inputs of the class."""
         known = self.counterparts[name]
         unbound = [

@@ -43,7 +43,7 @@ class Path:
 
 
 @dataclass(frozen=True, eq=False)
-class _Spot:
+class _BranchPoint:
     """A solution with the branch's unit tangent; w is scaled to 0 at the start and 1 at the end."""
 
     y: Floats
@@ -90,40 +90,40 @@ def follow(
     >>> [round(float(path.w[i]), 9) for i in path.folds], round(float(path.z[-1, 0]), 9), float(path.w[-1])
     ([1.0], 0.6, -0.8)
     """
-    walk = _Continuation(equations, start, end, skipped)
-    spot = walk.begin(z)
-    spots, length = [spot], step / 4
+    continuation = _Continuation(equations, start, end, skipped)
+    point = continuation.begin(z)
+    branch, length = [point], step / 4
     folds: list[int] = []
-    while len(spots) < points:
-        new = walk.corrected(spot, length)
-        if new is None or (length > 1e-3 * step and walk.strayed(spot, new, length)):
+    while len(branch) < points:
+        new = continuation.corrected(point, length)
+        if new is None or (length > 1e-3 * step and continuation.strayed(point, new, length)):
             length /= 2
             if length < SHORTEST * step:
                 raise SolverError(
-                    f"the branch cannot be followed beyond {walk.place(spot.y):g} rad/s, after {len(spots)} points: steps of "
+                    f"the branch cannot be followed beyond {continuation.place(point.y):g} rad/s, after {len(branch)} points: steps of "
                     f"{length:.1g} of the interval do not converge; take more samples, or fewer harmonics"
                 )
             continue
         if not 0.0 <= new.y[-1] <= 1.0:
-            last = walk.at_border(spot, new, 1.0 if new.y[-1] > 1.0 else 0.0)
-            return _path(walk, [*spots, last] if last is not None else spots, folds, True)
-        if new.tangent[-1] * spot.tangent[-1] < 0:
-            fold = walk.fold(spot, new, length)
+            last = continuation.at_border(point, new, 1.0 if new.y[-1] > 1.0 else 0.0)
+            return _path(continuation, [*branch, last] if last is not None else branch, folds, True)
+        if new.tangent[-1] * point.tangent[-1] < 0:
+            fold = continuation.fold(point, new, length)
             if fold is not None:
-                folds.append(len(spots))
-                spots.append(fold)
-                if len(spots) == points:
+                folds.append(len(branch))
+                branch.append(fold)
+                if len(branch) == points:
                     break
-        spot = new
-        spots.append(spot)
-        if not accept(spot.y[:-1], walk.place(spot.y)):
+        point = new
+        branch.append(point)
+        if not accept(point.y[:-1], continuation.place(point.y)):
             break
         length = min(length * (1.5 if new.iterations <= 3 else 1.0 if new.iterations <= 5 else 0.6), step)
-    return _path(walk, spots, folds, False)
+    return _path(continuation, branch, folds, False)
 
 
-def _path(walk: _Continuation, spots: list[_Spot], folds: list[int], complete: bool) -> Path:
-    z, w = np.array([s.y[:-1] for s in spots]), np.array([walk.place(s.y) for s in spots])
+def _path(continuation: _Continuation, branch: list[_BranchPoint], folds: list[int], complete: bool) -> Path:
+    z, w = np.array([s.y[:-1] for s in branch]), np.array([continuation.place(s.y) for s in branch])
     return Path(z, w, tuple(folds), complete)
 
 
@@ -144,40 +144,40 @@ class _Continuation:
     def size(self, y: Floats, largest: float = 0.0) -> float:
         return max(float(np.linalg.norm(y[self.skipped : -1])), LEAST * largest, 1e-300)
 
-    def inner(self, a: Floats, b: Floats, spot: _Spot) -> float:
+    def inner(self, a: Floats, b: Floats, point: _BranchPoint) -> float:
         """Inner product that measures arclength near a point."""
         k = self.skipped
-        return float((GROWTH / self.size(spot.y, spot.largest)) ** 2 * (a[k:-1] @ b[k:-1]) + a[-1] * b[-1])
+        return float((GROWTH / self.size(point.y, point.largest)) ** 2 * (a[k:-1] @ b[k:-1]) + a[-1] * b[-1])
 
-    def strayed(self, spot: _Spot, new: _Spot, length: float) -> bool:
+    def strayed(self, point: _BranchPoint, new: _BranchPoint, length: float) -> bool:
         """Whether the branch bends so strongly that the new point may lie on another one."""
-        off = np.asarray(new.y - spot.y - length * spot.tangent, np.float64)
-        turned = self.inner(new.tangent, spot.tangent, spot) / np.sqrt(self.inner(new.tangent, new.tangent, spot))
-        return bool(turned < STRAIGHT or self.inner(off, off, spot) > (OFF * length) ** 2)
+        off = np.asarray(new.y - point.y - length * point.tangent, np.float64)
+        turned = self.inner(new.tangent, point.tangent, point) / np.sqrt(self.inner(new.tangent, new.tangent, point))
+        return bool(turned < STRAIGHT or self.inner(off, off, point) > (OFF * length) ** 2)
 
-    def begin(self, z: Floats) -> _Spot:
+    def begin(self, z: Floats) -> _BranchPoint:
         y = np.append(z, 0.0)
         _, gradient = self.extended(y)
         forward = np.append(np.zeros(len(z)), 1.0)
-        spot = _Spot(y, forward, 0, self.size(y))
+        point = _BranchPoint(y, forward, 0, self.size(y))
         try:
-            direction = np.asarray(np.linalg.solve(np.vstack([gradient, self.normal(spot)]), forward), np.float64)
+            direction = np.asarray(np.linalg.solve(np.vstack([gradient, self.normal(point)]), forward), np.float64)
         except np.linalg.LinAlgError:
-            return spot
-        return _Spot(y, direction / np.sqrt(self.inner(direction, direction, spot)), 0, self.size(y))
+            return point
+        return _BranchPoint(y, direction / np.sqrt(self.inner(direction, direction, point)), 0, self.size(y))
 
-    def normal(self, spot: _Spot) -> Floats:
+    def normal(self, point: _BranchPoint) -> Floats:
         """Row vector whose product with a change is its arclength along the tangent."""
-        size = GROWTH / self.size(spot.y, spot.largest)
-        row = np.append(size**2 * spot.tangent[:-1], spot.tangent[-1])
+        size = GROWTH / self.size(point.y, point.largest)
+        row = np.append(size**2 * point.tangent[:-1], point.tangent[-1])
         row[: self.skipped] = 0.0
         return row
 
-    def corrected(self, spot: _Spot, length: float) -> _Spot | None:
+    def corrected(self, point: _BranchPoint, length: float) -> _BranchPoint | None:
         """Newton's method in the plane orthogonal to the tangent, at a given distance ahead."""
-        return self.on_plane(spot.y + length * spot.tangent, self.normal(spot), spot)
+        return self.on_plane(point.y + length * point.tangent, self.normal(point), point)
 
-    def on_plane(self, guess: Floats, normal: Floats, before: _Spot) -> _Spot | None:
+    def on_plane(self, guess: Floats, normal: Floats, before: _BranchPoint) -> _BranchPoint | None:
         """The branch's point on a plane through a guess."""
         right = np.zeros((len(guess), 2))
         right[-1, 1] = 1.0  # the second column yields the tangent
@@ -204,30 +204,30 @@ class _Continuation:
         if not found.settled or self.place(found.x) <= 0.0 < self.start:
             return None
         tangent = np.asarray(direction / np.sqrt(self.inner(direction, direction, before)), np.float64)
-        return _Spot(found.x, tangent, found.iterations, max(before.largest, self.size(found.x)))
+        return _BranchPoint(found.x, tangent, found.iterations, max(before.largest, self.size(found.x)))
 
-    def at_border(self, spot: _Spot, beyond: _Spot, border: float) -> _Spot | None:
+    def at_border(self, point: _BranchPoint, beyond: _BranchPoint, border: float) -> _BranchPoint | None:
         """Point at which the branch leaves the interval."""
-        share = (border - spot.y[-1]) / (beyond.y[-1] - spot.y[-1])
-        guess = spot.y + share * (beyond.y - spot.y)
+        share = (border - point.y[-1]) / (beyond.y[-1] - point.y[-1])
+        guess = point.y + share * (beyond.y - point.y)
         guess[-1] = border
-        found = self.on_plane(guess, np.append(np.zeros(len(guess) - 1), 1.0), spot)
+        found = self.on_plane(guess, np.append(np.zeros(len(guess) - 1), 1.0), point)
         if found is not None:
             found.y[-1] = border
         return found
 
-    def fold(self, spot: _Spot, beyond: _Spot, length: float) -> _Spot | None:
+    def fold(self, point: _BranchPoint, beyond: _BranchPoint, length: float) -> _BranchPoint | None:
         """Fold between two points, where the w-component of the tangent vanishes (regula falsi, Illinois)."""
         low, high = 0.0, length
-        f_low, f_high = float(spot.tangent[-1]), float(beyond.tangent[-1])
+        f_low, f_high = float(point.tangent[-1]), float(beyond.tangent[-1])
         found = None
         for _ in range(12):
             middle = (low * f_high - high * f_low) / (f_high - f_low)
-            tried = self.corrected(spot, middle)
+            tried = self.corrected(point, middle)
             if tried is None:
                 return found
             found, value = tried, float(tried.tangent[-1])
-            if abs(value) < 1e-6 * abs(float(spot.tangent[-1]) - float(beyond.tangent[-1])):
+            if abs(value) < 1e-6 * abs(float(point.tangent[-1]) - float(beyond.tangent[-1])):
                 return found
             if value * f_high < 0:
                 low, f_low = high, f_high

@@ -37,12 +37,13 @@ def _named(package: str, module: str, **names: str) -> dict[str, Counterpart]:
     return {f"Modelica.{package}.{name}": Counterpart(f"{module}:{local}") for name, local in names.items()}
 
 
-def _behind_the_time(columns: Any) -> tuple[int, ...]:
-    """Columns of a table counted from that behind the time; Modelica counts the time as the first."""
+def _columns_after_time(columns: Any) -> tuple[int, ...]:
+    """Column numbers of a table that count from the first one after the time; in Modelica the time is column 1."""
     return tuple(c - 1 for c in columns)
 
 
-def _with_the_time(columns: Any) -> tuple[int, ...]:
+def _columns_with_time(columns: Any) -> tuple[int, ...]:
+    """The inverse of `_columns_after_time`."""
     return tuple(c + 1 for c in columns)
 
 
@@ -187,7 +188,7 @@ _BLOCKS = {
         enumerations={"smoothness": "Modelica.Blocks.Types.Smoothness", "extrapolation": "Modelica.Blocks.Types.Extrapolation"},
         ignored=frozenset({"verboseRead", "verboseExtrapolation", "timeEvents", "tableName", "fileName", "delimiter", "nHeaderLines"}),
         only={"tableOnFile": (False,), "timeScale": (1,)},
-        converted={"columns": (_behind_the_time, _with_the_time), "offset": (_one_for_all, lambda value: (value,))},
+        converted={"columns": (_columns_after_time, _columns_with_time), "offset": (_one_for_all, lambda value: (value,))},
         arrays={"y": "outputs.y"},
     ),
 }  # fmt: skip

@@ -66,7 +66,7 @@ class Contact:
 
 
 @dataclass(frozen=True)
-class Stand:
+class WheelPosition:
     """Where a wheel is: centre (m) and angle (rad)."""
 
     x: float
@@ -99,16 +99,18 @@ class GearSet:
         """Radius of the circle around everything, m."""
         return max(w.orbit + float(np.hypot(*w.outline.T).max()) * (1.1 if w.ring else 1.0) for w in self.wheels)
 
-    def placed(self, first: float, carrier: float) -> list[Stand]:
+    def placed(self, first: float, carrier: float) -> list[WheelPosition]:
         """Where the wheels are at an angle of the first gear and of the carrier (rad)."""
         found = []
         for wheel in self.wheels:
             start, by_first, by_carrier = wheel.turn
             at = wheel.place + carrier
-            found.append(Stand(wheel.orbit * cos(at), wheel.orbit * sin(at), start + by_first * first + by_carrier * carrier))
+            found.append(
+                WheelPosition(wheel.orbit * cos(at), wheel.orbit * sin(at), start + by_first * first + by_carrier * carrier)
+            )
         return found
 
-    def force_on_b(self, contact: Contact, placed: list[Stand], force: float) -> tuple[float, float, float, float]:
+    def force_on_b(self, contact: Contact, placed: list[WheelPosition], force: float) -> tuple[float, float, float, float]:
         """Where the mesh is (its pitch point, m) and the force on wheel b (N).
 
         With e from the axis of a to that of b, and t at a right angle to it, a positive force pushes b along t and away from the

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import real, shown
-from gearlib.drawing.gears.gear_set import GearSet, Stand
+from gearlib.drawing.gears.gear_set import GearSet, WheelPosition
 from gearlib.drawing.icons import BODY, INK, LIGHT
 from gearlib.drawing.style import MARK
 from gearlib.drawing.svg import Picture, animated, circle, document, element, escaped, group, line, number, polygon, text
@@ -54,7 +54,7 @@ class GearMotion:
         """The largest force of a mesh in all frames, N."""
         return float(np.abs(self.forces).max(initial=0.0))
 
-    def at(self, frame: int) -> list[Stand]:
+    def at(self, frame: int) -> list[WheelPosition]:
         """Where the wheels are in a frame."""
         return self.gears.placed(float(self.first[frame]), float(self.carrier[frame]))
 
@@ -218,7 +218,7 @@ def _screen_arrows(motion: GearMotion, x: float, frame: int) -> list[tuple[float
     ]
 
 
-def _moved(points: Floats, at: Stand) -> Floats:
+def _moved(points: Floats, at: WheelPosition) -> Floats:
     c, s = np.cos(at.angle), np.sin(at.angle)
     moved: Floats = points @ np.array([[c, s], [-s, c]]) + [at.x, at.y]
     return moved

@@ -41,7 +41,7 @@ class ShownMotion(ShownResults):
         """The mode."""
         return self.mode
 
-    def beneath(self, axes: Axes, routing: Routing) -> Iterator[str]:
+    def background(self, axes: Axes, routing: Routing) -> Iterator[str]:
         """Bands along the shafts and their gears, as wide as the amplitude, in the colour of the sense."""
         lines = [*routing.lines, *_webs(axes, routing)]
         for shaft, turn in self.turns.items():
@@ -65,7 +65,7 @@ class ShownMotion(ShownResults):
                     transform=f"translate({number(x)} {number(y)})", class_="dial",
                 )  # fmt: skip
 
-    def told_of(self, symbol: Symbol) -> list[str]:
+    def notes(self, symbol: Symbol) -> list[str]:
         """Amplitudes of its flanges."""
         pairs = zip(symbol.ports, symbol.shafts, strict=True)
         return [f"{port}: {_amplitude(self.turns[shaft])}" for port, shaft in pairs if shaft in self.turns]

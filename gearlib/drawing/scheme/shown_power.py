@@ -43,7 +43,7 @@ class ShownPower(ShownResults):
     def _largest(self) -> float:
         return max((abs(load.power) for load in self.loads.values()), default=0.0)
 
-    def beneath(self, axes: Axes, routing: Routing) -> Iterator[str]:
+    def background(self, axes: Axes, routing: Routing) -> Iterator[str]:
         """Power flow along the shafts, with width proportional to power and arrows in its direction."""
         if not self._largest:
             return
@@ -62,7 +62,7 @@ class ShownPower(ShownResults):
             yield circle(x, y, 7, fill="white", stroke=INK, stroke_width="1")
             yield text(x, y + 3.2, str(number), text_anchor="middle", font_size="9", fill=INK)
 
-    def told_of(self, symbol: Symbol) -> list[str]:
+    def notes(self, symbol: Symbol) -> list[str]:
         """Loads of its flanges."""
         found = [(port, self.loads[symbol.name, port]) for port in symbol.ports if (symbol.name, port) in self.loads]
         return [f"{port}: {at.speed * 30 / pi:.4g} 1/min, {at.torque:.4g} N·m, {watts(at.power)}" for port, at in found]

@@ -31,7 +31,7 @@ class ShownResults:
         """Line above the drawing; empty for none."""
         return ""
 
-    def beneath(self, axes: Axes, routing: Routing) -> Iterator[str]:
+    def background(self, axes: Axes, routing: Routing) -> Iterator[str]:
         """SVG behind the train."""
         return iter(())
 
@@ -39,7 +39,7 @@ class ShownResults:
         """SVG in front of the train."""
         return iter(())
 
-    def told_of(self, symbol: Symbol) -> list[str]:
+    def notes(self, symbol: Symbol) -> list[str]:
         """Lines of the tooltip of a part."""
         return []
 

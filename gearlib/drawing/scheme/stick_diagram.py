@@ -86,7 +86,7 @@ def _bounds(axes: Axes, routing: Routing, names: Names) -> Box:
 def _drawn(axes: Axes, routing: Routing, names: Names, results: ShownResults, ends: tuple[float, float]) -> Iterator[str]:
     for at in axes.height:
         yield line(ends[0], at, ends[1], at, stroke="#9fb0c0", stroke_width="0.8", stroke_dasharray="12 3 2 3")
-    yield from results.beneath(axes, routing)
+    yield from results.background(axes, routing)
     for x1, y1, x2, y2, _ in routing.lines:
         if x1 == x2:  # verticals pass behind
             yield line(x1, y1, x2, y2, stroke=INK, stroke_width=LINE, stroke_linecap="round")
@@ -98,7 +98,7 @@ def _drawn(axes: Axes, routing: Routing, names: Names, results: ShownResults, en
                 yield line(v[0] - 5, y1, v[0] + 5, y1, **BEHIND)
             yield line(x1, y1, x2, y2, stroke=INK, stroke_width=LINE, stroke_linecap="round")
     for symbol, place in zip(axes.symbols, routing.places, strict=True):
-        yield group(_symbol(symbol, place, axes), title="\n".join([symbol.name, *results.told_of(symbol)]))
+        yield group(_symbol(symbol, place, axes), title="\n".join([symbol.name, *results.notes(symbol)]))
     for label, spot in names:
         yield label.drawn(spot)
     yield from results.above(axes, routing)

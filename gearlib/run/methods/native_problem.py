@@ -190,11 +190,11 @@ def named_events(run: Run, solution: Solution) -> list[tuple[float, str]]:
     names, times, roots = integrated.root_names, solution.event_times.tolist(), solution.event_roots.tolist()
     if min(roots) >= 0:
         return list(zip(times, map(names.__getitem__, roots), strict=True))
-    timed = _names_oftime_events(run)
+    timed = _names_of_time_events(run)
     return [(t, names[r] if r >= 0 else timed.get(t, "an input")) for t, r in zip(times, roots, strict=True)]
 
 
-def _names_oftime_events(run: Run) -> dict[float, str]:
+def _names_of_time_events(run: Run) -> dict[float, str]:
     """Component and equation of the switches at a time, all of them if there are several."""
     found: dict[float, list[str]] = {}
     for t, number in _switches(run):

@@ -51,7 +51,7 @@ class Flanks(VaryingStiffness):
         drive, coast = self._touching()
         return (gl.Piecewise((1, drive), (0, True)) + gl.Piecewise((1, coast), (0, True))) * loss
 
-    def squeezed(self) -> Any:
+    def squared_deflection(self) -> Any:
         """Sum of the squared deflections of the flanks."""
         half = self.b / 2
         return gl.Max(self.q - half, 0) ** 2 + gl.Max(-self.q - half, 0) ** 2 if self.backlash else self.q**2

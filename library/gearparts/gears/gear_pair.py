@@ -21,7 +21,7 @@ from gearlib.errors import BoundError
 from gearlib.language.declarations import offered
 from gearparts.gears.drawn_gears import pair_of
 from gearparts.gears.involute import involute, involute_angle
-from gearparts.gears.mesh_phase import stretches
+from gearparts.gears.mesh_phase import contact_intervals
 from gearparts.gears.tooth_form import ToothForm
 
 # ISO 6336-1, equation (86): flexibility of a pair of teeth, in mm um / N
@@ -203,7 +203,7 @@ class GearPair:
 
         distance = sum(
             (area(s.end + pair) - area(s.start + pair)) / s.pairs
-            for s in stretches("GearPair", max(self.contact_ratio, 1.0))
+            for s in contact_intervals("GearPair", max(self.contact_ratio, 1.0))
             for pair in range(s.pairs)
         )
         return 2 * math.pi * (1 / self.z_1 + self.sense / self.z_2) / math.cos(self.beta_b) * distance

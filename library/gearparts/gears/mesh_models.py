@@ -48,9 +48,11 @@ class DetailedMesh(TransmissionError, ToothFriction, Dissipative):
 
     def energies(self) -> gl.Energy:
         """The transmission error moves the flanks, and varying stiffness changes the energy stored at a given deflection."""
-        stiffer = self.stiffness_slope() * self.phase_rate() * self.squeezed() / 2
+        stiffer = self.stiffness_slope() * self.phase_rate() * self.squared_deflection() / 2
         return gl.Energy(
-            stored=self.c_now * self.squeezed() / 2, heat=self.loss_power, supplied=self.f * self.error_rate() + stiffer
+            stored=self.c_now * self.squared_deflection() / 2,
+            heat=self.loss_power,
+            supplied=self.f * self.error_rate() + stiffer,
         )
 
 

@@ -116,7 +116,7 @@ def periodic(rows: Rows, x: Any) -> tuple[Any, Any]:
 
 
 @dataclass(frozen=True)
-class Stretch:
+class ContactInterval:
     """An interval of the mesh period with a constant number of tooth pairs: from ``start`` to ``end``, in periods."""
 
     start: float
@@ -133,7 +133,7 @@ class Stretch:
         return wrapped(phase, pi * (self.start + self.end)) / (2 * gl.pi)
 
 
-def stretches(owner: str, contact_ratio: float) -> list[Stretch]:
+def contact_intervals(owner: str, contact_ratio: float) -> list[ContactInterval]:
     """Intervals of the mesh period from the instant at which a new pair comes into contact; at least two.
 
     Raises
@@ -143,7 +143,7 @@ def stretches(owner: str, contact_ratio: float) -> list[Stretch]:
 
     Examples
     --------
-    >>> [(s.start, s.end, s.pairs) for s in stretches("Mesh", 1.75)]
+    >>> [(s.start, s.end, s.pairs) for s in contact_intervals("Mesh", 1.75)]
     [(0.0, 0.75, 2), (0.75, 1.0, 1)]
     """
     if not contact_ratio >= 1:
@@ -151,5 +151,5 @@ def stretches(owner: str, contact_ratio: float) -> list[Stretch]:
     fewer = floor(contact_ratio)
     share = contact_ratio - fewer
     if share == 0:
-        return [Stretch(0.0, 0.5, fewer), Stretch(0.5, 1.0, fewer)]
-    return [Stretch(0.0, share, fewer + 1), Stretch(share, 1.0, fewer)]
+        return [ContactInterval(0.0, 0.5, fewer), ContactInterval(0.5, 1.0, fewer)]
+    return [ContactInterval(0.0, share, fewer + 1), ContactInterval(share, 1.0, fewer)]

@@ -8,7 +8,7 @@ from typing import Any
 import gearlib as gl
 from gearlib.arguments import shown
 from gearlib.errors import BindingError
-from gearparts.gears.mesh_phase import MeshMotion, checked_period, checked_terms, periodic, stretches, wrapped
+from gearparts.gears.mesh_phase import MeshMotion, checked_period, checked_terms, contact_intervals, periodic, wrapped
 from gearparts.tables import Rows
 
 EVEN: Rows = ((0.0, 1.0), (2.0, 1.0), (4.0, 1.0))
@@ -90,7 +90,7 @@ class RectangularStiffness(StiffnessLaw):
     """Rectangular variation, proportional to the number of tooth pairs in contact."""
 
     def value(self, mesh: Any, phase: Any) -> Any:
-        first, second = stretches(type(mesh).__name__, mesh.contact_ratio)
+        first, second = contact_intervals(type(mesh).__name__, mesh.contact_ratio)
         if first.pairs == second.pairs:
             return 1
         more, fewer = (stretch.pairs / mesh.contact_ratio for stretch in (first, second))

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import gearlib as gl
 from gearparts.gears.flanks import Flanks
-from gearparts.gears.mesh_phase import stretches
+from gearparts.gears.mesh_phase import contact_intervals
 
 
 class ToothFriction(Flanks):
@@ -48,7 +48,7 @@ class ToothFriction(Flanks):
         if not self.friction:
             return [gl.Eq(law, 0) for law in laws]
         step, opposite = self.turns_against * self.pitch, self.turns_against * self.tangent_b
-        early, late = stretches(type(self).__name__, self.contact_ratio)
+        early, late = contact_intervals(type(self).__name__, self.contact_ratio)
         inside = early.within(self.phase)
         newest = gl.Piecewise((early.newest(self.phase), inside), (late.newest(self.phase), True))
 

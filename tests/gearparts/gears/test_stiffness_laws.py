@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
-from gearparts.gears.mesh_phase import Stretch
+from gearparts.gears.mesh_phase import ContactInterval
 from tests.gearparts.gears.test_mesh_models import R_A, R_B, Z_A, C, pair
 
 
@@ -78,7 +78,7 @@ def test_a_law_takes_the_place_of_the_choice_and_must_be_one() -> None:
 @pytest.mark.parametrize("interval", [(0.0, 0.4), (0.4, 1.0)])
 def test_the_newest_pair_has_come_as_far_as_the_phase(interval: tuple[float, float]) -> None:
     """In base pitches from where a pair comes into contact, in whichever turn; beyond both ends of its interval, too."""
-    stretch = Stretch(*interval, 2)
+    contact = ContactInterval(*interval, 2)
     for turn in (-3, 0, 5):
         for part in np.linspace(interval[0] - 0.05, interval[1] + 0.05, 7):
-            assert float(stretch.newest(2 * np.pi * (turn + float(part)))) == pytest.approx(part, abs=1e-12)
+            assert float(contact.newest(2 * np.pi * (turn + float(part)))) == pytest.approx(part, abs=1e-12)
