@@ -1,4 +1,4 @@
-"""Simulations of a sweep by matrix exponentials, of many linear runs at once."""
+"""Simulations of a sweep by matrix exponentials: many linear runs at a time."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from gearlib.solvers.exponential.many import AT_ONCE, histories
 from gearlib.solvers.exponential.stretches import Stretch
 
 Floats = NDArray[np.float64]
-MOST_STRETCHES = 100  # of the output times, between corners of tables and switching times: beyond it single runs are as fast
+MOST_STRETCHES = 100  # uniform grids between corners of tables and switching times, beyond which single runs are as fast
 
 
 def why_not_by_exponentials(translation: Translation, request: Request) -> str | None:
-    """Why runs cannot be carried out by exponentials of many matrices at once, or None; whether they are linear is looked at later."""
+    """Reason why runs cannot be solved by stacked matrix exponentials, or None; their linearity is checked later, by `ExactSweep`."""
     method, scene = str(request.method), translation.scene
     if method not in ("auto", "exact"):
         return f"the method is {method}"
@@ -36,20 +36,20 @@ def why_not_by_exponentials(translation: Translation, request: Request) -> str |
 
 @dataclass(frozen=True, eq=False)
 class ExactSweep(SideBySide):
-    """Simulations of a linear scene by matrix exponentials; what drives it besides constants is the same in all runs."""
+    """Simulations of a linear scene by matrix exponentials; inputs that vary in time are the same in all runs."""
 
     @property
     def statistics(self) -> Mapping[str, Any]:
         return {"lanes": 1, "why": "matrix exponentials of many runs at once"}
 
     def why_not(self) -> str | None:
-        """Why it cannot be done, or None."""
+        """Reason why the scene or its inputs do not permit it, or None."""
         found = self._times
         return found if isinstance(found, str) else None
 
     @cached_property
     def _times(self) -> tuple[Forcing, list[Stretch], int] | str:
-        """The inputs, the output times between their corners, and how many of them are the start; or why there are none."""
+        """The inputs, the uniform grids between their corners, and the number of samples at the start; or the reason why not."""
         forms, grid = self.linear, self.sampled
         if isinstance(forms, str):
             return forms
@@ -64,8 +64,8 @@ class ExactSweep(SideBySide):
 
     def runs_of(self, prepared: PreparedRuns) -> Iterator[Found]:
         forms, times = self.linear, self._times
-        assert not isinstance(forms, str), "it was asked before"
-        assert not isinstance(times, str), "it was asked before"
+        assert not isinstance(forms, str), "checked by `why_not`"
+        assert not isinstance(times, str), "checked by `why_not`"
         scene = self.translation.scene
         forcing, cuts, at_start = times
         good = prepared.fit & forms.alike(prepared.parameters)

@@ -1,4 +1,4 @@
-"""Simulations of a sweep in lanes: which sweeps are carried out so, and the runs of prepared ones."""
+"""Simulations of a sweep in vector lanes: eligibility of a sweep, and integration of its prepared runs."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from gearlib.solvers.taylor.taylor import Taylor
 
 Floats = NDArray[np.float64]
 ORDER5_FROM = 1e-6  # rtol from which "rk" takes the method of order 5, which is that of the lanes
-MOST_CORNERS = 2000  # of the tables of a run
-# Steps of a linear run up to which eight in lanes take less time than eight exponentials, one after another; a run in a lane may
-# take so many times the steps that are expected, and some more
+MOST_CORNERS = 2000  # of a run's tables; they are copied for each run, some 32 kB per input at this limit
+# Steps of a linear run up to which eight runs in lanes take less time than eight exponentials, one after another; and the limit for the
+# steps of a run: PATIENCE times those expected from the first run, and LEAST_STEPS more
 MOST_OF_LINEAR, PATIENCE, LEAST_STEPS = 3000.0, 20.0, 1000.0
 
 
 def check_lanes(lanes: object) -> None:
-    """Raise `ArgumentError` for another number of lanes than there is."""
+    """Raise `ArgumentError` for an invalid number of lanes."""
     if isinstance(lanes, bool) or lanes not in ("auto", 1, LANES):
         raise ArgumentError(f"lanes is {shown(lanes)}; expected 'auto', 1 or {LANES}")
 
 
 def why_not_in_lanes(translation: Translation, request: Request) -> str | None:
-    """Why runs cannot be carried out in lanes, or None; what varies from run to run is looked at later."""
+    """Reason why runs cannot be integrated in lanes, or None; the values of each run are checked later."""
     scene, method = translation.scene, str(request.method)
     if not (method == "rk5" or (method in ("rk", "auto") and request.rtol >= ORDER5_FROM)):
         return f"the method is {method}; lanes are Runge-Kutta of order 5: method='rk5'"
@@ -63,9 +63,9 @@ def why_not_in_lanes(translation: Translation, request: Request) -> str | None:
 
 
 def most_steps(sweep: SideBySide) -> float | str:
-    """Steps after which a lane gives up, so that a run among others that is stiff is left to ``"auto"``; or why none shall begin.
+    """Limit for the steps of a run, beyond which it counts as stiff and is left to ``"auto"``; or the reason not to use lanes at all.
 
-    Where ``"auto"`` chooses the method, the first run decides, once for the whole sweep, whose request has its numbers.
+    With ``method="auto"`` the first run, whose numbers the request holds, decides for the whole sweep.
     """
     request = sweep.request
     if str(request.method) != "auto":
@@ -99,7 +99,7 @@ class LaneSweep(SideBySide):
     Attributes
     ----------
     most_steps : float
-        After which a lane gives up its run.
+        Limit for the steps of a run.
     """
 
     most_steps: float = float("inf")
@@ -159,7 +159,7 @@ class LaneSweep(SideBySide):
 
 
 def _straight(prepared: PreparedRuns, tables: Sequence[int]) -> NDArray[np.bool_]:
-    """In which runs the inputs that are tables consist of straight lines, not too many."""
+    """Mask of the runs whose tables are piecewise linear, with at most `MOST_CORNERS` points."""
     good = np.ones(prepared.count, bool)
     for k in tables:
         for signal in set(prepared.signals[k]):
@@ -169,7 +169,7 @@ def _straight(prepared: PreparedRuns, tables: Sequence[int]) -> NDArray[np.bool_
 
 
 def _pieces(signals: Sequence[Sequence[Any]], runs: NDArray[np.int64], grid: Floats) -> tuple[Floats, Floats]:
-    """Corners and pieces of inputs, as `LaneProblem` has them; one row if all runs have the same."""
+    """Corners and pieces of inputs for `LaneProblem`; a single row if they are the same in all runs."""
     alike = all(len(set(signal)) == 1 for signal in signals)
     rows = [_row([signal[i] for signal in signals], grid) for i in (runs[:1] if alike else runs).tolist()]
     most = max(len(corners) for corners, _ in rows)
@@ -181,7 +181,7 @@ def _pieces(signals: Sequence[Sequence[Any]], runs: NDArray[np.int64], grid: Flo
 
 
 def _row(signals: Sequence[Any], grid: Floats) -> tuple[Floats, Floats]:
-    """The corners of a run's inputs, and between them their values at time zero and slopes."""
+    """The corners of a run's inputs; and for each interval between them the values at time zero and the slopes."""
     begin, end = float(grid[0]), float(grid[-1])
     inner = np.unique(np.concatenate([np.empty(0), *(s.t for s in signals if isinstance(s, Table))]))
     inner = inner[(inner > begin) & (inner < end)]

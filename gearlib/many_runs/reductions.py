@@ -1,4 +1,4 @@
-"""`final` and `peak`: what is kept of the runs of a sweep most often, computed for many runs at once."""
+"""`final` and `peak`: the most frequent reductions of a sweep, computed for many runs at a time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Reduction:
-    """A number that is taken from a history: a function of a result, as ``reduce`` of `System.sweep` takes it.
+    """Reduction of a history to a number: a function of a result, for ``reduce`` of `System.sweep`.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Reduction:
 
 
 def final(name: str) -> Reduction:
-    """The last value of a variable, for ``reduce`` of `System.sweep`: many runs at once, without a result for each.
+    """The last value of a variable, for ``reduce`` of `System.sweep`: computed for many runs at a time, without a `Result` for each.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""`SideBySide`: simulations of a sweep that are prepared together and carried out side by side, whatever integrates them."""
+"""`SideBySide`: simulations of a sweep that are prepared and integrated many at a time; base of the ways to integrate them."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from gearlib.solvers.inputs.table import Table
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-AT_ONCE = 4096  # runs that are prepared together, and
-MOST_NUMBERS = 4_000_000  # samples of states that they may have
+AT_ONCE = 4096  # runs that are prepared together: enough that the overhead of numpy is negligible for each
+MOST_NUMBERS = 4_000_000  # samples of states computed together (32 MB)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class KeptStates:
     Attributes
     ----------
     runs : array of int
-        Their numbers.
+        Indices of the runs.
     states : array, shape (runs, samples, kept)
     """
 
@@ -47,11 +47,11 @@ class KeptStates:
     states: Floats
 
 
-Found = tuple[int, SimulatedResult | None] | KeptStates  # one run, or several; None: to be carried out by itself
+Found = tuple[int, SimulatedResult | None] | KeptStates  # one run, or several; None: to be simulated on its own
 
 
 def why_one_by_one(translation: Translation, request: Request) -> str | None:
-    """Why runs cannot be prepared together, or None; what varies from run to run is looked at later."""
+    """Reason why runs cannot be prepared together, or None; the values of each run are checked later, by `PreparedRuns`."""
     scene = translation.scene
     if isinstance(request.start, Result) or (isinstance(request.start, tuple) and isinstance(request.start[0], Result)):
         return "the runs go on from another one"
@@ -66,7 +66,7 @@ def why_one_by_one(translation: Translation, request: Request) -> str | None:
 
 @dataclass(frozen=True, eq=False)
 class SideBySide(ABC):
-    """Simulations of a translation side by side.
+    """Simulations of a translation, prepared and integrated many at a time.
 
     Attributes
     ----------
@@ -74,10 +74,11 @@ class SideBySide(ABC):
     request : Request
         With the parameters of the first run.
     parameters, inputs : mapping
-        What is given for all runs, by path.
+        Values common to all runs, by path.
     whole : bool
-        Whether the results are wanted; else the states in ``kept`` suffice.
+        Whether complete results are required; otherwise the histories of the states in ``kept`` suffice.
     kept : tuple of int
+        Indices of states.
     last : bool
         Whether the last sample suffices.
     """
@@ -91,32 +92,32 @@ class SideBySide(ABC):
     last: bool
 
     def __getstate__(self) -> dict[str, Any]:
-        """What goes to another process: without what is computed once in each."""
+        """Pickle the fields only: each process computes its own cached properties."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @property
     @abstractmethod
     def statistics(self) -> Mapping[str, Any]:
-        """What is to be said of it in the statistics of a sweep."""
+        """Entries for the statistics of the sweep."""
 
     @abstractmethod
     def runs_of(self, prepared: PreparedRuns) -> Iterator[Found]:
-        """Carry out the runs that are ``fit``."""
+        """Simulate the runs that are ``fit``."""
 
     def column(self, name: str) -> int:
-        """Where an output that is a state stands among those that are kept."""
+        """Index of an output among the kept states; -1 if it is none of them."""
         place = self.translation.scene.place_of.get(self.translation.scene.named(name)[0], -1)
         return self.kept.index(place) if place in self.kept else -1
 
     @cached_property
     def linear(self) -> LinearForms | str:
-        """The linear forms of the runs, or the reason why there are none."""
+        """The linear forms of the runs, or the reason why the scene has none."""
         scene = self.translation.scene
         return linear_forms(scene, scene.prepared(self.request.parameters), self.signals)
 
     @cached_property
     def grid(self) -> Floats:
-        """The times, s, of which the first is the start."""
+        """The output times with the start time before them, s."""
         times, t_start = self.request.times, self.request.t_start
         return times if times[0] == t_start else np.concatenate([[t_start], times])
 
@@ -128,23 +129,23 @@ class SideBySide(ABC):
 
     @cached_property
     def sampled(self) -> Floats:
-        """Those of these times at which states are computed, with the start."""
+        """The times of `grid` at which states are computed: all of them, or the first and the last."""
         return self.grid[[0, -1]] if self.last and len(self.grid) > 2 else self.grid
 
     @property
     def hidden(self) -> int:
-        """So many of these were not asked for."""
+        """Number of leading samples in `sampled` that are no output times."""
         return 1 if len(self.sampled) < len(self.grid) else len(self.grid) - len(self.request.times)
 
     @cached_property
     def columns(self) -> Integers:
-        """The states whose samples are computed."""
+        """Indices of the states that are sampled."""
         return np.arange(len(self.translation.scene.states)) if self.whole else np.array(self.kept, np.int64)
 
     def results(
         self, parameters: Mapping[str, Floats], starts: Mapping[str, Floats], inputs: Mapping[str, Any], count: int
     ) -> Iterator[Found]:
-        """Runs with their numbers, in the order in which they end; None stands for one that cannot be done so, or failed."""
+        """Indices and results of the runs, in the order of completion; None for a run that does not fit, or failed."""
         size = max(LANES, min(AT_ONCE, MOST_NUMBERS // max(len(self.sampled) * len(self.columns), 1)))
         for first in range(0, count, size):
             here = slice(first, min(first + size, count))
@@ -161,20 +162,20 @@ class SideBySide(ABC):
 
 
 class PreparedRuns:
-    """Runs that are prepared together.
+    """Parameters, inputs and start values of several runs, as arrays.
 
     Attributes
     ----------
     count : int
     parameters : array, shape (parameters, runs)
     signals : list of (array or tuple)
-        Unbound inputs: numbers of the runs, or a table for each.
+        Unbound inputs: one number per run, or one table per run.
     solutions : list of arrays, shape (runs, unknowns, known)
-        Of the linear blocks.
+        Solutions of the linear blocks.
     states : array, shape (runs, states)
         Start values.
     fit : array of bool
-        Runs that can be carried out so; the others are done by themselves, which names what is wrong with them.
+        Mask of the valid runs; the others are simulated on their own, which raises the error that names what is wrong.
     """
 
     def __init__(
@@ -199,7 +200,7 @@ class PreparedRuns:
         self.fit &= np.isfinite(self.states).all(axis=1)
 
     def _signal(self, value: Any) -> Any:
-        """An input in all runs."""
+        """Values of an input, one per run."""
         times = self.sweep.grid
         if isinstance(value, Table):
             return (value.over(float(times[0]), float(times[-1])),) * self.count
@@ -221,7 +222,7 @@ class PreparedRuns:
         return tuple(s[i] if isinstance(s, tuple) else float(s[i]) for s in self.signals)
 
     def _each(self, runs: Any, action: Any) -> None:
-        """Do something with each run; one that raises an error is done by itself, which raises it again."""
+        """Perform an action for each run; one that raises an error is marked unfit, and raises it again when simulated on its own."""
         for i in runs.tolist():
             try:
                 action(i)
@@ -247,14 +248,14 @@ class PreparedRuns:
         return states
 
     def begin(self, i: int) -> Start:
-        """The start of a run."""
+        """Consistent start values of a run."""
         sweep, own = self.sweep, self.sweep.translation
         return own.start(
             own.scene, self.parameters[:, i], float(sweep.grid[0]), self.start_of(i), list(self.signals_of(i)), True
         )
 
     def start_of(self, i: int) -> Any:
-        """What was asked for the start of a run."""
+        """The ``start`` argument of a run."""
         starts = {name: float(column[i]) for name, column in self.varied[1].items()}
         return {**(self.sweep.request.start or {}), **starts} if starts else self.sweep.request.start
 

@@ -1,7 +1,7 @@
 """Tsitouras' method for `LANES` runs side by side: each lane has its own time, step and error, and takes the next run when it is done.
 
-Nothing branches on a single lane but the beginning and the end of runs, and the samples' way into memory: a lane whose step was
-rejected computes it once more while the others go on, a lane without a run computes what nobody looks at.
+Only the beginning and the end of runs and the storing of samples branch on single lanes. Everything else is vectorised: a lane whose step
+was rejected repeats it while the others continue, and the results of a lane without a run are ignored.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ __all__ = ["GENERATED"]
 
 DONE, FAILED = 1, -1
 SQUARE_NEAR, SQUARE_DAMPED = NEAR5**2, DAMPED**2
-LEAST, LEAST_BEFORE = 1e-20, 10**-0.25  # of the square of an error, and of the sixteenth root of one that is remembered
+LEAST, LEAST_BEFORE = 1e-20, 10**-0.25  # lower bounds of the squared error, and of the sixteenth root of the previous one
 
 
 def _weighted(row: tuple[float, ...]) -> str:
@@ -91,7 +91,7 @@ _stages = _measured = _interpolate = generated
 
 @native
 def _turn(s: LaneRecord, lane: int) -> None:
-    """Fill in the numbers from a corner on, and the next stop."""
+    """Load the input values that hold from a corner on, and determine the next stop."""
     run, corner, here = ints_at(s.run)[lane], ints_at(s.corner)[lane], 8 * lane
     row = run * s.cornered
     data, pieces = floats_at(s.data), floats_at(s.pieces)
@@ -105,7 +105,7 @@ def _turn(s: LaneRecord, lane: int) -> None:
 
 @native
 def _load(s: LaneRecord, lane: int) -> None:
-    """Begin the next run in a lane; without any more runs the lane goes on with what it has, for nothing."""
+    """Load the next run into a lane; if there is none, the lane idles: it goes on computing, and its results are ignored."""
     here = 8 * lane
     if s.next == s.n_runs:
         floats_at(s.active + here)[0] = floats_at(s.h + here)[0] = 0.0
@@ -135,7 +135,7 @@ def _load(s: LaneRecord, lane: int) -> None:
 
 @native
 def _begin(s: LaneRecord) -> None:
-    """The first stage and the first step (Hairer's guess, as in ``rungekutta.first_step``) of the lanes that were just filled."""
+    """The first stage and the first step (Hairer's guess, as in ``rungekutta.first_step``) of the lanes that have just been loaded."""
     n, t, now, fresh = s.n, floats_at(s.t), floats_at(s.now), ints_at(s.fresh)
     x, y, k, h, atol = floats_at(s.x), floats_at(s.y), floats_at(s.k), floats_at(s.h), floats_at(s.atol)
     first, later, size = LANES * n, 2 * LANES * n, LANES * n
@@ -180,7 +180,7 @@ def _begin(s: LaneRecord) -> None:
 
 @native
 def _end(s: LaneRecord) -> None:
-    """Note the runs that have come to their end, and let others begin in their lanes."""
+    """Record the runs that are complete or failed, and load others into their lanes."""
     ended, active = floats_at(s.ended), floats_at(s.active)
     for lane in range(LANES):
         if ended[lane] != 0.0 and active[lane] != 0.0:
@@ -195,7 +195,7 @@ def _end(s: LaneRecord) -> None:
 
 @native
 def _pass(s: LaneRecord, flags: int) -> None:
-    """Lanes on a corner go on with other numbers; inputs may jump there, so that the first stage is another one."""
+    """Load new input values in lanes at a corner, and evaluate the first stage again, since inputs may jump there."""
     turned, t, now, k = floats_at(flags), floats_at(s.t), floats_at(s.now), floats_at(s.k)
     for lane in range(LANES):
         if turned[lane] != 0.0:
@@ -213,7 +213,7 @@ def _pass(s: LaneRecord, flags: int) -> None:
 
 @native
 def _store(s: LaneRecord, due: int) -> None:
-    """Write the samples of the lanes in which one is due."""
+    """Store the samples that lie within the step."""
     flags, kept, sample_t = floats_at(due), floats_at(s.kept), floats_at(s.sample_t)
     sample, run, times, out, width = ints_at(s.sample), ints_at(s.run), floats_at(s.times), floats_at(s.out), s.n_columns
     for lane in range(LANES):
@@ -272,7 +272,9 @@ def _step(s: LaneRecord) -> None:
     if s.n_corners > 0:
         turned = both(both(reached, end < s.end), active[0] != 0.0)
         if any_of(turned):
-            steps[0] = where(turned, max(steps[0], min(whole, in_lanes(s.h_max))), steps[0])  # the corner had cut the step
+            steps[0] = where(
+                turned, max(steps[0], min(whole, in_lanes(s.h_max))), steps[0]
+            )  # the corner had shortened the step
             ended[0] = where(turned, in_lanes(1.0), 0.0)
             _pass(s, s.ended)
     over = both(reached, not end < s.end)
@@ -283,7 +285,7 @@ def _step(s: LaneRecord) -> None:
 
 @native
 def advance_lanes(address: int) -> int32:
-    """Take the runs on by ``budget`` steps at most; 0 where all are done, else 1."""
+    """Advance the runs by at most ``budget`` steps; returns 0 once all are done, otherwise 1."""
     s = LaneRecord(address)
     if s.running == 0:
         s.running = LANES

@@ -18,41 +18,41 @@ class LaneRecord(ctypes.Structure):
     """State of some runs; every field is zero at first."""
 
     rhs: int
-    # addresses of what all runs have: output times, states that are kept, absolute tolerances
+    # addresses of data common to all runs: output times, indices of the states to store, absolute tolerances
     times: int
     columns: int
     atol: int
-    # addresses of the corners of its inputs, which steps end at, and the numbers of the right-hand side that change there; of each run,
-    # or where ``cornered`` is zero, of all runs
+    # addresses of the corners of the inputs, at which steps end, and of the input values that change there: one row per run or, if
+    # ``cornered`` is zero, one row for all runs
     corners: int
     pieces: int
-    # addresses of what each run has, row by row: start, numbers of the right-hand side, samples, how it ended, steps tried, rejected
+    # addresses of data with one row per run: start values, parameters of the right-hand side, samples, status, steps tried, rejected
     starts: int
     numbers: int
     out: int
     status: int
     tried: int
     rejected: int
-    # addresses of vectors of lanes: states, stages (7 rows), the argument of a stage, the end of a step, numbers, samples
+    # addresses of vectors of lanes: states, stages (7 rows), argument of a stage, states at the end of the step, parameters, samples
     x: int
     k: int
     y: int
     x_new: int
     data: int
     kept: int
-    # addresses of single lanes: times, sizes of steps, ...
+    # addresses of one number per lane
     t: int
     now: int  # the time at which the right-hand side is evaluated
     h: int
-    sample_t: int  # of the next sample, infinite where there is none
+    sample_t: int  # time of the next sample, infinite if there is none
     stop: int  # the next corner, or the end
     before: int  # sixteenth root of the error of the step before
     retry: int  # 1 after a step that was rejected
-    active: int  # 1 where a run is on its way
-    ended: int  # 1 or -1 where it has just come to its end, or failed
+    active: int  # 1 while a run is integrated
+    ended: int  # 1 for a run that has just been completed, -1 for one that has just failed
     steps: int
     failures: int
-    # whole numbers, a lane each: which run, its next sample and corner, whether it has just been filled
+    # addresses of one integer per lane: index of the run, of its next sample and corner; whether it has just been loaded
     run: int
     sample: int
     corner: int
@@ -62,16 +62,16 @@ class LaneRecord(ctypes.Structure):
     n_times: int
     n_columns: int
     n_corners: int  # of a run
-    n_pieces: int  # numbers that change at corners: the first ones of ``data``
+    n_pieces: int  # parameters that change at corners: the first ones of ``data``
     cornered: int
     n_runs: int
-    next: int  # the run that the next free lane takes
+    next: int  # index of the run that is loaded next
     running: int  # lanes that are active
-    done: int  # runs that are
+    done: int  # completed or failed runs
     budget: int  # steps to take before returning
     evaluations: int  # of all lanes
     rtol: float
     origin: float  # s; all other times count from here
     end: float
     h_max: float
-    most_steps: float  # of a run, which fails beyond
+    most_steps: float  # limit for a run, which fails beyond it

@@ -1,4 +1,4 @@
-"""`LaneRuns`: many runs of one scene on their way through the lanes; numbers and a native function, nothing symbolic."""
+"""`LaneProblem` and `LaneRuns`: integration of many runs of one scene in vector lanes, from numbers and a native function."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from gearlib.solvers.problem import Floats, Integers, Native, late_start
 
 __all__ = ["LaneProblem", "LaneRuns"]
 
-STEPS_PER_CALL = 1000  # of all lanes; Python looks after interrupts in between
-CACHE_LINE = 8  # numbers: vectors that begin with one are not torn apart
+STEPS_PER_CALL = 1000  # of all lanes; Python handles interrupts in between
+CACHE_LINE = 8  # numbers (64 bytes): an aligned vector of lanes lies in one cache line
 _SINGLE = ("t", "now", "h", "sample_t", "stop", "before", "retry", "active", "ended", "steps", "failures")
 _WHOLE = ("run", "sample", "corner", "fresh")
 
 
 @dataclass(frozen=True, eq=False)
 class LaneProblem:
-    """Some runs of a scene.
+    """Runs of a scene as arrays.
 
     Attributes
     ----------
@@ -33,21 +33,21 @@ class LaneProblem:
         A right-hand side for lanes: ``int32 f(lanes *time, lanes *x, lanes *dx, lanes *data)``.
     starts : array, shape (runs, states)
     numbers : array, shape (runs, numbers)
-        What the right-hand side finds in ``data``.
+        Contents of ``data``, from which the right-hand side reads parameters and inputs.
     times : array
-        Of the samples, s; the first is the start.
+        Sample times, s; the first is the start.
     columns : array of int
-        The states that are kept.
+        Indices of the states to store.
     atol : array, shape (states,)
     rtol : float
     longest_step : float
         s.
     corners : array, shape (runs or 1, corners)
-        Times of the corners of inputs, s, in order, of each run or of all; infinite ones fill up a row.
+        Ascending times of the corners of inputs, s, for each run or for all of them; rows are padded with infinity.
     pieces : array, shape (runs or 1, corners + 1, changing)
-        The first numbers of ``data``, up to each corner and after the last.
+        The leading numbers of ``data`` up to each corner, and after the last one.
     most_steps : float
-        Of a run, which counts as failed beyond.
+        Limit for a run, which fails beyond it.
     """
 
     rhs: Native
@@ -64,13 +64,13 @@ class LaneProblem:
 
 
 class LaneRuns:
-    """Runs on their way.
+    """Integration in progress.
 
     Attributes
     ----------
     out : array, shape (runs, samples, columns)
     status : array of int, shape (runs,)
-        1 for a run that came to its end, -1 for one that could not go on, 0 for one that is not done.
+        1 for a completed run, -1 for a failed one, 0 for one in progress or not begun.
     steps, rejected : arrays of int, shape (runs,)
     """
 
@@ -96,7 +96,7 @@ class LaneRuns:
             place += LANES * size
         for name, array in self._arrays.items():
             setattr(record, name, array.ctypes.data)
-        if runs:  # a lane that never gets a run computes the first one, which nobody looks at
+        if runs:  # a lane without a run computes the first one, and its results are ignored
             self._arrays["x"].reshape(n, LANES)[:] = problem.starts[0][:, None]
             self._arrays["data"].reshape(m, LANES)[:] = problem.numbers[0][:, None]
         record.rhs, record.n, record.n_numbers, record.n_times, record.n_columns = (
@@ -113,11 +113,11 @@ class LaneRuns:
 
     @property
     def done(self) -> int:
-        """So many runs came to their end or failed."""
+        """Number of completed or failed runs."""
         return self.record.done
 
     def advance(self, steps: int = STEPS_PER_CALL) -> bool:
-        """Take so many steps at most; whether anything is left to be done."""
+        """Advance by a number of steps at most; returns whether any run remains."""
         self.record.budget = steps
         if self.record.n_runs == self.record.done:
             return False
