@@ -102,6 +102,14 @@ def test_bode(paper: gl.System) -> None:
     assert "tau_in → w_out, gain 1 N·m per rad/s" in texts(gain)
 
 
+def test_bode_marks_no_margin_that_lies_at_no_frequency_of_the_plot() -> None:
+    """Real and negative at rest and at infinity only: -0.1 and -0.5."""
+    gain, phase = gl.bode_plot(control.tf([-0.5, -0.1], [1, 1]))
+    for ax in (gain, phase):
+        assert " at " not in texts(ax)
+        assert all(np.isfinite(np.asarray(line.get_xdata(), float)).all() for line in ax.lines)
+
+
 def test_the_gain_has_the_unit_that_makes_the_loop_a_number(paper: gl.System) -> None:
     assert texts(gl.nichols_plot(paper, ("tau_in", "q_ring"), gain=-2.5)).startswith(
         "Nichols plot of the loop tau_in → q_ring, gain -2.5 N·m per m"

@@ -36,6 +36,18 @@ def test_two_inputs_that_are_one_are_named() -> None:
         gl.compile(Twice())
 
 
+def test_a_part_does_not_take_the_blame_for_what_is_loose_elsewhere() -> None:
+    """A spring whose other end is free passes no torque; the source is connected."""
+
+    class Free(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.q, self.spring = gp.Torque(), gp.Spring(c=10.0)
+            return [c(self.q.flange, self.spring.flange_a)]
+
+    with pytest.raises(ModelError, match=r"the equations of the model make the input q\.tau zero; bind it to 0: tau=0"):
+        gl.compile(Free())
+
+
 class Nested(gl.Component):
     """A body, so many levels deep."""
 

@@ -140,3 +140,15 @@ def test_the_last_value_takes_no_other_samples(
     ends = drive.sweep({"J": J}, 1.0, reduce={"end": gl.final("load.w")}, **options)
     assert close(ends["end"], histories[:, -1], digits)
     assert set(kept) == {1}
+
+
+def test_files_are_filled_batch_by_batch(drive: gl.System, tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Batches of 4 runs come after one another; run 6 does not fit, being another translation."""
+    varied = {"J": J, "motor.J": np.where(J[6] == J, 0.0, 0.5)}
+    options: dict[str, Any] = {"samples": 5, "inputs": {"torque.tau": 3.0}, "outputs": ["load.w"]}
+    memory = drive.sweep(varied, 1.0, **options)
+    for name in ("LANES", "AT_ONCE"):
+        monkeypatch.setattr(side_by_side, name, 4)
+    there = drive.sweep(varied, 1.0, to=tmp_path / "sweep.zarr", **options)
+    assert there.stats["done"] == len(J)
+    assert close(there["load.w"], memory["load.w"])

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy
 from scipy.integrate import solve_ivp
 
 import gearlib as gl
@@ -69,3 +70,26 @@ def test_what_has_no_series_is_refused() -> None:
 
     with pytest.raises(ArgumentError, match=r"method='taylor' has no Taylor series for equations that are solved together"):
         gl.compile(Inert()).simulate(1.0, method="taylor")
+
+
+KINKS: dict[str, Any] = {
+    "none": lambda x, t: x**2 - gl.sin(t),
+    "sign": lambda x, t: gl.no_event(gl.sign(x - 1)),
+    "branch": lambda x, t: gl.no_event(gl.Piecewise((x, x > 1), (1, True))),
+    "largest": lambda x, t: gl.no_event(sympy.Max(x, 1)),
+    "smallest": lambda x, t: gl.no_event(sympy.Min(x, 1)),
+}
+
+
+@pytest.mark.parametrize("kind", KINKS)
+def test_series_with_kinks_that_no_event_marks_are_known(kind: str) -> None:
+    class Kinked(gl.Component):
+        rate = gl.Parameter("1/s", default=1.0)
+        x = gl.Variable("1", start=0.7)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), KINKS[kind](self.x, self.rate * gl.time))]
+
+    series = gl.compile(Kinked()).translation.scene.series
+    assert not isinstance(series, str)
+    assert series.branches == (kind != "none")

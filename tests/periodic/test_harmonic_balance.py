@@ -355,6 +355,24 @@ def test_excitation_by_the_mesh_phase() -> None:
         gl.harmonic_balance(braked, 3e4, 2e4, turning={"mesh.turned": 1.0})
 
 
+class DriftingPair(MeshingPair):
+    """With an output that grows with time, not with the mesh phase."""
+
+    rate = gl.Parameter("m/s", "drift", default=3.0)
+    drifted = gl.Variable("m", "deflection and drift")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.drifted, self.mesh.q + self.rate * gl.time)]
+
+
+def test_what_drifts_in_time_is_refused_with_its_growth_in_a_period() -> None:
+    w = 1.5 * NATURAL
+    with pytest.raises(gl.GearlibError, match=f"drifted grows by {3.0 * 2 * np.pi / w:g} in each period; leave it out"):
+        gl.harmonic_balance(
+            gl.compile(DriftingPair()), w, 0.999 * w, turning={"mesh.turned": 1.0}, outputs=["drifted"], harmonics=1, samples=32
+        )
+
+
 def test_derivatives_at_many_times_are_those_at_one() -> None:
     system = gl.compile(GearPair())
     scene = system.translation.scene

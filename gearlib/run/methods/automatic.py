@@ -210,7 +210,7 @@ def continued(run: Run, before: Driver) -> Run:
 
 def _joined(run: Run, legs: Sequence[Leg], why: str) -> Solution:
     """The solution held by the last leg, with the statistics of all legs."""
-    whole = finished(run, legs[-1].solution, "auto", f"{why}; {_told(legs)}" if len(legs) > 1 else why)
+    whole = finished(run, legs[-1].solution, "auto", f"{why}; {told(legs)}" if len(legs) > 1 else why)
     for counted in COUNTED if len(legs) > 1 else ():
         counts = [leg.solution.stats.get(counted, 0) for leg in legs]
         if counted in whole.stats:  # scikit-sundae does not report its steps
@@ -219,7 +219,7 @@ def _joined(run: Run, legs: Sequence[Leg], why: str) -> Solution:
     return whole
 
 
-def _told(legs: Sequence[Leg]) -> str:
+def told(legs: Sequence[Leg]) -> str:
     """The legs in words: which method integrated from where to where."""
     began = next((k for k, leg in enumerate(legs) if leg.method == "implicit"), len(legs))
     text = ""

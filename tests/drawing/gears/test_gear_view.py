@@ -10,6 +10,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.drawing.gears.gear_view import EDGE, SIZE, TOP
 from gearlib.errors import ArgumentError, ModelError, NameLookupError
 
 
@@ -38,6 +39,17 @@ def test_a_still_view_shows_every_wheel():
     assert "3 × planet: 31 teeth" in view.svg
     assert view.html is None
     assert repr(view) == "<GearView of ZhouCui2022: 7 gears, 1 frames; save('gears.svg') writes it>"
+
+
+def test_a_pair_fills_its_panel_from_edge_to_edge():
+    view = train().gear_view("train.p_unit")
+    groups = [g for g in ET.fromstring(view.svg).iter("{http://www.w3.org/2000/svg}g") if g.get("class") == "wheel"]
+    (x_1, y_1), (x_2, y_2) = ([float(v) for v in re.findall(r"[\d.]+", g.get("transform"))][:2] for g in groups)
+    wheels = view.motions[0].gears.wheels
+    scale = (x_2 - x_1) / wheels[1].orbit
+    r_1, r_2 = (scale * np.hypot(*w.outline.T).max() for w in wheels)
+    assert (x_1 - r_1, x_2 + r_2) == pytest.approx((EDGE, SIZE - EDGE), abs=0.03 * SIZE)
+    assert y_1 == y_2 == pytest.approx(TOP + SIZE / 2, abs=1)
 
 
 def test_several_angles_move_the_wheels():

@@ -74,6 +74,7 @@ def test_a_phase_that_is_no_number_is_named(ring_to_sun: object) -> None:
         ((19, 31, 81, 2, [0.0, 1.0]), r"planet 1 at 1 rad does not fit .* nearest position is 1\.00531 rad"),
         ((19, 31, 81, 3, [0.0]), r"1 positions for 3 planets"),
         ((19, 81, 31, 5, None), r"needs Z_r near Z_s \+ 2 Z_p"),
+        ((20, 30, 50, 5, None), r"needs Z_r near Z_s \+ 2 Z_p"),
         ((19, 31, 81, 2, [0.0, math.nan]), r"unit: positions are .*nan.*; expected angles, rad"),
         ((19, 31, 81, 2, "ab"), r"unit: positions are 'ab'; expected angles, rad"),
         ((19.5, 31, 81, 5, None), r"unit: Z_s is 19\.5; expected a whole number"),

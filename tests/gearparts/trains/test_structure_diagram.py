@@ -27,6 +27,17 @@ def test_units() -> None:
     assert [(unit_diagram(k).degrees_of_freedom, unit_diagram(k).loops) for k in "PX"] == [(1, 0), (2, 0)]
 
 
+def test_a_unit_stands_between_its_input_and_output_and_above_its_third_shaft() -> None:
+    for kind in "PX":
+        (unit,), nodes = unit_diagram(kind).units, unit_diagram(kind).nodes
+        (x, y), (x_in, y_in), (x_out, y_out) = unit.position, nodes["I"], nodes["O"]
+        assert y_in == y_out == y
+        assert x - x_in == x_out - x > 1
+        if kind == "X":
+            assert nodes["N"][0] == x
+            assert nodes["N"][1] < y - 1
+
+
 def test_wrong_structure_is_named() -> None:
     with pytest.raises(ArgumentError, match="no single-loop train 'PP'"):
         single_loop("PP")
