@@ -3,8 +3,9 @@
 Cosmic-ray makes the changes; this file draws a repeatable sample of them, finds each one's tests, runs them in a copy of the project
 and says how they noticed. A module's tests follow from paths and names: the test file that mirrors it and its own doctests, then
 those of the modules that import it, then the test files that use most of its public names, then the rest of the mirrored folder. The
-first assertion that fails ends a mutant's run; an exception or a hang does not, the tests behind it are still run. A mutant survives
-when its share of processor time is used up and no test of the likeliest files (with ``--wide``: of all) has failed.
+first assertion that fails ends a mutant's run. An exception or a hang does not: the tests behind it are still run, and after an
+exception the quick ones of the campaigns, whose claim is that nothing ends in a foreign exception. A mutant survives when its share
+of processor time is used up and no test of the likeliest files (with ``--wide``: of all) has failed.
 
 =============  =======================================================================================
 ``assertion``  a claim of a test did not hold, see below
@@ -92,6 +93,9 @@ OPERATORS = (
     *(f"ReplaceComparisonOperator_{pair}" for pair in COMPARED),
     *OTHERS,
 )
+
+
+NOTHING_RAW = ["tests/stress/test_campaign.py", "tests/stress/test_misuse.py"]  # their claim: no foreign exceptions
 
 
 @dataclass(frozen=True)
@@ -398,6 +402,9 @@ def tried(one: Mutant, copy: Path, budget: float, number: int, wide: bool) -> Mu
             if some and not said["assertions"]:
                 more = in_child(copy, some, budget, likely)
                 said = {key: said[key] + more[key] for key in said}
+        if said["exceptions"] and not said["assertions"]:
+            more = in_child(copy, NOTHING_RAW, 3 * budget, likely)
+            said = {key: said[key] + more[key] for key in said}
     finally:
         path.write_text(source(one.module), encoding="utf-8")
         os.utime(path, (before, before))

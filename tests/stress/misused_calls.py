@@ -79,6 +79,7 @@ class Leaf(gl.Component):
 
 
 LOOP = ("torque.tau", "load.w")
+MODEL = r'model M "with a \"quoted\" word" Real x = 1; end M;'
 
 
 @lru_cache(maxsize=1)
@@ -222,7 +223,7 @@ def files() -> list[Call]:
         Call("Table.of", gl.Table.of, lambda: {"data": run().to_dataframe(["load.w"]), "column": "load.w"}),
         Call("Table.over", gl.Table([0.0, 1.0], [0.0, 1.0], outside="periodic").over, lambda: {"t0": 0.0, "t1": 5.0}),
         Call("load_result", gl.load_result, lambda: {"path": FOLDER / "r.mat"}),
-        Call("read_modelica", gl.read_modelica, lambda: {"source": "model M Real x = 1; end M;", "name": "M"}),
+        Call("read_modelica", gl.read_modelica, lambda: {"source": MODEL, "name": "M"}),
         Call(
             "to_modelica", gl.to_modelica, lambda: {"component": Drive(), "flat": True, "standard_library": False, "name": "M"}
         ),

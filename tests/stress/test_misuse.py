@@ -83,6 +83,18 @@ def test_a_part_of_the_misuses(group: str) -> None:
     assert not short, "\n".join(short)
 
 
+DEAR = SLOW | {"sweep", "frequency_response of a model", "transmission_error_response", "System.export_fmu"}
+
+
+@pytest.mark.parametrize("group", sorted(set(GROUPS) - {"plots", "components"}))
+def test_right_arguments_are_answered(group: str) -> None:
+    """What the misuses spoil, as it is meant."""
+    found = [outcome(call, {}, "as meant", usual=False) for call in GROUPS[group]() if call.name not in DEAR]
+    plt.close("all")
+    short = [str(one) for one in found if one.kind != ANSWERED]
+    assert not short, "\n".join(short)
+
+
 @pytest.mark.stress
 @pytest.mark.parametrize("group", sorted(GROUPS))
 def test_all_misuses(group: str, capfd: pytest.CaptureFixture[str]) -> None:
