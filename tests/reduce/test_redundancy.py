@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.reduce.redundancy import flows_beside
 
 c = gl.connect
 
@@ -314,3 +315,27 @@ class TwoDiscs(gl.Component):
 def test_angles_that_contradict_each_other_force_nothing_to_stand_still() -> None:
     with pytest.raises(gl.GearlibError, match=r"rigid loop through (a, b|b, a) cannot turn: its ratios contradict each other"):
         gl.compile(TwoDiscs())
+
+
+@pytest.mark.parametrize("name", ["one", "other"])
+def test_flows_beside_an_equation_are_those_of_its_component(name: str) -> None:
+    class Train(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.load = gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+            self.one, self.other = gp.IdealGear(ratio=2.0), gp.IdealGear(ratio=3.0)
+            return [
+                gl.connect(self.body.flange_b, self.one.flange_a),
+                gl.connect(self.one.flange_b, self.other.flange_a),
+                gl.connect(self.other.flange_b, self.load.flange_a),
+            ]
+
+    model = gl.compile(Train()).translation.model
+    places = [
+        (g, i)
+        for g, group in enumerate(model.groups)
+        for i, owner in enumerate(group.owners.tolist())
+        if owner >= 0 and model.instances[owner].path == name
+    ]
+    assert places
+    flows = {int(model.representative[model.variable(f"{name}.{flange}.tau")]) for flange in ("flange_a", "flange_b")}
+    assert flows_beside(model, places) == flows

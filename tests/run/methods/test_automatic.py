@@ -11,8 +11,8 @@ from gearlib.run.methods.automatic import told
 from gearlib.solvers.alternation import Leg
 
 
-def leg(method: str, end: float, order: int = 5, stayed: bool = True) -> Leg:
-    solution: Any = SimpleNamespace(t_last=end, stats={"order": order})
+def leg(method: str, end: float, order: int = 5, stayed: bool = True, name: str = "rk") -> Leg:
+    solution: Any = SimpleNamespace(t_last=end, stats={"order": order, "method": name})
     return Leg(method, cast(Any, None), solution, stayed)
 
 
@@ -36,6 +36,10 @@ HIGHER = "order 8 from t = 0.25 s on, where it made more progress"
             f"{HIGHER}; explicit Runge-Kutta met stiffness at t = 0.5 s and handed over to IDA",
         ),
         ([explicit(0.5), implicit(1.0)], "explicit Runge-Kutta met stiffness at t = 0.5 s and handed over to IDA"),
+        (
+            [leg("explicit", 0.5, name="taylor"), implicit(1.0)],
+            "the Taylor series met stiffness at t = 0.5 s and handed over to IDA",
+        ),
         (
             [explicit(0.5), implicit(0.6, False), explicit(0.8), implicit(1.0)],
             "explicit Runge-Kutta met stiffness at t = 0.5 s, and handed over to IDA later on; IDA was tried once and would have "
