@@ -13,13 +13,11 @@ from gearlib.arguments import flag, name_list, real
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component
 from gearlib.progress import check_progress, reporting
-from gearlib.run.forms.scene_form import scene_form
 from gearlib.run.methods.method import Method
 from gearlib.run.request import check_form, check_options
 from gearlib.run.result import Result, SimulatedResult
 from gearlib.run.sampling.controllers import refuse_controllers
 from gearlib.run.simulate import checked_request, earlier_run, run, warn_of_zero_inputs
-from gearlib.run.summary import summary
 from gearlib.run.translation import Compiled, Translation, translate
 
 if TYPE_CHECKING:
@@ -167,6 +165,9 @@ class System(Compiled):
         differential  body.w
         algebraic     der(body.phi), der(drag.flange_b.phi), der(drag.phi_rel), drag.w_rel, drag.tau
         """
+        from gearlib.run.forms.scene_form import scene_form
+        from gearlib.run.summary import summary
+
         own = self.translation
         check_form("ida", form, "native")
         free = own.start(own.scene, own.parameter_values(None), 0.0, None, [0.0] * len(own.inputs)).free

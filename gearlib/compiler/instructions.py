@@ -6,6 +6,8 @@ import struct
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from gearlib.compiler.small_language import BLOCK
+
 OWN = ("sin", "cos", "exp", "log", "sqrt", "copysign")  # LLVM intrinsics
 LIBRARY = (  # functions of the C library
     "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "nextafter",
@@ -18,7 +20,6 @@ COMPARISONS = {
 }  # fmt: skip
 LANES = 8  # vector length of unrolled loops; LLVM splits it into as many instructions as the processor needs
 LANED = f"<{LANES} x double>"
-BLOCK = 4  # vectors whose length is a multiple of it are processed in blocks, without a remainder loop
 BLOCKED = f"<{BLOCK} x double>"
 VECTORS = {LANED: LANES, BLOCKED: BLOCK}
 MASK = f"<{LANES} x i1>"  # conditions side by side

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from gearlib.compiler.cache import COMPILING, cached_bytes
 from gearlib.compiler.object_code import compiler_digest, linked, optimised
-from gearlib.compiler.translate import Environment, Prototype, fields_of, is_record, translated
+from gearlib.compiler.small_language import Environment, Prototype, fields_of, is_record
 
 _loaded: list[Any] = []  # linked libraries; never unloaded, since the addresses of their functions are stored in many places
 
@@ -72,23 +72,24 @@ def native_functions(*modules: str) -> NativeFunctions:
     *modules : str
         Dotted names. Functions of one may call those of another; those that return ``int32`` are exported.
     """
-    loaded, texts, generated = _texts(modules)
-    digest = native_digest(*modules)[:24]
 
-    def functions() -> Iterator[tuple[ast.FunctionDef, Environment]]:
-        return _functions(loaded, texts, generated)
+    def exported() -> bytes:
+        """Names of the exported functions, and the object code."""
+        names = [
+            node.name for node, _ in _functions(*_texts(modules)) if ast.unparse(node.returns or ast.Constant(None)) == "int32"
+        ]
+        return " ".join(names).encode() + b"\n" + optimised(native_text(*modules))
 
-    names = [node.name for node, _ in functions() if ast.unparse(node.returns or ast.Constant(None)) == "int32"]
+    def loaded(content: bytes) -> tuple[dict[str, int], Any]:
+        names, code = content.split(b"\n", 1)
+        return linked(code, names.decode().split())
+
     with COMPILING:
         try:
-            code = cached_bytes(
-                f"gearlib_model_{digest}.o",
-                lambda: optimised(translated(functions(), fused=True)),
-                "its solvers for this machine",
-            )
-            addresses, library = linked(code, names)
+            name = f"gearlib_model_{native_digest(*modules)[:24]}.o"
+            addresses, library = loaded(cached_bytes(name, exported, "its solvers for this machine"))
         except RuntimeError:  # damage that the checksum did not reveal
-            addresses, library = linked(optimised(translated(functions(), fused=True)), names)
+            addresses, library = loaded(exported())
     _loaded.append(library)
     return NativeFunctions(addresses)
 
@@ -102,6 +103,8 @@ def native_digest(*modules: str) -> str:
 
 def native_text(*modules: str) -> str:
     """LLVM IR of modules as one unit, to be compiled for any platform."""
+    from gearlib.compiler.translate import translated
+
     return translated(_functions(*_texts(modules)), fused=True)
 
 

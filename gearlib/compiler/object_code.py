@@ -12,9 +12,16 @@ from pathlib import Path
 from typing import Any
 
 from gearlib.compiler.cache import COMPILING, cached_bytes
-from gearlib.compiler.translate import intermediate
 
-COMPILER = ("data_flow.py", "instructions.py", "native_module.py", "object_code.py", "platforms.py", "translate.py")
+COMPILER = (
+    "data_flow.py",
+    "instructions.py",
+    "native_module.py",
+    "object_code.py",
+    "platforms.py",
+    "small_language.py",
+    "translate.py",
+)
 WINDOWS = sys.platform == "win32"  # JITLink, LLVM's newer linker for small code models, does not support Windows COFF
 LINKED = 300  # modules kept linked though unreferenced, the most recently used ones
 USES = 64  # compilations after which `Host.passes` makes LLVM's pass manager anew
@@ -142,6 +149,8 @@ def compiler_digest() -> str:
 def object_code(source: str, fused: bool = False) -> bytes:
     """Compile a module."""
     from llvmlite import binding
+
+    from gearlib.compiler.translate import intermediate
 
     machine, (passes, builder) = HOST.machine, HOST.passes
     head = f'target datalayout = "{machine.target_data}"\ntarget triple = "{machine.triple}"\n'

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Record = TypeVar("_Record", bound=type[ctypes.Structure])
+
+Environment = Mapping[str, object]  # values of names that are neither local nor functions of the language
 
 # Types: arrays of 64-bit floats, 64-bit and 32-bit integers; a 32-bit integer.
 floats = list[float]
@@ -16,6 +19,8 @@ int32s = list[int]
 int32 = int
 lane = float  # a number of each of several runs side by side
 lanes = list[float]
+
+BLOCK = 4  # elements of a block: arrays whose length is a multiple of it are processed in blocks, without a remainder loop
 
 parallel = range  # a loop with independent iterations
 blocks = range  # a loop that processes several elements per iteration
@@ -102,3 +107,34 @@ def record(cls: _Record) -> _Record:
     kinds: dict[str, Any] = {"int": ctypes.c_int64, "float": ctypes.c_double}
     cls._fields_ = [(name, kinds[kind]) for name, kind in cls.__annotations__.items()]
     return cls
+
+
+def is_record(value: object) -> bool:
+    """Whether a name of the environment stands for a record."""
+    return isinstance(value, type) and issubclass(value, ctypes.Structure)
+
+
+def fields_of(record: object) -> list[tuple[str, object]]:
+    """Names and types of a record's fields, inherited ones first."""
+    bases = reversed(record.__mro__) if isinstance(record, type) else ()
+    return [field for base in bases for field in vars(base).get("_fields_", ())]
+
+
+@dataclass(frozen=True)
+class Prototype:
+    """A C function called through its address: ``prototype(address, *arguments)``.
+
+    Attributes
+    ----------
+    result : str
+        ``int32`` or ``int``.
+    arguments : tuple of str
+        ``float``, ``int`` (also for pointers) or ``int32``.
+    """
+
+    result: str
+    arguments: tuple[str, ...]
+
+    def __call__(self, address: int, *arguments: float) -> int:
+        kinds: dict[str, Any] = {"float": ctypes.c_double, "int": ctypes.c_int64, "int32": ctypes.c_int32}
+        return int(ctypes.CFUNCTYPE(kinds[self.result], *(kinds[a] for a in self.arguments))(address)(*arguments))

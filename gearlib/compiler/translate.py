@@ -29,13 +29,11 @@ from __future__ import annotations
 import ast
 import ctypes
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple, cast
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple, cast
 
 from gearlib.compiler.data_flow import carried, grows_with, is_elementwise, is_never_empty, stored
 from gearlib.compiler.instructions import (
-    BLOCK,
     BLOCKED,
     LANED,
     LANES,
@@ -49,6 +47,7 @@ from gearlib.compiler.instructions import (
     constant,
     real,
 )
+from gearlib.compiler.small_language import BLOCK, Environment, Prototype, fields_of, is_record
 
 CONSTANTS = {name: getattr(math, name) for name in ("pi", "e", "inf", "nan")}
 KINDS = {
@@ -62,28 +61,7 @@ COMPARISONS = {ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<", ast.LtE: "<=", ast.Gt
 LARGEST_POWER = 1 << 16  # largest exponent expanded into multiplications
 
 Names = dict[str, Value]
-Environment = Mapping[str, object]  # values of names that are neither local nor functions of the language
 Signature = tuple[tuple[str, ...], str]  # types of the arguments and of the result
-
-
-@dataclass(frozen=True)
-class Prototype:
-    """A C function called through its address: ``prototype(address, *arguments)``.
-
-    Attributes
-    ----------
-    result : str
-        ``int32`` or ``int``.
-    arguments : tuple of str
-        ``float``, ``int`` (also for pointers) or ``int32``.
-    """
-
-    result: str
-    arguments: tuple[str, ...]
-
-    def __call__(self, address: int, *arguments: float) -> int:
-        kinds: dict[str, Any] = {"float": ctypes.c_double, "int": ctypes.c_int64, "int32": ctypes.c_int32}
-        return int(ctypes.CFUNCTYPE(kinds[self.result], *(kinds[a] for a in self.arguments))(address)(*arguments))
 
 
 def intermediate(source: str, environment: Environment | None = None, fused: bool = False) -> str:
@@ -146,17 +124,6 @@ def _kind(annotation: ast.expr | None, environment: Environment) -> str | None:
         parts = [_kind(part, environment) for part in annotation.slice.elts]
         return "{ " + ", ".join(part for part in parts if part is not None) + " }" if None not in parts else None
     return None
-
-
-def is_record(value: object) -> bool:
-    """Whether a name of the environment stands for a record."""
-    return isinstance(value, type) and issubclass(value, ctypes.Structure)
-
-
-def fields_of(record: object) -> list[tuple[str, object]]:
-    """Names and types of a record's fields, inherited ones first."""
-    bases = reversed(record.__mro__) if isinstance(record, type) else ()
-    return [field for base in bases for field in vars(base).get("_fields_", ())]
 
 
 def chain(node: ast.BinOp) -> tuple[ast.expr, list[ast.BinOp]]:

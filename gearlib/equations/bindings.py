@@ -15,6 +15,7 @@ import numpy as np
 import sympy
 
 from gearlib.arguments import shown
+from gearlib.equations.kernel import array_function
 from gearlib.equations.template import (
     Relation,
     Template,
@@ -57,9 +58,7 @@ def parameter_function(expression: Any, arguments: tuple[str, ...], by: str | No
     """A vectorised function for an expression of parameters, or for its derivative with respect to one of them."""
     if by is not None:
         expression = sympy.diff(piecewise(expression), real_symbol(by))
-    symbols = [real_symbol(a) for a in arguments]
-    function: Callable[..., Any] = sympy.lambdify(symbols, expression, "numpy")
-    return function
+    return array_function([real_symbol(a) for a in arguments], expression)
 
 
 def canonical(expression: Any) -> tuple[Any, tuple[str, ...]]:

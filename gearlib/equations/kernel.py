@@ -6,7 +6,7 @@ relations and ``t`` for time. It is printed in two forms: for arrays (NumPy) and
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial, reduce
 from types import SimpleNamespace
@@ -54,10 +54,7 @@ class Kernel:
     def function(self) -> Callable[..., Any]:
         """Vectorised function ``f(t, *columns, *parameters, *relations)``, in the order of the attributes."""
         names = ["t", *(f"x{i}" for i in self.columns), *(f"p{i}" for i in self.parameters), *(f"r{i}" for i in self.relations)]
-        printer = NumPyPrinter({"fully_qualified_modules": False, "strict": False})
-        source = f"lambda {', '.join(names)}: {printer.doprint(self.expression)}"
-        function: Callable[..., Any] = eval(source, dict(_NAMES))
-        return function
+        return array_function([sympy.Symbol(name, real=True) for name in names], self.expression)
 
     @cached_property
     def divisors(self) -> tuple[Kernel, ...]:
@@ -92,6 +89,23 @@ class Kernel:
     def number(self) -> float | None:
         """Its value, if it is a plain number."""
         return float(self.expression) if self.expression.is_number else None
+
+
+def array_function(symbols: Sequence[Any], *expressions: Any) -> Callable[..., Any]:
+    """Vectorised function of some symbols: the value of an expression, or of several as a tuple.
+
+    `sympy.lambdify` does the same, but imports everything that NumPy has.
+
+    >>> x, y = sympy.symbols("x body.y", real=True)
+    >>> array_function((x, y), sympy.Piecewise((x, x > y), (0, True)))(np.array([1.0, 3.0]), 2.0)
+    array([0., 3.])
+    """
+    places = {symbol: sympy.Symbol(f"a{i}", real=True) for i, symbol in enumerate(symbols)}
+    printer = NumPyPrinter({"fully_qualified_modules": False, "strict": False})
+    texts = [printer.doprint(expression.xreplace(places)) for expression in expressions]
+    value = texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
+    function: Callable[..., Any] = eval(f"lambda {', '.join(s.name for s in places.values())}: {value}", dict(_NAMES))
+    return function
 
 
 def scalar_source(expression: Any) -> str:
@@ -165,13 +179,9 @@ def solve_kernel(template: Template, column: int) -> Kernel | None:
     if column in partial.depends_on or partial.on_modes:
         return None
     rest = template.residual.xreplace({template.symbols[column]: sympy.S.Zero})
-    if partial.number is not None:
-        return _kernel(
-            template,
-            sympy.expand_mul(-rest / sympy.nsimplify(partial.number))
-            if abs(partial.number) == 1
-            else -rest / partial.expression,
-        )
+    number = partial.number
+    if number is not None and abs(number) == 1.0:
+        return _kernel(template, sympy.expand_mul(-rest if number > 0.0 else rest))
     return _kernel(template, -rest / partial.expression)
 
 

@@ -105,7 +105,7 @@ def preferences(
 def nominals(own: NDArray[np.float64], rep: NDArray[np.int64], choices: Choices) -> NDArray[np.float64]:
     """Nominal value of each representative: instance overrides take precedence, then the smallest among its aliases."""
     found = np.ones(len(rep))
-    for size in np.unique(own[own != 1.0])[::-1]:
+    for size in sorted(set(own[own != 1.0].tolist()), reverse=True):
         found[rep[own == size]] = size
     for variable, size in sorted(((v, x) for v, what, x in choices if what == "nominal"), key=lambda choice: -choice[1]):
         found[rep[variable]] = size

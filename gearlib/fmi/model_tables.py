@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gearlib.compiler.translate import fields_of
+from gearlib.compiler.small_language import fields_of
 from gearlib.fmi.exported_model import ExportedModel
 from gearlib.fmi.model_source import ModelSource
 from gearlib.native.events import root_numbers

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.compiler.translate import Prototype
+from gearlib.compiler.small_language import Prototype
 from gearlib.equations.template import memoised
 from gearlib.native.sparse_solve import factors_size
 from gearlib.program.interpret import Prepared, constant_values

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.compiler.object_code import CompiledFunction, compiled
 from gearlib.flatten.model import FlatModel
-from gearlib.native.events import MOST_STEPS, root_numbers, roots_body, update_body
 from gearlib.native.identifiers import identifiers
-from gearlib.native.jacobian import Pattern, jacobian_body, pattern_of, tangent_body
 from gearlib.native.layout import Layout, Shared, lay_out
 from gearlib.native.linear_solve import SOLVE
 from gearlib.native.source import HEADER, Body, function, is_small, looped, written_out
 from gearlib.native.sparse_solve import SPARSE_SOLVE
-from gearlib.native.tangent_source import TangentVectors, vector_body
 from gearlib.program.derivative_plan import DerivativePlan
 from gearlib.program.program import Program
 from gearlib.program.relations import Relations
+
+if TYPE_CHECKING:
+    from gearlib.native.jacobian import Pattern
+    from gearlib.native.tangent_source import TangentVectors
 
 Integers = NDArray[np.int64]
 
@@ -95,27 +97,37 @@ def compile_scene(
     changed : sequence of (parameter, direction), optional
         Entries of the parameter table that directions change, where these change no discrete variables.
     """
-    shared, vectors = Shared(len(model.parameters.names), model.n_modes, len(program.inputs)), None
+    shared = Shared(len(model.parameters.names), model.n_modes, len(program.inputs))
+    vectors: TangentVectors | None = None
     layout = lay_out(program, shared, shared.size, None if tangents is None else tangents.multiplied, hold=True)
     if tangents is None:
         text, body = rhs_source(program, layout, names, model.parameters.names)
         weights = end = layout.size + body.n_coefficients
-    elif (found := None if changed is None else vector_body(program, layout, tangents, changed)) is not None:
-        text, body, vectors, end = found
-        weights = vectors.place
     else:
-        body, weights, end = tangent_body(program, layout, tangents)
-        text = function("rhs", ["x", "dx", "data", "index"], body, RHS)
+        from gearlib.native.jacobian import tangent_body
+        from gearlib.native.tangent_source import vector_body
+
+        found = None if changed is None else vector_body(program, layout, tangents, changed)
+        if found is not None:
+            text, body, vectors, end = found
+            weights = vectors.place
+        else:
+            body, weights, end = tangent_body(program, layout, tangents)
+            text = function("rhs", ["x", "dx", "data", "index"], body, RHS)
     rhs = compile_function("rhs", text, body, layout, fused=vectors is not None)
     guards = layout.guards, program.n_guards
     noted, jac, pattern, roots, update = 0, None, None, None, None
     if jacobian is not None:
+        from gearlib.native.jacobian import jacobian_body, pattern_of
+
         layout = lay_out(program, shared, end, jacobian.multiplied, hold=True)
         copies = 0 if tangents is None else tangents.n_seeds
         pattern = pattern_of(jacobian, copies)
         body, end = jacobian_body(program, layout, jacobian, copies)
         jac = compile_function("jac", function("jac", ["x", "values", "data", "index"], body, JAC), body, layout)
     if relations is not None:
+        from gearlib.native.events import MOST_STEPS, root_numbers, roots_body, update_body
+
         layout = lay_out(relations.program, shared, end, hold=True)
         if len(root_numbers(relations)):
             body = roots_body(relations, layout)

@@ -13,7 +13,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
 from gearlib.compiler.object_code import CompiledFunction, compiled
-from gearlib.compiler.translate import Prototype, chain
+from gearlib.compiler.small_language import Prototype
+from gearlib.compiler.translate import chain
 from gearlib.native.layout import Layout
 from gearlib.native.source import HEADER, LONGEST, assignments, is_small
 from gearlib.program.program import Newton, Program

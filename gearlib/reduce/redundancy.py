@@ -14,7 +14,6 @@ import numpy as np
 
 from gearlib.errors import BalanceError, LoopError
 from gearlib.flatten.model import EquationGroup, FlatModel, alphabetical
-from gearlib.reduce.imbalance import explained
 from gearlib.reduce.rows import Rows, listed, some
 from gearlib.structure.dulmage_mendelsohn import dulmage_mendelsohn
 from gearlib.structure.rigid_loops import TOLERANCE, core, examine
@@ -135,6 +134,8 @@ def balanced(
         if balance.surplus or len(closed) >= model.redundant or not free:
             if balance.surplus == 0 and balance.deficit <= model.redundant - len(closed) and wanted & set(balance.undetermined):
                 raise BalanceError(_split(loops))
+            from gearlib.reduce.imbalance import explained
+
             raise BalanceError(explained(model, rows, balance))
         closing = free[: balance.deficit]
         closed += closing

@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import is_real, real, reals, shown, whole
 from gearlib.errors import ArgumentError, nearest
-from gearlib.run.forms.scene_form import BACKENDS, FORMS
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import method_of
 from gearlib.run.tangents.directions import TangentDirections
 
 Floats = NDArray[np.float64]
+FORMS = ("ode", "torn", "dae")  # of the equations for IDA
+BACKENDS = ("native", "sksundae")
 INCREASING = "an increasing sequence of finite numbers, s"
 SHORTEST, LONGEST = 1e-200, 1e200  # s; steps outside would overflow or underflow when squared
 SMALL = 1e8  # bytes of results that always fit into memory

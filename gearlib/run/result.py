@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import as_path, by_name, flag, name_list, one_name, real, shown
 from gearlib.errors import ArgumentError, NameLookupError, SolverError, warn
-from gearlib.files.contents import Record, versions
 from gearlib.optional import optional
 from gearlib.run.request import Request
 from gearlib.run.scene import Scene
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
     from gearlib.drawing.gears.gear_set import GearSet
     from gearlib.drawing.gears.gear_view import GearView
     from gearlib.drawing.histories import History
+    from gearlib.files.contents import Record
     from gearlib.language.component import Component
     from gearlib.run.energy.energy_balance import EnergyBalance
 
@@ -536,6 +536,8 @@ class SimulatedResult(Result):
         return {name: float(found[name][sample]) for name in self._outputs}
 
     def record(self, names: Sequence[str] | None = None) -> Record:
+        from gearlib.files.contents import Record, versions
+
         request, translation = self.request, self.translation
         if names is not None:
             chosen = list(dict.fromkeys(name_list("names", names, "load.w")))

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import SingularError
 from gearlib.flatten.model import FlatModel
-from gearlib.native.evaluator import CompiledProgram, Evaluator
 from gearlib.native.layout import Layout, Shared, fill, lay_out
-from gearlib.native.scene_functions import NativeScene, compile_scene, rhs_source
-from gearlib.native.series_source import TaylorSeries, taylor_series
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import DerivativePlan, state_plan
 from gearlib.program.event_iteration import DiscretesPhase, RelationsPhase, UnknownsPhase, right_hand
@@ -27,6 +24,11 @@ from gearlib.reduce.reduction import Structure
 from gearlib.run.time_switches import FastestDrive, TimeSwitches, fastest_drive, time_switches
 from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import reach
+
+if TYPE_CHECKING:
+    from gearlib.native.evaluator import CompiledProgram, Evaluator
+    from gearlib.native.scene_functions import NativeScene
+    from gearlib.native.series_source import TaylorSeries
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -179,11 +181,15 @@ class Scene:
     @cached_property
     def source(self) -> str:
         """The generated source of the derivatives."""
+        from gearlib.native.scene_functions import rhs_source
+
         return rhs_source(self.program, self.layout, lambda: self.slot_names, self.model.parameters.names)[0]
 
     @cached_property
     def series(self) -> TaylorSeries | str:
         """The compiled function for the Taylor coefficients of the states, or the reason why there is none."""
+        from gearlib.native.series_source import taylor_series
+
         return taylor_series(self.program, self.layout)
 
     @cached_property
@@ -203,6 +209,8 @@ class Scene:
 
         ``changed``: as for `compile_scene`.
         """
+        from gearlib.native.scene_functions import compile_scene
+
         return compile_scene(self.program, self.relations, lambda: self.slot_names, self.model,
                              self.jacobian if jacobian else None, tangents, changed)  # fmt: skip
 
@@ -253,6 +261,8 @@ class Scene:
         """Compiled evaluation of a program, and of the derivatives in a plan, at many points; the machine code is cached."""
         key = prepared.program, plan
         if key not in self._compiled:
+            from gearlib.native.evaluator import CompiledProgram
+
             self._compiled[key] = CompiledProgram(prepared.program, len(self.model.parameters.names), self.n_modes, plan)
         return self._compiled[key].evaluator(prepared)
 

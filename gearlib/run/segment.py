@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +16,17 @@ from gearlib.errors import NameLookupError, SolverError
 from gearlib.program.interpret import Prepared, evaluate, owner_of, prepare
 from gearlib.program.program import Program
 from gearlib.program.relations import Relations, relations_of
-from gearlib.run.afterwards.branch import Branch, Settle, follow
 from gearlib.run.methods.run import Run
-from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.scene import Scene, node_name, settle_once
 from gearlib.run.start_values import Start
-from gearlib.run.tangents.tangents import TangentHistory, carried
-from gearlib.solvers.drive.trace import Trace
 from gearlib.solvers.inputs.table import values
 from gearlib.solvers.problem import Solution
 from gearlib.structure.incidence import Node
+
+if TYPE_CHECKING:
+    from gearlib.run.afterwards.branch import Branch, Settle
+    from gearlib.run.tangents.tangents import TangentHistory
+    from gearlib.solvers.drive.trace import Trace
 
 Floats = NDArray[np.float64]
 
@@ -62,6 +63,8 @@ class Segment:
         known = {node: history[first:] for node, history in solution.algebraic.items()}
         tangents = None
         if run.tangents is not None and solution.tangents is not None:
+            from gearlib.run.tangents.tangents import TangentHistory, carried
+
             moving = carried(run.scene)
             discretes = run.tangents.discretes(moving, time)
             tangents = TangentHistory(run.tangents.directions, solution.tangents[first:], moving, discretes)
@@ -129,6 +132,8 @@ class Segment:
         scene = self.scene
         program = scene.computing(node)
         if scene.structure.switching and len(self.time):
+            from gearlib.run.refusals.jumps import refuse_jumps
+
             refuse_jumps(scene.structure, program, self.parameters, float(self.time[0]), float(self.time[-1]))
         prepared = prepare(program, scene.structure, self.parameters)
         inputs = self._inputs(program)
@@ -159,6 +164,8 @@ class Segment:
                 modes = part.modes.T if settle is not None else part._modes_for(program, inputs)
                 chosen = np.searchsorted(part.time, times)
                 return part.states.T[:, chosen], inputs[:, chosen], modes[:, chosen]
+
+            from gearlib.run.afterwards.branch import follow
 
             branch = follow(
                 self.scene.compiled_program(prepared), path, self.begin, float(self.time[-1]), self.events, start, settle

@@ -18,17 +18,14 @@ from gearlib.reduce.rows import some
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import integrate, method_of
 from gearlib.run.methods.run import Run
-from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.refusals.limits import refuse_start, refuse_too_small
 from gearlib.run.request import Request, absolute_tolerance, check_form, check_options, output_times
 from gearlib.run.result import Result, SimulatedResult
-from gearlib.run.sampling.instants import begun_with, given_before, integrate_sampled
 from gearlib.run.scene import Scene
 from gearlib.run.segment import Segment
 from gearlib.run.start_values import Start
 from gearlib.run.state_switching import integrate_through
 from gearlib.run.tangents.requested import CONTINUED, directions, refuse_form
-from gearlib.run.tangents.tangents import Tangents
 from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import Table, values
 
@@ -50,6 +47,8 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
     numbers = scene.prepared(parameters)
     grid = times if times[0] == request.t_start else np.concatenate([[request.t_start], times])
     if translation.structure.switching:
+        from gearlib.run.refusals.jumps import refuse_jumps
+
         refuse_jumps(translation.structure, scene.program, parameters, float(grid[0]), float(grid[-1]))
     earlier = earlier_run(translation, request.start)
     absolute = absolute_tolerance(request.atol, len(scene.states))
@@ -63,15 +62,21 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
 
     begin = start_of(translation, request, scene, signals)
     if earlier:
+        from gearlib.run.sampling.instants import given_before
+
         signals = given_before(translation.controllers, earlier[0].request.signals, signals)
         first = begun(begin)
     else:
         first = begun(begin)
         if translation.controllers:
+            from gearlib.run.sampling.instants import begun_with
+
             first = begun_with(partial(start_of, translation, request, scene), first, translation.controllers)
             begin, signals = first.start, first.signals
         refuse_start(scene, parameters, float(grid[0]), values(signals, grid[:1])[:, 0], begin)
     if request.directions is not None:
+        from gearlib.run.tangents.tangents import Tangents
+
         assert begin.changes is not None, "they were asked for"
         first = replace(first, tangents=Tangents(request.directions, begin.changes))
     with reporting(request.progress, f"{translation.name}, {grid[0]:g} .. {grid[-1]:g} s") as tell:
@@ -80,6 +85,8 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
         if watch is not None or stops:
             first = replace(first, tell=watch, may_stop=stops)
         if translation.controllers:
+            from gearlib.run.sampling.instants import integrate_sampled
+
             joined, solution, pieces = integrate_sampled(
                 first,
                 method_of(request.method),

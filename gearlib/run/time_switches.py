@@ -17,6 +17,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from gearlib.equations.kernel import array_function
 from gearlib.equations.quasipolynomials import TIME
 from gearlib.equations.switch_times import distinct, times_of_breakpoints
 from gearlib.equations.time_rates import time_rates
@@ -43,7 +44,7 @@ class Timed:
     @cached_property
     def line(self) -> Callable[..., tuple[Any, Any]] | None:
         """a and b as functions of the parameters."""
-        return None if self.terms is None else sympy.lambdify(self.symbols, self.terms, "numpy")
+        return None if self.terms is None else array_function(self.symbols, *self.terms)
 
     @property
     def wave(self) -> tuple[Any, Any] | None:
@@ -181,7 +182,7 @@ def fastest_drive(program: Program, relations: Relations | None) -> FastestDrive
             if rate.is_number:
                 constant = max(constant, abs(float(rate)))
             else:
-                varying.append((sympy.lambdify(symbols, rate, "numpy"), batch.parameters))
+                varying.append((array_function(symbols, rate), batch.parameters))
     return FastestDrive(known, constant, tuple(varying))
 
 

@@ -21,25 +21,25 @@ from gearlib.flatten.specialise import Special
 from gearlib.language.component import Component
 from gearlib.language.recipes import packed
 from gearlib.recent import recent
-from gearlib.reduce.combinations import CancellingSum, cancel, combinations, replaced
 from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
 from gearlib.reduce.rows import some
-from gearlib.run.sampling.controllers import Controller, controllers_of, read_by_controllers
-from gearlib.run.sampling.delays import Delay
+from gearlib.run.sampling.controllers import controllers_of, read_by_controllers
 from gearlib.run.scene import Scene, needed_discretes, needed_inputs, needed_states
 from gearlib.run.start_values import Seed, Start, start_values, start_variable
-from gearlib.run.steady import search_steady, steady_changes
 from gearlib.run.zeros import Sums, can_be_solved, factors, nothing_special, special_values, sums
 from gearlib.solvers.inputs.table import FunctionInput, Table, as_table, values
 from gearlib.structure.incidence import Node
 
 if TYPE_CHECKING:
     from gearlib.flatten.energies import Audited
+    from gearlib.reduce.combinations import CancellingSum
+    from gearlib.run.sampling.controllers import Controller
+    from gearlib.run.sampling.delays import Delay
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 States = tuple[Node, ...]
-Rounds = tuple[tuple[CancellingSum, ...], ...]
+Rounds = tuple[tuple["CancellingSum", ...], ...]
 NONE = np.empty(0, np.int64)
 FLATTENED = 0.4  # share of the time of a large model
 MOST_ROUNDS = 10  # in which sums take the place of equations, each of which raises the index of what it acts on
@@ -133,6 +133,8 @@ class Variants:
         """A translation, or one with sums of equations in which the highest derivatives cancel; the former where none can be solved."""
         if found.scene.can_be_prepared(parameters):
             return found
+        from gearlib.reduce.combinations import combinations
+
         known = self.combined.setdefault(found.substituted, {})
         for other in known.values():
             if other.cancels_as_before(parameters) and other.scene.can_be_prepared(parameters):
@@ -261,6 +263,8 @@ class Translation:
 
     def cancels_as_before(self, parameters: Floats) -> bool:
         """Whether the highest derivatives cancel in all sums of equations with these parameters, too."""
+        from gearlib.reduce.combinations import cancel
+
         return all(cancel(s, sums, parameters) for s, sums in zip(self.before, self.rounds, strict=True))
 
     def with_sums(self, sums: tuple[CancellingSum, ...], parameters: Floats) -> Translation:
@@ -271,6 +275,8 @@ class Translation:
         ModelError
             What is left of them determines nothing.
         """
+        from gearlib.reduce.combinations import replaced
+
         model = replaced(self.structure, sums)
         structure = analyse(model, parameters)
         if structure.redundant or structure.closed:
@@ -512,6 +518,8 @@ class Translation:
         inputs = np.concatenate([inputs, np.zeros(len(scene.program.inputs) - len(inputs))])
         begin = start_values(scene, parameters, inputs, t, overrides, discretes, seeds, own_seeds)
         if start == "steady":
+            from gearlib.run.steady import search_steady, steady_changes
+
             numbers = scene.prepared(parameters)
             steady = search_steady(scene, numbers, begin, inputs, t)
             changes = None if seeds is None else steady_changes(scene, numbers, begin, inputs, t, steady, seeds)

@@ -25,12 +25,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.solvers.drive.trace import Trace
+if TYPE_CHECKING:
+    from gearlib.solvers.drive.trace import Trace
+
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

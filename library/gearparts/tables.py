@@ -13,6 +13,8 @@ from gearlib.arguments import is_real, shown
 from gearlib.errors import BindingError
 
 Rows = tuple[tuple[float, ...], ...]
+IDEAL_MESH: Rows = ((0.0, 1.0, 1.0),)  # speed, and the efficiencies with either gear driving
+NO_FRICTION: Rows = ((0.0, 0.0),)  # speed and friction torque
 SMOOTHNESS = ("linear", "constant", "akima")  # Modelica's LinearSegments, ConstantSegments and ContinuousDerivative
 
 

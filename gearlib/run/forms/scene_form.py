@@ -26,8 +26,6 @@ from gearlib.run.time_switches import TimeSwitches, time_switches
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
-FORMS = ("ode", "torn", "dae")
-BACKENDS = ("native", "sksundae")
 
 
 @dataclass(frozen=True, eq=False)

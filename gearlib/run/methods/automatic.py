@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gearlib.errors import SolverError
-from gearlib.native.series_source import TaylorSeries
 from gearlib.run.methods.closed_form import exponential, exponential_solution, too_many_corners
 from gearlib.run.methods.explicit import order_of
 from gearlib.run.methods.implicit import Implicit
@@ -18,13 +18,16 @@ from gearlib.run.methods.method import finished, with_callbacks
 from gearlib.run.methods.native_problem import memory, problem_of
 from gearlib.run.methods.power_series import TaylorSeriesMethod
 from gearlib.run.methods.run import Run
-from gearlib.solvers.alternation import Leg, alternate
 from gearlib.solvers.drive.driver import Driver, Stepper
-from gearlib.solvers.inputs.moving import Callbacks
 from gearlib.solvers.inputs.table import Table
 from gearlib.solvers.problem import Problem, Solution
-from gearlib.solvers.rungekutta.rungekutta import RungeKutta
-from gearlib.solvers.taylor.taylor import Taylor
+
+if TYPE_CHECKING:
+    from gearlib.native.series_source import TaylorSeries
+    from gearlib.solvers.alternation import Leg
+    from gearlib.solvers.inputs.moving import Callbacks
+    from gearlib.solvers.rungekutta.rungekutta import RungeKutta
+    from gearlib.solvers.taylor.taylor import Taylor
 
 # Order of Runge-Kutta: steps, and share of the run, after which it is compared; steps of a pilot, and in which its steps grow; least work
 # of the rest of the run, in pilots, that justifies one; pace of an order that is taken, over the other's; work of preparing a run, ns
@@ -81,6 +84,9 @@ class Alternating:
 
 
 def _alternated(run: Run, callbacks: Callbacks, why: str) -> Solution:
+    from gearlib.solvers.rungekutta.rungekutta import RungeKutta
+    from gearlib.solvers.taylor.taylor import Taylor
+
     start = problem_of(run, callbacks, jacobian=False)
     series = _series(run, start)
     if series is not None:
@@ -109,7 +115,7 @@ def _series(run: Run, start: Problem) -> TaylorSeries | None:
     if start.effort.rhs > AT_ONCE or TaylorSeriesMethod().fits(run):
         return None
     found = run.scene.series
-    return found if isinstance(found, TaylorSeries) else None
+    return None if isinstance(found, str) else found
 
 
 def _in_turns(
@@ -120,6 +126,7 @@ def _in_turns(
     why: str,
 ) -> Solution:
     """Integrate by an explicit method and IDA, whichever makes faster progress."""
+    from gearlib.solvers.alternation import alternate
     from gearlib.solvers.ida.ida import ida
     from gearlib.solvers.ida.ida_stepper import trial
 
@@ -146,6 +153,8 @@ class OrderChoice:
 
     def begun(self, start: Problem, legs: list[Leg]) -> tuple[Driver, RungeKutta]:
         """The run after its first steps, integrated with the better order from there on; what the other has done becomes a leg."""
+        from gearlib.solvers.rungekutta.rungekutta import RungeKutta
+
         stepper = RungeKutta(self.order)
         driver = Driver(start, stepper)
         stepper.watch()
@@ -182,6 +191,9 @@ class OrderChoice:
 
     def _with(self, order: int, driver: Driver, like: RungeKutta, legs: list[Leg]) -> tuple[Driver, RungeKutta]:
         """The rest of a run with another order, beginning with a known step size."""
+        from gearlib.solvers.alternation import Leg
+        from gearlib.solvers.rungekutta.rungekutta import RungeKutta
+
         legs.append(Leg("explicit", driver, driver.solution()))
         self.order, stepper = order, RungeKutta(order, min(like.wanted, driver.record.h_max))
         return handed_over(self.run, self.callbacks, driver, stepper, False), stepper

@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.run.linear_form import linear_form
 from gearlib.run.methods.method import Method, finished, refusal
 from gearlib.run.methods.run import Run
-from gearlib.run.tangents.linear_changes import changed_form
 from gearlib.solvers.drive.driver import Driver, integrate
 from gearlib.solvers.inputs.table import breakpoints, values
 from gearlib.solvers.problem import LinearForm, NoCode, Problem, Solution
@@ -62,7 +60,11 @@ def _linear(run: Run) -> LinearForm | str:
     if len(run.scene.states) > LARGEST_EXACT:
         return f"{len(run.scene.states)} states are too many for an exponential"
     if run.tangents is not None:
+        from gearlib.run.tangents.linear_changes import changed_form
+
         return changed_form(run.scene, run.numbers, run.signals, run.tangents.directions)
+    from gearlib.run.linear_form import linear_form
+
     return linear_form(run.scene, run.numbers, run.signals)
 
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from gearlib.run.methods.method import Method
 from gearlib.solvers.drive.driver import Driver
 from gearlib.solvers.problem import Problem
-from gearlib.solvers.rungekutta.rungekutta import RungeKutta
+
+if TYPE_CHECKING:
+    from gearlib.solvers.rungekutta.rungekutta import RungeKutta
 
 # Where tables have that many points, a pilot run of PILOT steps of order 5 decides: order 5 suffices if the step size that the tolerance
 # allows is at least CUT times the mean step that the points allow.
@@ -19,6 +23,8 @@ class Explicit(Method):
     order: int | None = None
 
     def stepper(self, problem: Problem) -> RungeKutta:
+        from gearlib.solvers.rungekutta.rungekutta import RungeKutta
+
         return RungeKutta(self.order or order_of(problem))
 
 
@@ -40,6 +46,8 @@ def order_of(problem: Problem) -> int:
         return 5
     if len(problem.time_events) < MANY_CORNERS:
         return 8
+    from gearlib.solvers.rungekutta.rungekutta import RungeKutta
+
     stepper = RungeKutta(5)
     pilot = Driver(problem, stepper)
     pilot.advance(PILOT)

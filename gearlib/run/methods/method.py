@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -19,8 +19,10 @@ from gearlib.run.methods.run import Run, is_function
 from gearlib.run.scene import Scene
 from gearlib.solvers.drive.driver import Driver, Stepper
 from gearlib.solvers.drive.driver import integrate as to_the_end
-from gearlib.solvers.inputs.moving import Callbacks
 from gearlib.solvers.problem import Problem, Solution
+
+if TYPE_CHECKING:
+    from gearlib.solvers.inputs.moving import Callbacks
 
 
 class Integrates(Protocol):
@@ -103,6 +105,8 @@ def refusal(name: str, reason: str) -> ArgumentError:
 
 def with_callbacks(run: Run, integrated: Callable[[Callbacks], Solution]) -> Solution:
     """The solution of a run; checks the Python callbacks, and adds advice to solver errors."""
+    from gearlib.solvers.inputs.moving import Callbacks
+
     callbacks = Callbacks()
     try:
         with callbacks.listening() if any(map(is_function, run.signals)) else nullcontext():

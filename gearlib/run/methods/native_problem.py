@@ -6,21 +6,21 @@ import ctypes
 import math
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.native.layout import EACH, Shared, operations
-from gearlib.native.scene_functions import NativeScene
-from gearlib.run.forms.scene_form import SceneForm
 from gearlib.run.methods.run import Run, is_function
 from gearlib.run.scene import Scene, settle_once
-from gearlib.run.tangents.event_tangents import EventTangents
-from gearlib.run.tangents.tangents import tangent_code
-from gearlib.solvers.inputs.moving import Callbacks
 from gearlib.solvers.inputs.table import Table, breakpoints, values
 from gearlib.solvers.problem import Effort, Problem, Solution
+
+if TYPE_CHECKING:
+    from gearlib.native.scene_functions import NativeScene
+    from gearlib.run.forms.scene_form import SceneForm
+    from gearlib.solvers.inputs.moving import Callbacks
 
 Floats = NDArray[np.float64]
 MOST_STEPS = 100_000_000
@@ -35,7 +35,11 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
     if (handed := run.handed) is not None:
         return _handed_problem(run, callbacks, handed)
     scene, tangents = run.scene, run.tangents if run.scene.states else None
-    code = None if tangents is None else tangent_code(scene, tangents.directions, jacobian)
+    code = None
+    if tangents is not None:
+        from gearlib.run.tangents.tangents import tangent_code
+
+        code = tangent_code(scene, tangents.directions, jacobian)
     native: NativeScene = code.native if code else scene.native_with_jacobian if jacobian else scene.native
     program = scene.program
     inputs = values(run.signals, run.times[:1], len(program.inputs))[:, 0]
@@ -53,6 +57,8 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
         problem = _wired(run, callbacks, scene, native, data, x0, nominal, np.ones(len(x0), bool), atol)
         if problem.update is None:
             return problem
+        from gearlib.run.tangents.event_tangents import EventTangents
+
         return replace(problem, update=EventTangents(run, tangents, code, problem, callbacks).native)
     nothing = np.ones(0 if scene.states else 1)  # integrators need a state: where there is none, a constant is added
     return _wired(
@@ -177,6 +183,8 @@ def memory(run: Run, data: Floats) -> tuple[Floats, Floats]:
     scene, program = run.scene, run.scene.program
     shared, layout = scene.shared, scene.layout
     if run.tangents is not None and scene.states:
+        from gearlib.run.tangents.tangents import tangent_code
+
         layout = tangent_code(scene, run.tangents.directions, False).native.rhs.layout
     slots = data[layout.slots :][: program.n_slots]
     return slots.copy(), data[shared.relations :][: shared.n_modes].copy()

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from gearlib.run.methods.method import Method, refusal
 from gearlib.run.methods.run import Run, is_function
 from gearlib.solvers.inputs.table import Table
 from gearlib.solvers.problem import Problem
-from gearlib.solvers.taylor.taylor import Taylor
+
+if TYPE_CHECKING:
+    from gearlib.solvers.taylor.taylor import Taylor
 
 
 class TaylorSeriesMethod(Method):
@@ -31,4 +35,6 @@ class TaylorSeriesMethod(Method):
         found = "needs the equations as form='ode'" if problem.series is None else problem.series()
         if isinstance(found, str):
             raise refusal(self.name, found)
+        from gearlib.solvers.taylor.taylor import Taylor
+
         return Taylor(found)

@@ -6,17 +6,19 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.program.interpret import Prepared
-from gearlib.run.forms.scene_form import SceneForm, scene_form
 from gearlib.run.scene import Scene
 from gearlib.run.start_values import Start
-from gearlib.run.tangents.tangents import Tangents
 from gearlib.solvers.inputs.table import Table
+
+if TYPE_CHECKING:
+    from gearlib.run.forms.scene_form import SceneForm
+    from gearlib.run.tangents.tangents import Tangents
 
 Floats = NDArray[np.float64]
 # Longest step in periods of the fastest sinusoid of time: enough for the stages of a step to see it; for events, of which one may last
@@ -50,7 +52,11 @@ class Run:
     @property
     def handed(self) -> SceneForm | None:
         """The form of the scene with the algebraic unknowns left to IDA, if any."""
-        return None if self.form == "ode" else scene_form(self.scene, self.form)
+        if self.form == "ode":
+            return None
+        from gearlib.run.forms.scene_form import scene_form
+
+        return scene_form(self.scene, self.form)
 
     @cached_property
     def longest_step(self) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from gearlib.equations.kernel import differentiated
+from gearlib.equations.kernel import array_function, differentiated
 from gearlib.equations.quasipolynomials import TIME, OutsideClassError
 from gearlib.equations.switch_times import switch_times
 from gearlib.equations.template import Template, memoised, relation_symbol
@@ -94,7 +94,7 @@ def _flag(template: Template, j: int, symbols: tuple[Any, ...], numbers: list[fl
 @memoised
 def _compared(template: Template, j: int, symbols: tuple[Any, ...]) -> Function:
     """What a relation of an equation compares with zero, as a function of time and the parameters."""
-    return _function(template.relations[j].g, symbols)
+    return array_function((TIME, *symbols), template.relations[j].g)
 
 
 @memoised
@@ -103,7 +103,10 @@ def _pieces(template: Template, symbols: tuple[Any, ...], *sides: tuple[tuple[in
     found = [template.residual.xreplace({relation_symbol(j): sympy.Integer(x) for j, x in s}) for s in sides]
     if (found[1] - found[0]).free_symbols - {TIME, *symbols}:
         return None
-    return [_function(x.xreplace({s: sympy.S.Zero for s in x.free_symbols - {TIME, *symbols}}), symbols) for x in found]
+    return [
+        array_function((TIME, *symbols), x.xreplace({s: sympy.S.Zero for s in x.free_symbols - {TIME, *symbols}}))
+        for x in found
+    ]
 
 
 def _jump(pieces: list[Function], numbers: list[float], t: float, ends: tuple[float, float]) -> bool:
@@ -115,11 +118,6 @@ def _jump(pieces: list[Function], numbers: list[float], t: float, ends: tuple[fl
             values.append(float(function(np.float64(t), *numbers)))
         sizes += [x for x in (abs(values[-1]), *near) if isfinite(x)]
     return abs(values[1] - values[0]) > SMALL * max(sizes)
-
-
-def _function(expression: Any, symbols: tuple[Any, ...]) -> Function:
-    function: Function = sympy.lambdify((TIME, *symbols), expression, "numpy")
-    return function
 
 
 def _refused(structure: Structure, g: int, i: int, t: float, level: int) -> ModelError:

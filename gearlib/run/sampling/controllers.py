@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,9 @@ from gearlib.errors import ArgumentError
 from gearlib.language.component import Component, parts_below
 from gearlib.language.delayed import Delayed
 from gearlib.language.sampled import Sampled
-from gearlib.run.sampling.delays import Delay
+
+if TYPE_CHECKING:
+    from gearlib.run.sampling.delays import Delay
 
 Floats = NDArray[np.float64]
 
@@ -62,6 +65,8 @@ def controllers_of(component: Component, inputs: Sequence[str], parameters: Sequ
             gives = tuple(inputs.index(f"{path}.outputs[{k}].u") for k in range(given))
             found.append(Controller(path, part, tuple(f"{path}.inputs[{k}].y" for k in range(read)), gives))
         elif isinstance(part, Delayed):
+            from gearlib.run.sampling.delays import Delay
+
             head = f"{path}." if path else ""
             places = (inputs.index(f"{head}past"),)
             found.append(Delay(path or type(part).__name__, (f"{head}now",), places, parameters.index(f"{head}delay_time")))

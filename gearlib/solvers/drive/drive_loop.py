@@ -16,8 +16,7 @@ log and call again.
 
 from __future__ import annotations
 
-from gearlib.compiler.small_language import floats_at, int32, int32s_at, ints_at, native
-from gearlib.compiler.translate import Prototype
+from gearlib.compiler.small_language import Prototype, floats_at, int32, int32s_at, ints_at, native
 from gearlib.native.layout import MODEL
 from gearlib.solvers.drive.drive_record import DriveRecord
 

@@ -13,12 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import shown
-from gearlib.compiler.instructions import BLOCK
-from gearlib.compiler.native_module import native_functions
+from gearlib.compiler.small_language import BLOCK
 from gearlib.errors import ArgumentError, GearlibError, SolverError, StartError
 from gearlib.solvers.drive import drive_loop
 from gearlib.solvers.drive.drive_record import DriveRecord
-from gearlib.solvers.drive.trace import FIRST, GROWTH, MOST, Trace, width
 from gearlib.solvers.problem import Floats, Problem, Solution, late_start
 
 __all__ = ["Driver", "Stepper", "address_of", "integrate"]
@@ -69,6 +67,8 @@ class Stepper(ABC):
 
     def carry_on(self, driver: Driver) -> int:
         """Continue for at most ``record.budget`` steps; returns a result code of ``drive_loop.advance``, the default implementation."""
+        from gearlib.compiler.native_module import native_functions
+
         return native_functions(drive_loop.__name__).loop("advance")(driver.record.address)
 
     def until(self, t: float, longest_step: float) -> None:  # noqa: B027  (most have nothing to do)
@@ -201,6 +201,8 @@ class Driver:
 
     def _go_on_tracing(self) -> None:
         """A further piece of the trace, twice as long as the last one; none where it becomes too long."""
+        from gearlib.solvers.drive.trace import FIRST, GROWTH, MOST, width
+
         record, pieces = self.record, self._traced
         assert pieces is not None, "only then"
         if pieces and record.trace:
@@ -333,6 +335,8 @@ class Driver:
         samples = self.record.sample
         trace = None
         if self.problem.traced is not None and self._traced is not None:
+            from gearlib.solvers.drive.trace import Trace
+
             trace = Trace([*self._traced[:-1], self._last_traced], self.problem.traced, self.record.origin)
         return Solution(
             t=self.problem.times[:samples], x=self.out[:samples], modes=self._modes[:samples], status=self.status, t_last=self.t,

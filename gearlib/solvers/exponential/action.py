@@ -16,20 +16,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.recent import recent
 from gearlib.solvers.exponential.chebyshev import TILE, Directions, Graph, Series, call
+from gearlib.solvers.exponential.forcing import MOST_KNOWN, Known
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Known = dict[
-    Any, Any
-]  # what follows from inputs, times and patterns, for the next runs of a scene with other numbers; see `recent`
-MOST_KNOWN = 64  # findings kept for runs with other numbers: a few per pattern, grid of times and set of inputs
 
 _COUPLING = 0.02  # relative to the largest row: size of one-way couplings (inputs, integrated angles) after scaling
 _ANGLES = np.linspace(0.0, math.pi, 17)  # directions in which the field of values is bounded

@@ -20,7 +20,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy
@@ -33,14 +33,14 @@ from gearlib.errors import ArgumentError, SolverError
 from gearlib.recent import recent
 from gearlib.solvers.drive.drive_loop import DONE
 from gearlib.solvers.drive.driver import Driver, Stepper
-from gearlib.solvers.exponential import corners
-from gearlib.solvers.exponential.action import MOST_KNOWN, Action, Known, Triplets, band_order
-from gearlib.solvers.exponential.action import prepare as prepare_action
 from gearlib.solvers.exponential.dense import Propagator, balanced_norm, estimate
-from gearlib.solvers.exponential.forcing import Exosystem, Forcing, NotExact, recognise
+from gearlib.solvers.exponential.forcing import MOST_KNOWN, Exosystem, Forcing, Known, NotExact, recognise
 from gearlib.solvers.exponential.stretches import Stretch, stretches
 from gearlib.solvers.inputs.table import Table
 from gearlib.solvers.problem import LinearChanges, LinearForm, Problem
+
+if TYPE_CHECKING:
+    from gearlib.solvers.exponential.corners import Intervals
 
 Floats = NDArray[np.float64]
 
@@ -82,14 +82,16 @@ class Exponential(Stepper):
         self.problem, self.linear = problem, problem.linear or LinearForm(np.zeros((0, 0)), np.zeros((0, 0)), ())
         inputs, n, times = self.linear.inputs, self.linear.A.shape[0], problem.times
         self.cornered: tuple[int, ...] = ()  # inputs that are integrated from corner to corner
-        self.cuts: corners.Intervals | None = None  # the intervals between the corners
+        self.cuts: Intervals | None = None  # the intervals between the corners
         self.forcing: Forcing | None = None  # for the other inputs; None where they are constant
         self._jumps: dict[int, Floats] = {}
         self.why_not = ""
         tables = [u for u in inputs if isinstance(u, Table)]
         if tables and n <= MOST_CORNERED:
             self.cornered = tuple(k for k, u in enumerate(inputs) if isinstance(u, Table) or u.is_number)
-            self.cuts = corners.Intervals.of(times, tables)
+            from gearlib.solvers.exponential.corners import Intervals
+
+            self.cuts = Intervals.of(times, tables)
             inputs = tuple(u for k, u in enumerate(inputs) if k not in self.cornered)
         if n and (inputs or self.cuts is None):
             ends = float(times[0]), float(times[-1])
@@ -195,16 +197,18 @@ def tangent_jumps(linear: LinearForm, columns: Sequence[int], forcing: Forcing) 
 
 
 def _cornered(
-    linear: LinearForm, columns: tuple[int, ...], drive: list[Table | float], x: Floats, times: Floats, cuts: corners.Intervals
+    linear: LinearForm, columns: tuple[int, ...], drive: list[Table | float], x: Floats, times: Floats, cuts: Intervals
 ) -> Floats:
     """The response to tables; with tangents, of one direction after another."""
+    from gearlib.solvers.exponential.corners import solve
+
     A, B = _dense(linear.A), linear.B[:, columns]
     if linear.changes is None:
-        return corners.solve(A, B, drive, x, times, cuts)
+        return solve(A, B, drive, x, times, cuts)
     n, out = len(A), np.zeros((len(times), *x.shape))
     for k, (own, change) in enumerate(zip(linear.changes.A, linear.changes.B[:, :, columns], strict=True), 1):
         both = np.block([[A, np.zeros((n, n))], [_dense(own), A]])
-        found = corners.solve(both, np.concatenate([B, change]), drive, np.concatenate([x[0], x[k]]), times, cuts)
+        found = solve(both, np.concatenate([B, change]), drive, np.concatenate([x[0], x[k]]), times, cuts)
         out[:, 0], out[:, k] = found[:, :n], found[:, n:]
     return out
 
@@ -338,15 +342,19 @@ def prepare(
     count = sum(c.count for c in cuts)
     products = 2 * len(matrices) - 1  # of a product of matrices with their derivatives
     small = n <= DENSE_ALWAYS or products * estimate(n, [1e3] * len(steps), count) < 1e-3
+    parts: list[Any] = [slice(None)]
+    if n > DENSE_ALWAYS:
+        from gearlib.solvers.exponential.sparse_stepping import components, union
+
+        parts = components(union(matrices), n, known)
     if algorithm == "dense" or (algorithm == "auto" and small):
         if n > DENSE_LIMIT:
             raise SolverError(f"{n} states: a dense exponential of more than {DENSE_LIMIT} takes too much memory")
-        groups = _dense_groups(
-            matrices, weights, _components(_union(matrices), n, known) if n > DENSE_ALWAYS else [slice(None)]
-        )
+        groups = _dense_groups(matrices, weights, parts)
         return run("dense", f"{n} states, {len(steps)} different steps", math.nan, groups)
-    parts = _components(_union(matrices), n, known)
-    actions = _Actions(matrices, weights, n, max(forcing.t_end - forcing.t0, same), rtol, known)
+    from gearlib.solvers.exponential.sparse_stepping import SparseStepping
+
+    actions = SparseStepping(matrices, weights, n, max(forcing.t_end - forcing.t0, same), rtol, known)
     sparse = sum(actions.of(forcing.pieces[c.piece]).seconds(c.h, c.count, rtol) for c in cuts if c.h)
     sizes = [n] if isinstance(parts[0], slice) else [len(part) for part in parts]
     speed = actions.fastest
@@ -389,31 +397,8 @@ def cut(times: Floats, forcing: Forcing) -> tuple[list[Stretch], int]:
     return cuts, int(np.searchsorted(times, forcing.t0 + rounding(forcing.t0, forcing.t_end), side="right"))
 
 
-def _components(A: Triplets, n: int, known: Known) -> list[Any]:
-    """Decoupled groups of states as index arrays; a single slice if all are coupled or there are few."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    def found() -> list[Any]:
-        pattern = coo_array((np.ones(len(A.rows)), (A.rows, A.columns)), shape=(n, n))
-        count, label = connected_components(pattern, directed=False)
-        return [slice(None)] if count == 1 else [np.flatnonzero(label == k) for k in range(count)]
-
-    return [slice(None)] if n <= DENSE_ALWAYS else recent(known, ("parts", *_pattern(A)), found, MOST_KNOWN)
-
-
-def _pattern(A: Triplets) -> tuple[bytes, bytes]:
-    return A.rows.tobytes(), A.columns.tobytes()
-
-
 def _dense(M: Any) -> Floats:
     return np.asarray(M if isinstance(M, np.ndarray) else M.toarray(), dtype=float)
-
-
-def _union(matrices: Sequence[Any]) -> Triplets:
-    """Nonzeros of a matrix, and of its derivatives."""
-    first, *others = matrices
-    return _triplets(sum((abs(M) for M in others), abs(first)) if others else first)
 
 
 def _dense_groups(matrices: Sequence[Any], B: Any, parts: list[Any]) -> _Groups:
@@ -450,50 +435,3 @@ def _dense_advance(A: Floats, B: Floats) -> _Advance:
         return known[key].advance(z, count)[:, :, :n]
 
     return advance
-
-
-class _Actions:
-    """Stepping by the action of sparse exponentials; one prepared action per exosystem."""
-
-    def __init__(self, matrices: Sequence[Any], B: Any, n: int, span: float, rtol: float, known: Known) -> None:
-        self._A, self._B, self._n, self._span, self._rtol, self._of_pattern = matrices, B, n, span, rtol, known
-        pattern = _union(matrices)
-        self._order = recent(known, ("order", *_pattern(pattern)), lambda: band_order(pattern, n), MOST_KNOWN)
-        self._known: dict[bytes, Action] = {}
-
-    @property
-    def fastest(self) -> float:
-        """Upper bound on the eigenvalue magnitudes (1/s)."""
-        ellipses = [action.ellipse for action in self._known.values()]
-        return max((abs(e.centre) + e.real + e.imaginary for e in ellipses), default=0.0)
-
-    def of(self, exosystem: Exosystem) -> Action:
-        if exosystem.key not in self._known:
-            n, inputs, blocks = self._n, len(exosystem.S), len(self._A)
-            size = n * blocks
-            parts = [_triplets(self._A[0], k * n, k * n) for k in range(blocks)]
-            parts += [_triplets(M, k * n, 0) for k, M in enumerate(self._A[1:], 1)]
-            driven = np.asarray(self._B @ exosystem.H).reshape(size, inputs)
-            parts += [_triplets(driven, 0, size), _triplets(exosystem.S, size, size)]
-            rows, columns = (np.concatenate([getattr(p, name) for p in parts]) for name in ("rows", "columns"))
-            G = Triplets(rows, columns, np.concatenate([p.entries for p in parts]))
-            # each state beside its tangents; inputs may act on any state and are excluded from the bandwidth ordering
-            beside = (self._order[:, None] + n * np.arange(blocks)).ravel()
-            order = np.append(beside, np.arange(size, size + inputs))
-            self._known[exosystem.key] = prepare_action(G, order, self._span, inputs, self._of_pattern)
-        return self._known[exosystem.key]
-
-    def advance(self, exosystem: Exosystem, h: float, count: int, x: Floats, s: Floats) -> Floats:
-        found = self.of(exosystem).advance(np.concatenate([x.ravel(), s]), h, count, self._rtol)
-        return np.ascontiguousarray(found[:, : x.size]).reshape(count, *x.shape)
-
-
-def _triplets(M: Any, row: int = 0, column: int = 0) -> Triplets:
-    """Nonzeros of a dense or sparse matrix, offset by a row and a column."""
-    if isinstance(M, np.ndarray):
-        rows, columns = np.nonzero(M)
-        return Triplets(rows + row, columns + column, M[rows, columns])
-    M = M.tocsr()
-    keep = M.data != 0
-    rows = np.repeat(np.arange(M.shape[0]), np.diff(M.indptr))
-    return Triplets(rows[keep] + row, M.indices[keep].astype(np.int64) + column, M.data[keep].astype(float))

@@ -28,6 +28,10 @@ from gearlib.solvers.inputs.table import Table
 Floats = NDArray[np.float64]
 T = TypeVar("T")
 
+# What follows from inputs, times and patterns, for the next runs of a scene with other numbers, see `recent`: a few per pattern, grid of
+# times and set of inputs
+Known = dict[Any, Any]
+MOST_KNOWN = 64
 
 Block = tuple[complex, tuple[complex, ...]]  # rate lambda (1/s, imaginary part >= 0), coefficients of p
 

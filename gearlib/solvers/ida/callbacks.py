@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import math
 
-from gearlib.compiler.small_language import floats, floats_at, int32, int32s_at, ints_at, native
-from gearlib.compiler.translate import Prototype
+from gearlib.compiler.small_language import Prototype, floats, floats_at, int32, int32s_at, ints_at, native
 from gearlib.native.layout import MODEL
 from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, START, STEPPED, TIMED
 from gearlib.solvers.ida.ida_stepper import CHUNK, PROBES, REACH, ROOTS_FAILED, SLOPE_OVER, STALLED, START_FAILED

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gearlib.compiler.native_module import native_functions
-from gearlib.compiler.translate import Prototype
+from gearlib.compiler.small_language import Prototype
 from gearlib.solvers.drive.drive_loop import ROOT
 from gearlib.solvers.drive.driver import Driver
 from gearlib.solvers.ida import callbacks

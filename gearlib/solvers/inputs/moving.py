@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.compiler.native_module import native_functions
-from gearlib.compiler.small_language import floats_at, int32, ints_at, native
-from gearlib.compiler.translate import Prototype
+from gearlib.compiler.small_language import Prototype, floats_at, int32, ints_at, native
 from gearlib.errors import GearlibError, SolverError
 from gearlib.native.layout import MODEL
 from gearlib.native.scene_functions import TABLES, NativeScene

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import ctypes
 
-from gearlib.compiler.small_language import record
-from gearlib.compiler.translate import Prototype
+from gearlib.compiler.small_language import Prototype, record
 
 __all__ = ["LANE_MODEL", "LaneRecord"]
 

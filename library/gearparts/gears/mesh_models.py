@@ -8,18 +8,19 @@ it.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import sympy
 
 import gearlib as gl
 from gearlib.arguments import is_real, shown
-from gearlib.drawing.gears.gear_set import GearSet
 from gearlib.errors import BoundError
-from gearparts.gears.drawn_gears import meshing_pair
 from gearparts.gears.tooth_friction import ToothFriction
 from gearparts.gears.transmission_error import TransmissionError
 from gearparts.interfaces import Dissipative
+
+if TYPE_CHECKING:
+    from gearlib.drawing.gears.gear_set import GearSet
 
 
 class DetailedMesh(TransmissionError, ToothFriction, Dissipative):
@@ -44,6 +45,8 @@ class DetailedMesh(TransmissionError, ToothFriction, Dissipative):
 
     def drawn_gears(self) -> GearSet | None:
         """From base radii, teeth, working pressure angle and path of contact; both gears have teeth as thick as their spaces."""
+        from gearparts.gears.drawn_gears import meshing_pair
+
         return meshing_pair(self, "support.phi" if self.use_support else "")
 
     def energies(self) -> gl.Energy:

@@ -8,13 +8,10 @@ import gearlib as gl
 from gearlib.errors import BindingError
 from gearparts.gears.lossy import LossyGear
 from gearparts.interfaces import Flange, MaybeHeated
-from gearparts.tables import Rows, check_rows
+from gearparts.tables import IDEAL_MESH, NO_FRICTION, Rows, check_rows
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection
-
-IDEAL_MESH: Rows = ((0.0, 1.0, 1.0),)
-NO_FRICTION: Rows = ((0.0, 0.0),)
 
 
 class LossyPlanetary(MaybeHeated):

@@ -6,22 +6,21 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import gearlib as gl
 from gearlib.arguments import shown
-from gearlib.drawing.gears.gear_set import GearSet
 from gearlib.errors import BindingError
 from gearlib.language.declarations import Offered
 from gearlib.language.interior import path_of, radii_of
-from gearparts.gears.drawn_gears import planetary_set
-from gearparts.gears.mesh_models import DetailedExternalMesh, DetailedInternalMesh
 from gearparts.gears.meshes import ExternalMesh, InternalMesh
 from gearparts.gears.rigid_gears import IdealGear, IdealPlanetary
 from gearparts.interfaces import Flange
-from gearparts.planetary.lossy_planetary import IDEAL_MESH, NO_FRICTION, LossyPlanetary
 from gearparts.planetary.phasing import check_angles, check_assembly
-from gearparts.planetary.planar import PlanarPlanetaryUnit
 from gearparts.rotational.shafts import Damper, Inertia
+from gearparts.tables import IDEAL_MESH, NO_FRICTION
 
 if TYPE_CHECKING:
+    from gearlib.drawing.gears.gear_set import GearSet
     from gearlib.language.component import Connection
+    from gearparts.gears.mesh_models import DetailedExternalMesh, DetailedInternalMesh
+    from gearparts.planetary.lossy_planetary import LossyPlanetary
 
 
 class PlanetOnCarrier(gl.Component):
@@ -191,6 +190,8 @@ class PlanetaryUnit(gl.Component):
         self.check()
         distance = R_s * (self.Z_s + self.Z_p) / self.Z_s
         at_sun, at_ring = self.mesh_forces()
+        from gearparts.gears.drawn_gears import planetary_set
+
         return planetary_set((self.Z_s, self.Z_p, self.Z_r), distance, [float(psi) for psi in self.angles()], at_sun, at_ring)
 
     def mesh_forces(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -261,6 +262,8 @@ class LossyPlanetaryUnit(TurningPlanetaryUnit):
     bearing = gl.Structural(NO_FRICTION, "lossy: rows of speed (rad/s) and friction torque at the sun (N.m)")
 
     def assemble(self) -> list[Connection]:
+        from gearparts.planetary.lossy_planetary import LossyPlanetary
+
         return self.rigid(
             LossyPlanetary(
                 ratio=self.R_r / self.R_s, sun_mesh=self.sun_efficiency, ring_mesh=self.ring_efficiency, bearing=self.bearing
@@ -307,6 +310,8 @@ class ElasticPlanetaryUnit(TurningPlanetaryUnit, MeshValues):
                 f"{path_of(self) or type(self).__name__}: sun_details and ring_details need numbers of teeth, from which the phases "
                 f"of the meshes follow; found {teeth}"
             )
+        from gearparts.gears.mesh_models import DetailedExternalMesh, DetailedInternalMesh
+
         common = {"r_b": self.R_p, "use_support": True}
         sun = {"e_rate": self.e_rate_sun, "r_a": self.R_s, "z_a": self.Z_s, "c": self.K_sun, "d": self.C_sun}
         ring = {"e_rate": self.e_rate_ring, "r_a": self.R_r, "z_a": self.Z_r, "c": self.K_ring, "d": self.C_ring}
@@ -444,6 +449,8 @@ class TranslationalPlanetaryUnit(MeshValues):
     def assemble(self) -> list[Connection]:
         self.check()
         r_c = self.R_h / gl.cos(self.alpha)
+        from gearparts.planetary.planar import PlanarPlanetaryUnit
+
         self.planar = PlanarPlanetaryUnit(
             planets=self.planets, r_s=self.R_s, r_r=self.R_r, r_p=self.R_p, r_c=r_c, m_s=self.m_s, m_r=self.m_r,
             m_c=self.m_h, m_p=self.I_orbit / r_c**2, I_s=self.I_s, I_r=self.I_r, I_c=self.I_h, I_p=self.I_spin,

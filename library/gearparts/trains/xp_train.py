@@ -11,9 +11,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import gearlib as gl
-from gearlib.drawing.gears.gear_set import GearSet
-from gearparts.gears.drawn_gears import pitched_pair
-from gearparts.gears.mesh_models import DetailedExternalMesh
 from gearparts.gears.meshes import ExternalMesh
 from gearparts.gears.rigid_gears import IdealGear
 from gearparts.interfaces import Flange, TwoFlanges
@@ -23,7 +20,9 @@ from gearparts.rotational.shafts import Damper, Fixed, Inertia, Spring
 from gearparts.rotational.sources import Torque
 
 if TYPE_CHECKING:
+    from gearlib.drawing.gears.gear_set import GearSet
     from gearlib.language.component import Connection
+    from gearparts.gears.mesh_models import DetailedExternalMesh
 
 
 class FixedAxisUnit(TwoFlanges):
@@ -49,14 +48,21 @@ class FixedAxisUnit(TwoFlanges):
 
     def drawn_gears(self) -> GearSet | None:
         """With Z_1, from the pitch radii; gear 2 has the teeth that its radius asks for."""
+        from gearparts.gears.drawn_gears import pitched_pair
+
         return pitched_pair(self, self.Z_1, "mesh.f") if self.Z_1 else None
 
     def assemble(self) -> list[Connection]:
         self.gear_1, self.gear_2 = Inertia(J=self.I_1), Inertia(J=self.I_2)
         values = {"r_a": self.R_1, "r_b": self.R_2, "c": self.K_g, "d": self.C_g, "e_rate": self.e_rate}
         teeth = {"z_a": self.Z_1} if self.Z_1 else {}
-        detailed = bool(self.details)
-        self.mesh = DetailedExternalMesh(**values | teeth | dict(self.details)) if detailed else ExternalMesh(**values)
+        self.mesh: ExternalMesh | DetailedExternalMesh
+        if self.details:
+            from gearparts.gears.mesh_models import DetailedExternalMesh
+
+            self.mesh = DetailedExternalMesh(**values | teeth | dict(self.details))
+        else:
+            self.mesh = ExternalMesh(**values)
         return [
             gl.connect(self.flange_a, self.gear_1.flange_a),
             gl.connect(self.gear_1.flange_b, self.mesh.flange_a),
