@@ -31,7 +31,6 @@ FORMS = (
     "gearlib.language.expressions.Eq",
     "gearlib.equations.template.Template",
     "gearlib.flatten.model.EquationGroup",
-    "gearlib.reduce.rows.Rows",
     "gearlib.equations.kernel.Kernel",
     "gearlib.program.program.Batch",
     "gearlib.native.source.Body",
@@ -391,7 +390,7 @@ ROWS: Mapping[str, tuple[str, str, str]] = {
         "eight are made while modules are loaded (the declarations of classes, and C prototypes), five are public (`Eq`, `Connection`, "
         "`Port`, `System`, the result), six belong to the exact solution alone; the others are results of phases, read by later ones",
     ),
-    "forms of one equation": ("12", "8", "`Rows` for the structure, and the compiler's own intermediate text and object code"),
+    "forms of one equation": ("12", "8", "the compiler's own intermediate text and object code"),
     "implementations: differentiating a program": ("5", "1", ""),
     "implementations: event iteration": ("4", "1, in two backends", ""),
     "implementations: sparse elimination": ("3", "1", ""),

@@ -8,6 +8,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import shown
 from gearlib.equations.bindings import parameter_function
-from gearlib.equations.kernel import Kernel, scalar_source
+from gearlib.equations.kernel import Kernel, differentiated, scalar_source
 from gearlib.equations.template import Column, Template, parse_column
 from gearlib.errors import NameLookupError, nearest
 from gearlib.language.declarations import Connector, Parameter, Variable
@@ -69,6 +70,23 @@ class EquationGroup:
 
     def __len__(self) -> int:
         return len(self.variables)
+
+    @cached_property
+    def lists(self) -> tuple[list[list[int]], list[list[int]]]:
+        """Variables and signs as lists, which are read faster one by one."""
+        return self.variables.tolist(), self.signs.tolist()
+
+    @cached_property
+    def nodes(self) -> list[list[tuple[int, int]]]:
+        """Variables and derivative orders in each equation. (No variable occurs twice, see `gearlib.flatten.specialise`.)"""
+        template = self.template
+        if not template.columns:
+            return [[] for _ in range(len(self))]
+        parts = [[(v, order) for v in self.variables[:, j].tolist()] for j, order in template.local_columns]
+        rows = [list(r) for r in zip(*parts, strict=True)]
+        for i in np.flatnonzero((self.signs == 0).any(axis=1)).tolist():
+            rows[i] = [node for node, (j, _) in zip(rows[i], template.local_columns, strict=True) if self.signs[i, j]]
+        return rows
 
     def take(self, rows: Integers, template: Template) -> EquationGroup:
         """Some of the rows, with another template over a part of the same locals, parameters and discrete variables."""
@@ -287,6 +305,32 @@ class FlatModel:
     @property
     def n_variables(self) -> int:
         return len(self.representative)
+
+    @cached_property
+    def places(self) -> list[tuple[int, int]]:
+        """Group and row of each equation."""
+        return [(g, i) for g, group in enumerate(self.groups) for i in range(len(group))]
+
+    @cached_property
+    def first_equations(self) -> list[int]:
+        """Number of each group's first equation."""
+        return list(accumulate(map(len, self.groups), initial=0))
+
+    @cached_property
+    def _nodes(self) -> list[list[tuple[int, int]]]:
+        return [row for group in self.groups for row in group.nodes]
+
+    def nodes(self, e: int, k: int) -> list[tuple[int, int]]:
+        """Variables and derivative orders in the k-th derivative of equation e."""
+        if k == 0:
+            return self._nodes[e]
+        g, i = self.places[e]
+        group = self.groups[g]
+        if group.template.linear:
+            return [(v, order + k) for v, order in self._nodes[e]]
+        variables, signs = group.lists
+        columns = differentiated(group.template, k).local_columns
+        return list(dict.fromkeys((variables[i][j], order) for j, order in columns if signs[i][j]))
 
     @cached_property
     def _firsts(self) -> list[int]:

@@ -211,7 +211,7 @@ class ExportedModel:
         structure, model = scene.structure, scene.model
         place = set(structure.states)
         fixed = fixed_values(model, self.numbers, {})
-        others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.dependence.solved_by]
+        others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.solved_by]
         program = build(structure, others, structure.states, dynamic=False)
         return frozenset([*used_parameters(program), *model.start_slots.tolist()])
 

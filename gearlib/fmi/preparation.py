@@ -18,7 +18,7 @@ from gearlib.native.layout import Layout
 from gearlib.native.source import LONGEST, Body, loop
 from gearlib.program.interpret import labelled, owner_of
 from gearlib.program.program import Batch, Linear, Program
-from gearlib.reduce.rows import some
+from gearlib.reduce.coefficients import some
 from gearlib.run.start_values import ROUNDING
 
 Integers = NDArray[np.int64]

@@ -21,7 +21,7 @@ from gearlib.program.build import build
 from gearlib.program.derivatives import undetermined
 from gearlib.program.interpret import prepare
 from gearlib.program.program import Program
-from gearlib.reduce.rows import some
+from gearlib.reduce.coefficients import some
 from gearlib.run.scene import Scene, needed_states, node_name
 from gearlib.run.translation import Translation
 

@@ -16,7 +16,7 @@ from gearlib.errors import ArgumentError, GearlibError
 from gearlib.many_runs.side_by_side import Found, KeptStates, PreparedRuns, SideBySide, why_one_by_one
 from gearlib.native.lane_source import LaneCode, lane_code, why_scalar
 from gearlib.native.source import is_small
-from gearlib.reduce.rows import start_guess
+from gearlib.reduce.coefficients import start_guess
 from gearlib.run.linear_form import LinearForms
 from gearlib.run.methods.closed_form import REACH_OF_A_STEP
 from gearlib.run.methods.run import LATE, Run, is_function

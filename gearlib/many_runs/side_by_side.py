@@ -15,8 +15,8 @@ from gearlib.compiler.instructions import LANES
 from gearlib.errors import GearlibError
 from gearlib.flatten.flatten import out_of_bounds
 from gearlib.program.interpret import regular, solutions_of_runs
+from gearlib.reduce.coefficients import start_guess
 from gearlib.reduce.reduction import confirm
-from gearlib.reduce.rows import start_guess
 from gearlib.run.linear_form import LinearForms, linear_forms
 from gearlib.run.request import Request
 from gearlib.run.result import Result, SimulatedResult

@@ -39,9 +39,9 @@ def build(structure: Structure, targets: Iterable[Node], states: Sequence[Node] 
         Whether the derivatives of all states in use are targets as well.
     """
     targets = list(dict.fromkeys(targets))
-    unknowns, used = reach(structure.dependence, targets, dynamic)
+    unknowns, used = reach(structure, targets, dynamic)
     order = tuple(states) if states is not None else tuple(sorted(used))
-    blocks = sort_blocks(structure.dependence, unknowns)
+    blocks = sort_blocks(structure, unknowns)
     outputs = [(v, k + 1) for v, k in order] if dynamic else targets
     return Builder(structure, blocks, order).program(tuple(outputs))
 
@@ -57,7 +57,7 @@ class Builder:
         extra: set[Node] = set()
         if given:  # derivatives of inputs, where a constraint on an input was differentiated
             counts = structure.differentiation.counts
-            extra = {n for e, c in enumerate(counts) for n in structure.dependence.columns(e, c) if n[0] in given and n[1] > 0}
+            extra = {n for e, c in enumerate(counts) for n in structure.columns(e, c) if n[0] in given and n[1] > 0}
             extra = {(v, k) for v, top in extra for k in range(1, top + 1)}
         self.inputs = (*inputs, *sorted(extra))
         self.slots: dict[Node, int] = {n: i for i, n in enumerate((*states, *self.inputs))}
@@ -70,9 +70,6 @@ class Builder:
         for (v, k), slot in self.slots.items():
             self.table[k, v] = slot
         self.groups = (*self.model.groups, *(u.equations for u in self.model.updates))
-        self.first_equation = np.cumsum([0, *(len(g) for g in self.model.groups)])
-        self.variables = [g.variables.tolist() for g in self.model.groups]
-        self.signs = [g.signs.tolist() for g in self.model.groups]
 
     def program(self, outputs: tuple[Node, ...]) -> Program:
         scalar: Found = defaultdict(list)
@@ -139,17 +136,14 @@ class Builder:
                 )
         return result
 
-    def _place(self, e: int) -> tuple[int, int]:
-        return self.structure.rows[e]
-
     def template(self, e: int, k: int) -> tuple[Template, int, int]:
         """The template of an equation's k-th derivative, with its group and row."""
-        g, i = self._place(e)
+        g, i = self.model.places[e]
         return differentiated(self.model.groups[g].template, k), g, i
 
     def _positions(self, template: Template, g: int, i: int) -> list[tuple[int, Node, int]]:
         """(column, node, sign) of one equation; what is identically zero is left out."""
-        variables, signs = self.variables[g][i], self.signs[g][i]
+        variables, signs = (rows[i] for rows in self.model.groups[g].lists)
         base = self.model.groups[g].template.locals
         if template.locals == base:
             return [(c, (variables[j], o), signs[j]) for c, (j, o) in enumerate(template.local_columns) if signs[j]]
@@ -163,7 +157,7 @@ class Builder:
 
     def _assign(self, block: Block, scalar: Found, pivots: Found) -> bool:
         """Emit an explicit assignment; False where the equation is not linear in the unknown."""
-        node, (e, k) = block[0], self.structure.dependence.equation(block[0])
+        node, (e, k) = block[0], self.structure.equation(block[0])
         template, g, i = self.template(e, k)
         mine = [(c, sign) for c, n, sign in self._positions(template, g, i) if n == node]
         if len(mine) != 1:
@@ -194,7 +188,7 @@ class Builder:
     def _block(self, block: Block, scalar: Found, pivots: Found) -> Linear | Newton | None:
         """Emit a block of several unknowns: linear with a constant matrix, or torn for Newton's method; None if its tears are states."""
         position = {node: c for c, node in enumerate(block)}
-        solving = [self.structure.dependence.equation(node) for node in block]
+        solving = [self.structure.equation(node) for node in block]
         rows = []
         safe: list[dict[int, bool]] = []
         constant = linear = True
@@ -276,6 +270,6 @@ class Builder:
         own = {name: j for j, name in enumerate(group.template.parameters)}
         parameters = group.parameters[rows][:, [own[template.parameters[p]] for p in kernel.parameters]]
         continuous = g < len(self.model.groups)
-        equations = self.first_equation[g] + rows if continuous else -1 - group.owners[rows]
+        equations = self.model.first_equations[g] + rows if continuous else -1 - group.owners[rows]
         relations = self._modes(kernel, g, rows)
         return Batch(kernel, equations, targets, signs, arguments, argument_signs, parameters, relations)

@@ -151,7 +151,7 @@ def owner_of(structure: Structure, equation: int) -> str:
     if equation < 0:
         instance = structure.model.instances[-1 - equation]
         return instance.path or instance.kind
-    return structure.model.owner(*structure.rows[equation])
+    return structure.model.owner(*structure.model.places[equation])
 
 
 def labelled(structure: Structure, batch: Batch, row: int) -> str:
@@ -247,7 +247,7 @@ def _inverses(matrices: Floats) -> tuple[Floats, NDArray[np.bool_]]:
 
 def _joined(block: Linear | Newton, structure: Structure) -> list[str]:
     """The variables that occur in connection equations of a block."""
-    model, rows = structure.model, [structure.rows[int(e)] for e in block.equations if e >= 0]
+    model, rows = structure.model, [structure.model.places[int(e)] for e in block.equations if e >= 0]
     return [model.name(v) for v in dict.fromkeys(v for g, i in rows for v in model.groups[g].variables[i].tolist())]
 
 

@@ -113,7 +113,7 @@ def _residuals(structure: Structure, builder: Builder, states: tuple[Node, ...],
     """One residual per unknown, from the equation matched to it."""
     place = {state: i for i, state in enumerate(states)}
     rates = [(v, k + 1) for v, k in states]
-    found, _ = reach(structure.dependence, targets, dynamic=True)
+    found, _ = reach(structure, targets, dynamic=True)
     algebraic = sorted(set(found) - set(rates))
     unknowns = (*states, *algebraic)
     n = len(unknowns)
@@ -125,7 +125,7 @@ def _residuals(structure: Structure, builder: Builder, states: tuple[Node, ...],
     rows: Found = defaultdict(list)
     for i, node in enumerate((*rates, *algebraic)):
         if node not in place:
-            e, k = structure.dependence.equation(node)
+            e, k = structure.equation(node)
             template, g, row = builder.template(e, k)
             rows[residual_kernel(template), g, k].append((row, first + i, 1))
     steps = [builder.batch(kernel, g, k, instances) for (kernel, g, k), instances in rows.items()]

@@ -23,8 +23,8 @@ import sympy
 from gearlib.equations.kernel import differentiated, partial_kernel
 from gearlib.equations.template import Relation, Template, column_symbol, make_template
 from gearlib.flatten.model import EquationGroup, FlatModel, Floats
+from gearlib.reduce.coefficients import some
 from gearlib.reduce.reduction import Structure
-from gearlib.reduce.rows import some
 from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import Block, reach, sort_blocks
 
@@ -65,8 +65,8 @@ def combinations(structure: Structure, parameters: Floats, targets: Iterable[Nod
     targets : iterable of nodes
         What a run computes: the derivatives of its states.
     """
-    unknowns, _ = reach(structure.dependence, targets, dynamic=True, events=True)
-    blocks = [b for b in sort_blocks(structure.dependence, unknowns) if 1 < len(b) <= MOST]
+    unknowns, _ = reach(structure, targets, dynamic=True, events=True)
+    blocks = [b for b in sort_blocks(structure, unknowns) if 1 < len(b) <= MOST]
     return tuple(found for block in blocks for found in _of_block(structure, block, parameters))
 
 
@@ -79,8 +79,8 @@ def replaced(structure: Structure, found: Sequence[CancellingSum]) -> FlatModel:
     """The model with the sums in place of equations."""
     model, groups = structure.model, list(structure.model.groups)
     sums = [_combined(structure, combination) for combination in found]
-    for g in {structure.rows[c.replaced][0] for c in found}:
-        gone = [structure.rows[c.replaced][1] for c in found if structure.rows[c.replaced][0] == g]
+    for g in {structure.model.places[c.replaced][0] for c in found}:
+        gone = [structure.model.places[c.replaced][1] for c in found if structure.model.places[c.replaced][0] == g]
         group = groups[g]
         groups[g] = EquationGroup(
             group.template, np.delete(group.variables, gone, 0), np.delete(group.signs, gone, 0),
@@ -117,7 +117,7 @@ class _Equation:
 
 
 def _row(structure: Structure, equation: int, times: int) -> _Equation:
-    g, i = structure.rows[equation]
+    g, i = structure.model.places[equation]
     group = structure.model.groups[g]
     return _Equation(differentiated(group.template, times), group, i)
 
@@ -125,7 +125,7 @@ def _row(structure: Structure, equation: int, times: int) -> _Equation:
 def _of_block(structure: Structure, block: Block, parameters: Floats) -> list[CancellingSum]:
     """The sums of the equations of one block."""
     place = {node: c for c, node in enumerate(block)}
-    solving = sorted((structure.dependence.equation(node) for node in block), key=lambda row: (row[1], row[0]))
+    solving = sorted((structure.equation(node) for node in block), key=lambda row: (row[1], row[0]))
     rows: list[tuple[int, int]] = []
     entries: list[Floats] = []
     for e, k in solving:
@@ -251,14 +251,14 @@ def _combined(structure: Structure, combination: CancellingSum) -> EquationGroup
         absent = {column_symbol((f"v{v}", order)): sympy.S.Zero for v, order in gone}
         value = sympy.Integer(int(weight)) if float(weight).is_integer() else sympy.Float(weight)
         residual += value * row.template.residual.xreplace(table).xreplace(absent)
-    owners = [model.owner(*structure.rows[e]) for e, _, _ in combination.terms]
+    owners = [model.owner(*structure.model.places[e]) for e, _, _ in combination.terms]
     named = [o for o in dict.fromkeys(owners) if o != "connection"]
     label = (
         f"what the equations of {some(named, ', ')} leave of each other" if named else "what connections leave of each other"
     )
     template = make_template(label, sympy.expand_mul(residual), parameters, tuple(relations), discretes)
     variables = np.array([[int(name[1:]) for name in template.locals]], np.int64)
-    g, i = structure.rows[combination.replaced]
+    g, i = structure.model.places[combination.replaced]
     return EquationGroup(
         template, variables, np.ones_like(variables), np.array([[parameters[n] for n in template.parameters]], np.int64),
         model.groups[g].owners[i : i + 1], np.array([[discretes[n] for n in template.discretes]], np.int64),

@@ -31,11 +31,11 @@ def flat_graph(structure: Structure) -> nx.Graph:
     model = structure.model
     given = frozenset(model.inputs.tolist())
     graph: nx.Graph = nx.Graph(name="flat equations")
-    for e, (g, i) in enumerate(structure.rows):
+    for e, (g, i) in enumerate(structure.model.places):
         equation = ("equation", e, 0)
         graph.add_node(equation, bipartite=0, path=model.owner(g, i), label=model.groups[g].template.label)
         orders: dict[int, list[int]] = {}
-        for v, order in structure.dependence.columns(e, 0):
+        for v, order in structure.columns(e, 0):
             orders.setdefault(v, []).append(order)
         for v, present in orders.items():
             variable = ("variable", v, 0)
@@ -59,8 +59,8 @@ def reduced_graph(structure: Structure, targets: Iterable[Node]) -> nx.DiGraph:
     targets : iterable of nodes
         For example the derivatives of the integrated states.
     """
-    model, dependence = structure.model, structure.dependence
-    inside = sorted(reach(dependence, targets, dynamic=True)[0])
+    model = structure.model
+    inside = sorted(reach(structure, targets, dynamic=True)[0])
     blocks = _blocks(structure, inside)
     block_of = {node: b for b, block in enumerate(blocks) for node in block}
     graph: nx.DiGraph = nx.DiGraph(name="index-reduced equations")
@@ -70,27 +70,27 @@ def reduced_graph(structure: Structure, targets: Iterable[Node]) -> nx.DiGraph:
         if vertex not in graph:
             graph.add_node(
                 vertex, bipartite=1, path="der(" * node[1] + model.name(node[0]) + ")" * node[1],
-                state=node in dependence.is_state, given=node[0] in dependence.given, block=block_of.get(node),
+                state=node in structure.is_state, given=node[0] in structure.given, block=block_of.get(node),
             )  # fmt: skip
         return vertex
 
     for node in inside:
-        e, k = dependence.equation(node)
-        g, i = structure.rows[e]
+        e, k = structure.equation(node)
+        g, i = structure.model.places[e]
         equation, label = ("equation", e, k), model.groups[g].template.label
         graph.add_node(equation, bipartite=0, path=model.owner(g, i), label=label, differentiated=k, block=block_of[node])
         graph.add_edge(equation, variable(node))
-        graph.add_edges_from((variable(other), equation) for other in dependence.columns(e, k) if other != node)
+        graph.add_edges_from((variable(other), equation) for other in structure.columns(e, k) if other != node)
     graph.graph["blocks"] = tuple(tuple(("variable", *node) for node in block) for block in blocks)
     return graph
 
 
 def _blocks(structure: Structure, unknowns: list[Node]) -> list[tuple[Node, ...]]:
     """Strongly connected components of the dependency graph, in topological order."""
-    inside, dependence = set(unknowns), structure.dependence
+    inside = set(unknowns)
     needs: nx.DiGraph = nx.DiGraph()
     needs.add_nodes_from(unknowns)
-    needs.add_edges_from((other, node) for node in unknowns for other in dependence.of(node) if other in inside)
+    needs.add_edges_from((other, node) for node in unknowns for other in structure.of(node) if other in inside)
     condensed = nx.condensation(needs)
     members = nx.get_node_attributes(condensed, "members")
     order = nx.lexicographical_topological_sort(condensed, key=lambda c: min(members[c]))

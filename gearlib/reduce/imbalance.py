@@ -14,7 +14,7 @@ import numpy as np
 from gearlib.equations.template import Template
 from gearlib.flatten.model import FlatModel, Instance
 from gearlib.language.declarations import Flow, Input, Potential
-from gearlib.reduce.rows import Rows, listed, some
+from gearlib.reduce.coefficients import listed, some
 from gearlib.structure.dulmage_mendelsohn import Imbalance
 
 MOST_NAMED = 3  # causes listed per kind
@@ -81,19 +81,19 @@ def unbalanced_classes(model: FlatModel) -> list[tuple[list[str], Account]]:
     return [(paths, balance) for balance, paths in found.items()]
 
 
-def explained(model: FlatModel, rows: Rows, balance: Imbalance) -> str:
+def explained(model: FlatModel, balance: Imbalance) -> str:
     """The message for an unbalanced model: causes first, then the Dulmage-Mendelsohn parts."""
     classes = [
         f"{', '.join([*paths[:MOST_NAMED], *(['...'] if len(paths) > MOST_NAMED else [])]) or 'the model'} ({tally.kind}) has {tally}."
         for paths, tally in unbalanced_classes(model)
         if (tally.surplus > 0 and balance.surplus) or (tally.surplus < 0 and balance.deficit)
     ]
-    causes = [*classes[:MOST_NAMED], *_given_twice(model, rows, balance), *_loose_ends(model, rows, balance, not classes)]
+    causes = [*classes[:MOST_NAMED], *_given_twice(model, balance), *_loose_ends(model, balance, not classes)]
     text = list(causes)
     if balance.surplus:
         text.append(
             f"over-determined: {len(balance.excess_equations)} equations for {len(balance.excess_variables)} variables, "
-            f"{balance.surplus} too many. The equations: {listed(model, rows, balance.excess_equations)}. "
+            f"{balance.surplus} too many. The equations: {listed(model, balance.excess_equations)}. "
             f"The variables: {some([model.name(v) for v in balance.excess_variables]) or 'none that is not given or zero'}."
         )
         if not causes:
@@ -110,17 +110,17 @@ def explained(model: FlatModel, rows: Rows, balance: Imbalance) -> str:
     return "the model is not balanced. " + " ".join(text)
 
 
-def _given_twice(model: FlatModel, rows: Rows, balance: Imbalance) -> list[str]:
+def _given_twice(model: FlatModel, balance: Imbalance) -> list[str]:
     """Bound inputs that an equation of an enclosing component, or their own, would have to determine."""
-    excess = [e for e in balance.excess_equations if rows.place[e] and _owner(model, rows, e) is not None]
-    bound = {v for e in excess if _template(model, rows, e).binds for v, _ in rows.columns(e, 0)}
+    excess = [e for e in balance.excess_equations if model.places[e] and _owner(model, e) is not None]
+    bound = {v for e in excess if _template(model, e).binds for v, _ in model.nodes(e, 0)}
     text: dict[str, None] = {}
     for e in excess:
-        owner, template = _owner(model, rows, e), _template(model, rows, e)
+        owner, template = _owner(model, e), _template(model, e)
         if owner is None or template.binds:
             continue
         label = template.label
-        here = {v for v, _ in rows.columns(e, 0)}
+        here = {v for v, _ in model.nodes(e, 0)}
         for v in sorted(here & {*bound, *model.inputs.tolist()}):
             for same in np.flatnonzero(model.representative == v).tolist():
                 if not isinstance(model.declaration(same), Input):
@@ -145,7 +145,7 @@ def _is_of_connector(model: FlatModel, variable: str) -> bool:
     return any(instance.path == owner and local in instance.connectors for instance in model.instances)
 
 
-def _loose_ends(model: FlatModel, rows: Rows, balance: Imbalance, guess: bool) -> Iterator[str]:
+def _loose_ends(model: FlatModel, balance: Imbalance, guess: bool) -> Iterator[str]:
     """Unconnected connectors that cause the imbalance; harmless free ends are omitted.
 
     With ``guess``, also those on which a massless law depends: their zero flow leaves the law one unknown short.
@@ -156,7 +156,7 @@ def _loose_ends(model: FlatModel, rows: Rows, balance: Imbalance, guess: bool) -
             loose.setdefault(number, []).append(connector)
     open_ = set(balance.undetermined)
     text: dict[str, str] = {}  # by connector
-    used = {v for e in range(len(rows.place)) for v, _ in rows.columns(e, 0)}
+    used = {v for e in range(len(model.places)) for v, _ in model.nodes(e, 0)}
     for v in balance.undetermined:  # potentials that occur in no equation
         if len(text) < MOST_NAMED and model.potential[v] and v not in used:
             alike = [model.name(int(same)) for same in np.flatnonzero(model.representative == v)]
@@ -173,7 +173,7 @@ def _loose_ends(model: FlatModel, rows: Rows, balance: Imbalance, guess: bool) -
             else:
                 off = _switch(instance, local)
                 text[connector] = f"Nothing determines {name}: connect {connector} to a component that does{off}."
-    blamed = {_number(model, rows, e) for e in balance.excess_equations if guess and _massless(model, rows, e, loose)}
+    blamed = {_number(model, e) for e in balance.excess_equations if guess and _massless(model, e, loose)}
     forgotten: list[str] = []
     for number, connectors in loose.items():
         instance = model.instances[number]
@@ -191,15 +191,15 @@ def _loose_ends(model: FlatModel, rows: Rows, balance: Imbalance, guess: bool) -
     yield from list(text.values())[:MOST_NAMED]
 
 
-def _massless(model: FlatModel, rows: Rows, e: int, loose: dict[int, list[str]]) -> bool:
+def _massless(model: FlatModel, e: int, loose: dict[int, list[str]]) -> bool:
     """Whether an equation contains the flow of an unconnected connector, and no derivative."""
-    g, i = rows.place[e]
+    g, i = model.places[e]
     group = model.groups[g]
     connectors = loose.get(int(group.owners[i]), ())
     if not connectors or any(order for _, order in group.template.columns):
         return False
     if group.template.binds:
-        return not rows.columns(e, 0) or not any(v not in set(model.inputs.tolist()) for v, _ in rows.columns(e, 0))
+        return not model.nodes(e, 0) or not any(v not in set(model.inputs.tolist()) for v, _ in model.nodes(e, 0))
     instance = model.instances[int(group.owners[i])]
     flows = {f"{c}.{n}" for c in connectors for n, v in instance.connectors[c].variables.items() if isinstance(v, Flow)}
     return any(name in flows for t in instance.templates if t.label == group.template.label for name in t.locals)
@@ -217,15 +217,15 @@ def _switch(instance: Instance, connector: str) -> str:
     return f", or leave it switched off ({switch}=False of {instance.path or instance.kind})" if switch else ""
 
 
-def _number(model: FlatModel, rows: Rows, e: int) -> int:
-    g, i = rows.place[e]
+def _number(model: FlatModel, e: int) -> int:
+    g, i = model.places[e]
     return int(model.groups[g].owners[i])
 
 
-def _owner(model: FlatModel, rows: Rows, e: int) -> Instance | None:
-    number = _number(model, rows, e)
+def _owner(model: FlatModel, e: int) -> Instance | None:
+    number = _number(model, e)
     return model.instances[number] if number >= 0 else None
 
 
-def _template(model: FlatModel, rows: Rows, e: int) -> Template:
-    return model.groups[rows.place[e][0]].template
+def _template(model: FlatModel, e: int) -> Template:
+    return model.groups[model.places[e][0]].template

@@ -6,7 +6,7 @@ before the balance is checked, and one flow that is then undetermined is set to 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -15,8 +15,8 @@ import numpy as np
 
 from gearlib.errors import LoopError, ModelError, NameLookupError, SingularError
 from gearlib.flatten.model import FlatModel, Floats, alphabetical
+from gearlib.reduce.coefficients import at_start, partials_at
 from gearlib.reduce.redundancy import balanced, flows_beside, redundant_rows, without
-from gearlib.reduce.rows import Rows
 from gearlib.structure.dependence import Dependence
 from gearlib.structure.incidence import Entry, Node
 from gearlib.structure.pantelides import Differentiation, pantelides
@@ -24,23 +24,42 @@ from gearlib.structure.sorting import sinks
 from gearlib.structure.states import constraints, matched, select_columns
 
 
-@dataclass(frozen=True)
-class Structure:
-    """Result of index reduction: states, matching and dependencies."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Structure(Dependence):
+    """Result of index reduction: the dependency graph of a flat model, with its states and matching.
 
-    model: FlatModel  # without redundant equations
-    rows: tuple[tuple[int, int], ...]  # (group, row) of each equation
+    Attributes
+    ----------
+    model : FlatModel
+        Without redundant equations.
+    differentiation : Differentiation
+    redundant : tuple of str
+        Origins of the equations that were removed.
+    closed : tuple of str
+        Flows set to zero.
+    complete : FlatModel
+        Including the redundant equations.
+    inverses : dict
+        Inverses of the matrices of linear blocks, those that were last computed.
+    """
+
+    model: FlatModel
     differentiation: Differentiation
-    dependence: Dependence  # and states
-    angles: frozenset[Node]  # states that are pure integrals: nothing depends on them
-    redundant: tuple[str, ...]  # origins of the equations that were removed
-    closed: tuple[str, ...]  # flows set to zero
-    complete: FlatModel  # including the redundant equations
-    inverses: dict[Any, Any] = field(default_factory=dict)  # of matrices of linear blocks, those that were last computed
+    redundant: tuple[str, ...]
+    closed: tuple[str, ...]
+    complete: FlatModel
+    inverses: dict[Any, Any] = field(default_factory=dict)
 
-    @property
-    def states(self) -> tuple[Node, ...]:
-        return self.dependence.states
+    @cached_property
+    def angles(self) -> frozenset[Node]:
+        """States that are pure integrals: nothing depends on them."""
+        model, plain_rates = self.model, integrals(self.model)
+
+        def position(state: Node) -> bool:
+            """A potential, or a variable whose derivative is a declared speed."""
+            return state[1] == 0 and (bool(model.potential[state[0]]) or state[0] in plain_rates)
+
+        return sinks(self, self.states, position)
 
     def named(self, name: str, what: str, refusal: tuple[str, str]) -> tuple[Node, int]:
         """The node that a name stands for, and its sign (0: identically zero).
@@ -62,7 +81,7 @@ class Structure:
         base, order = self.model.column(name)
         variable = self.model.variable(base, what)
         node, sign = (int(self.model.representative[variable]), order), int(self.model.sign[variable])
-        if sign and not self.dependence.computes(node):
+        if sign and not self.computes(node):
             why = "needs the derivative of an input" if order else "does not occur in the model's equations"
             raise NameLookupError(f"{name} {why}, so it {refusal[0]}{f'; {base} {refusal[1]}' if order else ''}")
         return node, sign
@@ -72,7 +91,9 @@ class Structure:
         """Equations that are differentiated and contain relations."""
         groups = self.model.groups
         return frozenset(
-            e for e, count in enumerate(self.differentiation.counts) if count and groups[self.rows[e][0]].template.relations
+            e
+            for e, count in enumerate(self.differentiation.counts)
+            if count and groups[self.model.places[e][0]].template.relations
         )
 
 
@@ -84,49 +105,45 @@ def analyse(model: FlatModel, parameters: Floats) -> Structure:
     LoopError, BalanceError, SingularError
         The message names the equations and variables at fault.
     """
-    complete = model
-    rows = Rows(model, parameters)
-    dropped = redundant_rows(model, rows)
-    redundant = tuple(model.owner(*rows.place[e]) for e in dropped)
-    around = [[rows.place[e] for e in loop] for loop in dropped.values()]
+    complete, known = model, at_start(model, parameters)
+    dropped = redundant_rows(model, parameters, known)
+    redundant = tuple(model.owner(*model.places[e]) for e in dropped)
+    around = [[model.places[e] for e in loop] for loop in dropped.values()]
     beside = flows_beside(model, [place for loop in around for place in loop])
     loops = [sorted({o for place in loop if (o := model.owner(*place)) != "connection"}, key=alphabetical) for loop in around]
     if dropped:
-        model = without(model, rows, dropped)
-        rows = rows.of(model)
-    model, closed = balanced(model, rows, beside, loops)
-    if closed:
-        rows = rows.of(model)
+        model = without(model, dropped)
+    model, closed = balanced(model, parameters, known, beside, loops)
     given = frozenset(model.inputs.tolist())
-    result = pantelides(len(rows.place), lambda e, k: [n for n in rows.columns(e, k) if n[0] not in given])
-    _refuse_differentiated_inputs(model, rows, result, given)
-    lower = constraints(result, _entries(model, rows, result))
-    eliminated, failed = select_columns(lower, _badness(model, result), _varying(model, rows, result), ranks=model.ranks)
+    result = pantelides(len(model.places), lambda e, k: [n for n in model.nodes(e, k) if n[0] not in given])
+    _refuse_differentiated_inputs(model, result, given)
+    lower = constraints(result, _entries(model, result, parameters, known))
+    eliminated, failed = select_columns(lower, _badness(model, result), _varying(model, result), ranks=model.ranks)
     if failed:
-        owners = sorted({model.owner(*rows.place[e]) for e, _ in failed})
+        owners = sorted({model.owner(*model.places[e]) for e, _ in failed})
         raise SingularError(
             f"the constraints of {', '.join(owners)} depend on each other at these values (a combination of ratios makes a pivot "
             "zero); change a ratio, or make one of the connections elastic"
         )
-    dependence = _dependence(model, rows, result, lower, eliminated)
-    _refuse_reinits_of_no_state(model, dependence.states)
+    structure = Structure(
+        states=_states(result, eliminated), solved_by=matched(result, lower, eliminated), columns=model.nodes, given=given,
+        at_events=decisive_nodes(model), model=model, differentiation=result, redundant=redundant, closed=closed, complete=complete,
+    )  # fmt: skip
+    _refuse_reinits_of_no_state(model, structure.states)
     _refuse_reinits_of_one_state(model)
-    angles = _angles(model, dependence)
-    return Structure(model, tuple(rows.place), result, dependence, angles, redundant, closed, complete)
+    return structure
 
 
 def choose_again(structure: Structure, parameters: Floats, t: float, known: Floats) -> Structure | None:
-    """State selection at another point, given as to `Rows`; None if there are no other states."""
+    """State selection at another point, given as to `partials_at`; None if there are no other states."""
     model, result = structure.model, structure.differentiation
-    rows = Rows(model, parameters, t, known)
-    lower, varying = constraints(result, _entries(model, rows, result)), _varying(model, rows, result)
+    lower, varying = constraints(result, _entries(model, result, parameters, known, t)), _varying(model, result)
     by_declaration = {node: bad[:1] for node, bad in _badness(model, result).items()}
     for badness in (by_declaration, {}):
         eliminated, failed = select_columns(lower, badness, varying, ranks=model.ranks)
-        states = set(_states(result, eliminated))
-        if not failed and states.issuperset((v, 0) for v in _reinitialised(model)) and states != set(structure.states):
-            dependence = _dependence(model, rows, result, lower, eliminated)
-            return replace(structure, dependence=dependence, angles=_angles(model, dependence))
+        states = _states(result, eliminated)
+        if not failed and {*states} >= {(v, 0) for v in _reinitialised(model)} and {*states} != {*structure.states}:
+            return replace(structure, states=states, solved_by=matched(result, lower, eliminated))
     return None
 
 
@@ -135,32 +152,9 @@ def _states(result: Differentiation, eliminated: Collection[Node]) -> tuple[Node
     return tuple((v, k) for v, order in sorted(result.orders.items()) for k in range(order) if (v, k) not in eliminated)
 
 
-def _varying(model: FlatModel, rows: Rows, result: Differentiation) -> frozenset[int]:
+def _varying(model: FlatModel, result: Differentiation) -> frozenset[int]:
     """Constraints with coefficients that change during a run."""
-    return frozenset(e for e, (g, _) in enumerate(rows.place) if result.counts[e] and not model.groups[g].template.linear)
-
-
-def _dependence(
-    model: FlatModel,
-    rows: Rows,
-    result: Differentiation,
-    lower: Mapping[Node, Mapping[Node, float]],
-    eliminated: Collection[Node],
-) -> Dependence:
-    """The states that remain, and the dependency graph."""
-    solved_by, given = matched(result, lower, eliminated), frozenset(model.inputs.tolist())
-    return Dependence(_states(result, eliminated), solved_by, rows.columns, given, decisive_nodes(model, rows))
-
-
-def _angles(model: FlatModel, dependence: Dependence) -> frozenset[Node]:
-    """The states that are pure integrals."""
-    plain_rates = integrals(model)
-
-    def position(state: Node) -> bool:
-        """A potential, or a variable whose derivative is a declared speed."""
-        return state[1] == 0 and (bool(model.potential[state[0]]) or state[0] in plain_rates)
-
-    return sinks(dependence, dependence.states, position)
+    return frozenset(e for e, (g, _) in enumerate(model.places) if result.counts[e] and not model.groups[g].template.linear)
 
 
 def confirm(structure: Structure, parameters: Floats) -> None:
@@ -173,7 +167,7 @@ def confirm(structure: Structure, parameters: Floats) -> None:
     """
     if not structure.redundant:
         return
-    dropped = redundant_rows(structure.complete, Rows(structure.complete, parameters))
+    dropped = redundant_rows(structure.complete, parameters, at_start(structure.complete, parameters))
     if len(dropped) != len(structure.redundant):
         raise LoopError(
             f"the model was compiled with equations of {', '.join(structure.redundant)} that followed from the others, and with these "
@@ -181,19 +175,19 @@ def confirm(structure: Structure, parameters: Floats) -> None:
         )
 
 
-def _refuse_differentiated_inputs(model: FlatModel, rows: Rows, result: Differentiation, given: frozenset[int]) -> None:
+def _refuse_differentiated_inputs(model: FlatModel, result: Differentiation, given: frozenset[int]) -> None:
     if not given:
         return
     for e, count in enumerate(result.counts):
-        for v, order in rows.columns(e, count):
+        for v, order in model.nodes(e, count):
             if v in given and order:
                 raise ModelError(
-                    f"{model.owner(*rows.place[e])}: the input {model.name(v)} would have to be differentiated; bind it to an "
+                    f"{model.owner(*model.places[e])}: the input {model.name(v)} would have to be differentiated; bind it to an "
                     "expression of gl.time that can be, or let the motion follow it through a filter (exact=False)"
                 )
 
 
-def decisive_nodes(model: FlatModel, rows: Rows) -> dict[int, list[Node]]:
+def decisive_nodes(model: FlatModel) -> dict[int, list[Node]]:
     """Per equation with relations or discrete variables: the variables that determine these, through all updates."""
     n = len(model.discretes)
     known: dict[int, list[Node]] = {}
@@ -211,7 +205,7 @@ def decisive_nodes(model: FlatModel, rows: Rows) -> dict[int, list[Node]]:
                     if d not in known:
                         known[d] = discrete_nodes(model, d)
                     found.update(known[d])
-            result[int(rows.first[g]) + i] = sorted(found)
+            result[model.first_equations[g] + i] = sorted(found)
     return result
 
 
@@ -249,17 +243,17 @@ def integrals(model: FlatModel) -> set[int]:
     return found
 
 
-def _entries(model: FlatModel, rows: Rows, result: Differentiation) -> list[Entry]:
+def _entries(model: FlatModel, result: Differentiation, parameters: Floats, known: Floats, t: float = 0.0) -> list[Entry]:
     """Partial derivatives of every differentiated equation."""
     counts = np.array(result.counts)
     found: list[Entry] = []
     for g, group in enumerate(model.groups):
-        first = int(rows.first[g])
+        first = model.first_equations[g]
         differentiated = np.flatnonzero(counts[first : first + len(group)])
         if not len(differentiated):
             continue
         for c, (j, order) in enumerate(group.template.local_columns):
-            values = np.asarray(rows.partial(g, c))[differentiated] * group.signs[differentiated, j]
+            values = np.asarray(partials_at(model, g, c, parameters, known, t))[differentiated] * group.signs[differentiated, j]
             variables = group.variables[differentiated, j].tolist()
             equations = (first + differentiated).tolist()
             found += [(e, v, order, a) for e, v, a in zip(equations, variables, values.tolist(), strict=True)]

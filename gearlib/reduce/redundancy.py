@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 
 from gearlib.errors import BalanceError, LoopError
-from gearlib.flatten.model import EquationGroup, FlatModel, alphabetical
-from gearlib.reduce.rows import Rows, listed, some
+from gearlib.flatten.model import EquationGroup, FlatModel, Floats, alphabetical
+from gearlib.reduce.coefficients import listed, partials_at, rest_at, some
 from gearlib.structure.dulmage_mendelsohn import dulmage_mendelsohn
 from gearlib.structure.rigid_loops import TOLERANCE, core, examine
 from gearlib.structure.states import select_columns
 
 
-def redundant_rows(model: FlatModel, rows: Rows) -> dict[int, tuple[int, ...]]:
+def redundant_rows(model: FlatModel, parameters: Floats, known: Floats) -> dict[int, tuple[int, ...]]:
     """Equations between positions (no derivative, no flow, constant coefficients) that follow from the others.
 
-    Each comes with the equations of its loop.
+    Each comes with the equations of its loop. Arguments as for `partials_at`.
     """
     candidates: list[int] = []
     coefficients: list[dict[int, float]] = []
@@ -35,33 +35,33 @@ def redundant_rows(model: FlatModel, rows: Rows) -> dict[int, tuple[int, ...]]:
         eligible = ~(model.flow[group.variables] & (group.signs != 0)).any(axis=1)
         if not eligible.any():
             continue
-        partials = [rows.partial(g, c) for c in range(len(t.columns))]
-        rest = rows.rest(g)
+        partials = [partials_at(model, g, c, parameters, known) for c in range(len(t.columns))]
+        rest = rest_at(model, g, parameters, known)
         for i in np.flatnonzero(eligible).tolist():
             row: dict[int, float] = {}
             for c, (j, _) in enumerate(t.local_columns):
                 v = int(group.variables[i, j])
                 row[v] = row.get(v, 0.0) + int(group.signs[i, j]) * float(partials[c][i])
-            candidates.append(int(rows.first[g]) + i)
+            candidates.append(model.first_equations[g] + i)
             coefficients.append(row)
             constants.append(-float(rest[i]))
-    order, coefficients, standing = _by_name(model, rows, candidates, coefficients)
+    order, coefficients, standing = _by_name(model, candidates, coefficients)
     candidates, constants = [candidates[r] for r in order], [constants[r] for r in order]
     redundant, contradictory = examine(coefficients, constants, frozenset())
     for found in contradictory:
         alone = [r for r in found.rows if len(coefficients[r]) == 1]
         if len(alone) > 1:
-            variables = dict.fromkeys(model.name(v) for r in alone for v, _ in rows.columns(candidates[r], 0))
+            variables = dict.fromkeys(model.name(v) for r in alone for v, _ in model.nodes(candidates[r], 0))
             raise BalanceError(
-                f"the model is not balanced. over-determined: held twice by {listed(model, rows, [candidates[r] for r in alone])}. "
+                f"the model is not balanced. over-determined: held twice by {listed(model, [candidates[r] for r in alone])}. "
                 f"The variables: {'; '.join(variables)}. Remove one of them, or make a connection between them elastic"
             )
     for bad in contradictory:
-        owners = list(dict.fromkeys(model.owner(*rows.place[candidates[r]]) for r in bad.rows))
+        owners = list(dict.fromkeys(model.owner(*model.places[candidates[r]]) for r in bad.rows))
         if len(owners) == 1:
             raise BalanceError(
                 "the model is not balanced. over-determined: these equations contradict each other: "
-                f"{listed(model, rows, [candidates[r] for r in bad.rows])}"
+                f"{listed(model, [candidates[r] for r in bad.rows])}"
             )
         forced = standing[bad.variable] if bad.variable >= 0 else -1
         what = f"force {model.name(forced)} to stand still" if forced >= 0 else "contradict each other"
@@ -73,14 +73,14 @@ def redundant_rows(model: FlatModel, rows: Rows) -> dict[int, tuple[int, ...]]:
 
 
 def _by_name(
-    model: FlatModel, rows: Rows, candidates: Sequence[int], coefficients: list[dict[int, float]]
+    model: FlatModel, candidates: Sequence[int], coefficients: list[dict[int, float]]
 ) -> tuple[list[int], list[dict[int, float]], list[int]]:
     """Rows of loops sorted by name, over variables sorted by name; and the original row numbers.
 
     Which equation of a loop is removed must not depend on the order in which the parts were made.
     """
     loops = core(coefficients)
-    label = {r: _written_by(model, rows, candidates[r]) for r in loops}
+    label = {r: _written_by(model, candidates[r]) for r in loops}
     order = sorted(loops, key=label.__getitem__)
     known = last_names(model, {v for r in order for v, c in coefficients[r].items() if c != 0.0})
     variables = sorted(known, key=lambda v: alphabetical(known[v]))
@@ -88,16 +88,16 @@ def _by_name(
     return order, [{place[v]: c for v, c in coefficients[r].items() if c != 0.0} for r in order], variables
 
 
-def _written_by(model: FlatModel, rows: Rows, e: int) -> tuple[Any, str]:
-    g, i = rows.place[e]
+def _written_by(model: FlatModel, e: int) -> tuple[Any, str]:
+    g, i = model.places[e]
     return alphabetical(model.owner(g, i)), model.groups[g].template.label
 
 
-def without(model: FlatModel, rows: Rows, dropped: Collection[int]) -> FlatModel:
+def without(model: FlatModel, dropped: Collection[int]) -> FlatModel:
     """The model without some equations."""
     groups = list(model.groups)
-    for g in {rows.place[e][0] for e in dropped}:
-        gone = [rows.place[e][1] for e in dropped if rows.place[e][0] == g]
+    for g in {model.places[e][0] for e in dropped}:
+        gone = [model.places[e][1] for e in dropped if model.places[e][0] == g]
         group = groups[g]
         groups[g] = group.take(np.delete(np.arange(len(group)), gone), group.template)
     return model.with_groups(tuple(groups), model.redundant + len(dropped))
@@ -111,24 +111,24 @@ def flows_beside(model: FlatModel, places: Iterable[tuple[int, int]]) -> frozens
 
 
 def balanced(
-    model: FlatModel, rows: Rows, wanted: frozenset[int], loops: Sequence[Sequence[str]] = ()
+    model: FlatModel, parameters: Floats, known: Floats, wanted: frozenset[int], loops: Sequence[Sequence[str]] = ()
 ) -> tuple[FlatModel, tuple[str, ...]]:
     """Check the balance; close the flows that redundant equations leave undetermined by setting them to zero, preferably ``wanted`` ones.
 
-    ``loops`` are the components of each redundant equation's loop.
+    ``loops`` are the components of each redundant equation's loop; other arguments as for `partials_at`.
     """
     closed: list[int] = []
     given = set(model.inputs.tolist())
     candidates: list[int] | None = None  # closing these leaves no flow undetermined, whatever the order of declaration
     while True:
-        incidence = [list({v for v, _ in rows.columns(e, 0) if v not in given}) for e in range(len(rows.place))]
+        incidence = [list({v for v, _ in model.nodes(e, 0) if v not in given}) for e in range(len(model.places))]
         unknown = sorted({int(r) for r in np.unique(model.representative[model.sign != 0])} - given - set(closed))
         balance = dulmage_mendelsohn(incidence, unknown)
         if balance is None:
             return model, tuple(last_names(model, closed).values())
         if balance.surplus == 0 and candidates is None and model.redundant:
             flows = [v for v in unknown if model.flow[v]]  # some occur in no equation: flows that circulate within a body
-            candidates = left_open(_flow_rows(model, rows), _last_first(model, flows, wanted))
+            candidates = left_open(_flow_rows(model, parameters, known), _last_first(model, flows, wanted))
         undetermined = set(balance.undetermined).difference(closed)
         free = [v for v in candidates or () if v in undetermined]
         if balance.surplus or len(closed) >= model.redundant or not free:
@@ -136,11 +136,10 @@ def balanced(
                 raise BalanceError(_split(loops))
             from gearlib.reduce.imbalance import explained
 
-            raise BalanceError(explained(model, rows, balance))
+            raise BalanceError(explained(model, balance))
         closing = free[: balance.deficit]
         closed += closing
         model = _zeroed(model, closing)
-        rows = rows.of(model)
 
 
 def left_open(rows: Sequence[dict[int, float]], order: Sequence[int]) -> list[int]:
@@ -183,37 +182,37 @@ def last_names(model: FlatModel, variables: Collection[int]) -> dict[int, str]:
     return {v: max(same, key=alphabetical, default=model.name(v)) for v, same in names.items()}
 
 
-def _definitions(model: FlatModel, rows: Rows) -> frozenset[int]:
+def _definitions(model: FlatModel) -> frozenset[int]:
     """Equations that only define a variable, such as a sensor's power: nothing else depends on it, and they constrain no flow."""
     plain = ~(model.flow | model.potential)
     plain[model.inputs] = False
     count: dict[int, int] = {}
-    for e in range(len(rows.place)):
-        for v in {v for v, _ in rows.columns(e, 0)}:
+    for e in range(len(model.places)):
+        for v in {v for v, _ in model.nodes(e, 0)}:
             count[v] = count.get(v, 0) + 1
     return frozenset(
-        e for e in range(len(rows.place)) if any(order == 0 and count[v] == 1 and plain[v] for v, order in rows.columns(e, 0))
+        e for e in range(len(model.places)) if any(order == 0 and count[v] == 1 and plain[v] for v, order in model.nodes(e, 0))
     )
 
 
-def _flow_rows(model: FlatModel, rows: Rows) -> list[dict[int, float]]:
+def _flow_rows(model: FlatModel, parameters: Floats, known: Floats) -> list[dict[int, float]]:
     """Coefficients of the flows in each equation at rest. Inputs are not unknowns."""
     result: list[dict[int, float]] = []
     unknown = model.flow.copy()
     unknown[model.inputs] = False
-    definitions = _definitions(model, rows)
+    definitions = _definitions(model)
     for g, group in enumerate(model.groups):
         flows = unknown[group.variables] & (group.signs != 0)
         columns = [(c, j) for c, (j, _) in enumerate(group.template.local_columns) if flows[:, j].any()]
         found: list[dict[int, float]] = [{} for _ in range(len(group) if columns else 0)]
         for c, j in columns:
-            values = np.array(rows.partial(g, c), float)
+            values = np.array(partials_at(model, g, c, parameters, known), float)
             if not group.template.partials[c].constant:  # any generic value
                 values = np.where(
                     np.isfinite(values) & (values != 0.0), values, np.pi + 0.1 * np.sin(np.arange(len(values)) + c)
                 )
             for i in np.flatnonzero(flows[:, j]).tolist():
-                if int(rows.first[g]) + i in definitions:
+                if model.first_equations[g] + i in definitions:
                     continue
                 v = int(group.variables[i, j])
                 found[i][v] = found[i].get(v, 0.0) + int(group.signs[i, j]) * float(values[i])

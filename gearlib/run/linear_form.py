@@ -59,7 +59,7 @@ def linear_plan(scene: Scene) -> LinearPlan:
 
 def _parameters_of(scene: Scene, batch: Batch, row: int) -> NDArray[np.int64]:
     """The parameters in the equation of a batch's row."""
-    g, i = scene.structure.rows[int(batch.equations[row])]
+    g, i = scene.structure.model.places[int(batch.equations[row])]
     found: NDArray[np.int64] = scene.model.groups[g].parameters[i]
     return found
 
@@ -251,7 +251,7 @@ def driving_expression(scene: Scene, batch: Batch, row: int, parameters: Floats)
 
 def parameter_values(scene: Scene, batch: Batch, row: int, parameters: Floats) -> dict[str, Any]:
     """The values of the parameters in the equation of a batch's row, by their names there."""
-    g, i = scene.structure.rows[int(batch.equations[row])]
+    g, i = scene.structure.model.places[int(batch.equations[row])]
     names, slots = scene.model.groups[g].template.parameters, scene.model.groups[g].parameters[i].tolist()
     return {name: sympy.Float(parameters[slot], 17) for name, slot in zip(names, slots, strict=True)}
 

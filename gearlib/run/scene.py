@@ -140,7 +140,7 @@ class Scene:
         targets = [(v, k + 1) for v, k in self.structure.states if (v, k) not in self.place_of]
         if not targets:
             return None
-        _, needed = reach(self.structure.dependence, targets, dynamic=False, events=True)
+        _, needed = reach(self.structure, targets, dynamic=False, events=True)
         return np.array(sorted(self.place_of[s] for s in needed if s in self.place_of), np.int64)
 
     @cached_property
@@ -249,7 +249,7 @@ class Scene:
     def unfixed(self) -> tuple[str, ...] | None:
         """States that no start value fixes; None where fixed variables are not states, so that equations must be solved."""
         fixed = set(self.model.fixed[0].tolist())
-        if any((v, 0) in self.structure.dependence.solved_by for v in fixed - {v for v, k in self.structure.states if k == 0}):
+        if any((v, 0) in self.structure.solved_by for v in fixed - {v for v, k in self.structure.states if k == 0}):
             return None
         return tuple(name for name, (v, k) in zip(self.state_names, self.states, strict=True) if k or v not in fixed)
 
@@ -407,19 +407,19 @@ def settle_once(
 
 def needed_states(structure: Structure, targets: Iterable[Node]) -> tuple[Node, ...]:
     """The states that must be integrated to compute some variables."""
-    _, states = reach(structure.dependence, targets, dynamic=True, events=True)
+    _, states = reach(structure, targets, dynamic=True, events=True)
     return tuple(sorted(states))
 
 
 def needed_discretes(structure: Structure, targets: Iterable[Node]) -> tuple[int, ...]:
     """The discrete variables that some variables depend on at the same instant, transitively."""
-    model, dependence = structure.model, structure.dependence
+    model = structure.model
     known = len(model.discretes)
-    unknowns, _ = reach(dependence, targets, dynamic=False, events=True)
+    unknowns, _ = reach(structure, targets, dynamic=False, events=True)
     found: set[int] = set()
     waiting: list[int] = []
     for node in unknowns:
-        g, i = structure.rows[dependence.equation(node)[0]]
+        g, i = structure.model.places[structure.equation(node)[0]]
         waiting += model.groups[g].discretes[i].tolist()
     while waiting:
         place = waiting.pop()
@@ -434,13 +434,13 @@ def needed_discretes(structure: Structure, targets: Iterable[Node]) -> tuple[int
 
 def needed_inputs(structure: Structure, targets: Iterable[Node]) -> tuple[str, ...]:
     """The unbound inputs that some variables depend on, through their states and through events."""
-    model, dependence = structure.model, structure.dependence
+    model = structure.model
     targets = list(targets)
-    unknowns, _ = reach(dependence, targets, dynamic=True, events=True)
+    unknowns, _ = reach(structure, targets, dynamic=True, events=True)
     met = {v for v, _ in targets}
     for node in unknowns:
-        e, k = dependence.equation(node)
-        met |= {v for v, _ in (*dependence.columns(e, k), *dependence.at_events.get(e, ()))}
+        e, k = structure.equation(node)
+        met |= {v for v, _ in (*structure.columns(e, k), *structure.at_events.get(e, ()))}
     for update in model.updates:  # conservatively, the targets are taken to depend on all of them
         met |= set(update.equations.variables.ravel().tolist())
     return tuple(model.name(v) for v in model.inputs.tolist() if v in met)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from gearlib.arguments import one_of, real
 from gearlib.errors import ArgumentError, GearlibWarning, InputWarning, warn
 from gearlib.progress import RunProgress, check_progress, reporting
-from gearlib.reduce.rows import some
+from gearlib.reduce.coefficients import some
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import integrate, method_of
 from gearlib.run.methods.run import Run

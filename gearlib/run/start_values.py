@@ -17,8 +17,8 @@ from gearlib.program.interpret import evaluate, prepare
 from gearlib.program.newton import Correction, newton
 from gearlib.program.program import Program
 from gearlib.program.relations import Relations, relations_of
+from gearlib.reduce.coefficients import start_guess
 from gearlib.reduce.reduction import Structure
-from gearlib.reduce.rows import start_guess
 from gearlib.run.scene import Scene, modes_at_start, node_name
 from gearlib.structure.incidence import Node
 
@@ -185,7 +185,7 @@ def start_values(
     x = np.where(orders == 0, guess[variables], 0.0)
     place = {node: i for i, node in enumerate(everything)}
     direct = {place[v, 0] for v in fixed if (v, 0) in place}
-    others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.dependence.solved_by]
+    others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.solved_by]
     free = [i for i in range(len(everything)) if i not in direct]
     settled = set(direct)
     change = None if seeds is None else _Change.of_guess(scene, seeds, overrides, own_seeds)

@@ -284,7 +284,7 @@ def growing(scene: Scene, numbers: Prepared) -> Floats:
     rates: list[Node] = [(v, k + 1) for v, k in scene.states]
     for v, k in structure.states:
         if (v, k) not in states and k == 0 and ((v, k) in structure.angles or structure.model.potential[v]):
-            if reach(structure.dependence, [(v, 1)], dynamic=False, events=True)[1] <= states:
+            if reach(structure, [(v, 1)], dynamic=False, events=True)[1] <= states:
                 rates.append((v, 1))
     program = build(structure, rates, scene.states, dynamic=True)
     prepared = prepare(program, structure, numbers.parameters)

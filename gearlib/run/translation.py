@@ -21,8 +21,8 @@ from gearlib.flatten.specialise import Special
 from gearlib.language.component import Component
 from gearlib.language.recipes import packed
 from gearlib.recent import recent
+from gearlib.reduce.coefficients import some
 from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
-from gearlib.reduce.rows import some
 from gearlib.run.sampling.controllers import controllers_of, read_by_controllers
 from gearlib.run.scene import Scene, needed_discretes, needed_inputs, needed_states
 from gearlib.run.start_values import Seed, Start, start_values, start_variable
@@ -344,7 +344,7 @@ class Translation:
                     nodes += [node] if sign else []
         targets = [*nodes, *(n for d in discretes for n in discrete_nodes(model, d))]
         states = tuple(sorted({*own.states, *needed_states(structure, targets)}))
-        computed = tuple(n for n in dict.fromkeys(nodes) if n in structure.dependence.solved_by and n not in states)
+        computed = tuple(n for n in dict.fromkeys(nodes) if n in structure.solved_by and n not in states)
         return self.scene_of(states, tuple(sorted({*own.wanted, *discretes})), computed)
 
     @cached_property
@@ -573,7 +573,7 @@ def asked_scene(structure: Structure, outputs: tuple[str, ...] | None, read: tup
     if len(model.discretes):
         discretes = sorted({*discretes, *needed_discretes(structure, nodes)})
     states = needed_states(structure, [*nodes, *(n for d in discretes for n in discrete_nodes(model, d))])
-    computed = [n for n in dict.fromkeys(nodes) if n in structure.dependence.solved_by and n not in states]
+    computed = [n for n in dict.fromkeys(nodes) if n in structure.solved_by and n not in states]
     return Scene(structure, states, tuple(discretes), tuple(computed))
 
 

@@ -579,7 +579,7 @@ def _amplitude_nodes(structure: Structure) -> dict[int, int]:
     """Per variable, a derivative order whose amplitude is known without integrating absolute angles."""
     model = structure.model
     states = set(structure.states) - set(structure.angles)
-    solved = set(structure.dependence.solved_by)
+    solved = set(structure.solved_by)
     result: dict[int, int] = {}
     top = 1 + max([0, *(k for _, k in solved)])
     absolute = {v for v, _ in structure.angles}

@@ -26,7 +26,7 @@ class Probe:
         self.nodes = [s for s in self.structure.states if s not in self.structure.angles]
         known = set(model.inputs.tolist())
         shown = sorted(set(model.representative[model.sign != 0].tolist()) - known)
-        targets = [(v, k) for v in shown for k in (0, 1) if k == 0 or (v, 1) in self.structure.dependence.solved_by]
+        targets = [(v, k) for v in shown for k in (0, 1) if k == 0 or (v, 1) in self.structure.solved_by]
         self.program = build(self.structure, targets, None, True)
         self.prepared = prepare(self.program, self.structure, parameters)
         self.model = self.structure.model

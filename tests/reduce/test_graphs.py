@@ -35,7 +35,7 @@ def test_every_flat_equation_can_be_matched(system: gl.System) -> None:
     graph = system.graph()
     assert nx.is_bipartite(graph)
     top = equations(graph)
-    assert len(top) == len(system.translation.structure.rows)
+    assert len(top) == len(system.translation.structure.model.places)
     matching = nx.bipartite.hopcroft_karp_matching(graph, top)
     rows = [[n[1] for n in graph[e] if not graph.nodes[n]["given"]] for e in top]
     assert len(matching) // 2 == len(matching_by_lists(rows)) == len(top)
@@ -48,7 +48,7 @@ def test_blocks_are_the_strong_components_in_an_order_of_computation(system: gl.
     own = {frozenset(n[1:] for n in block) for block in blocks}
     scene = system.translation.scene
     unknowns = [n for block in own for n in block]
-    assert own == {frozenset(block) for block in sort_blocks(scene.structure.dependence, unknowns)}
+    assert own == {frozenset(block) for block in sort_blocks(scene.structure, unknowns)}
     several = {frozenset(n for n in c if n[0] == "variable") for c in nx.strongly_connected_components(graph)}
     assert {frozenset(b) for b in blocks if len(b) > 1} <= several
     done = {n for n, data in graph.nodes(data=True) if data["bipartite"] == 1 and data["block"] is None}

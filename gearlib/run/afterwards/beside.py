@@ -72,7 +72,7 @@ def _levels(scene: Scene, added: Sequence[Node]) -> list[Level] | None:
     """Additional states in groups, each of which depends on the groups before it; None if a state depends on itself."""
     needs: dict[Node, set[Node]] = {}
     for v, k in added:
-        _, states = reach(scene.structure.dependence, [(v, k + 1)], dynamic=False, events=True)
+        _, states = reach(scene.structure, [(v, k + 1)], dynamic=False, events=True)
         needs[v, k] = states & set(added)
     found: list[Level] = []
     while needs:

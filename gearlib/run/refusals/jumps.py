@@ -39,7 +39,7 @@ def refuse_jumps(structure: Structure, program: Program, parameters: Floats, t0:
     uses, seen = program.memo.get(refuse_jumps, (None, b""))
     if uses is None:
         uses = _uses(structure, program)
-    slots = [structure.model.groups[structure.rows[e][0]].parameters[structure.rows[e][1]] for e, _ in uses]
+    slots = [structure.model.groups[structure.model.places[e][0]].parameters[structure.model.places[e][1]] for e, _ in uses]
     key = parameters[np.concatenate([np.empty(0, np.int64), *slots])].tobytes() + np.array([t0, t1]).tobytes()
     if key != seen:
         for e, template in uses:
@@ -57,7 +57,7 @@ def _uses(structure: Structure, program: Program) -> list[tuple[int, Template]]:
 
 def _check(structure: Structure, e: int, used: Template, parameters: Floats, t0: float, t1: float) -> None:
     """Check one equation: the expressions under its derivatives, order by order."""
-    g, i = structure.rows[e]
+    g, i = structure.model.places[e]
     group = structure.model.groups[g]
     template, numbers = group.template, list(parameters[group.parameters[i]])
     symbols = tuple(sympy.Symbol(name, real=True) for name in template.parameters)

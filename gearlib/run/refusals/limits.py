@@ -99,18 +99,14 @@ def _bounded(scene: Scene) -> Iterator[tuple[int, float, Node]]:
     model = scene.model
     for v, least in model.bounded:
         node = (int(model.representative[v]), 0)
-        known = node in scene.structure.dependence.solved_by or node in scene.place_of
+        known = node in scene.structure.solved_by or node in scene.place_of
         if model.sign[v] and known and not scene.missing(node):
             yield v, least, node
 
 
 def _size(scene: Scene, node: Node, states: Floats, values: Floats) -> float:
     """The largest operand from which a variable is computed, including its own value and nominal value."""
-    needed = [
-        scene.place_of[s]
-        for s in reach(scene.structure.dependence, [node], dynamic=False, events=False)[1]
-        if s in scene.place_of
-    ]
+    needed = [scene.place_of[s] for s in reach(scene.structure, [node], dynamic=False, events=False)[1] if s in scene.place_of]
     return max(
         float(scene.model.nominal[node[0]]),
         float(np.abs(values).max(initial=0.0)),

@@ -108,7 +108,7 @@ def _drives(
 
 def _slots(scene: Scene, batch: Batch, row: int) -> dict[str, int]:
     """The parameters in the equation of a batch's row: entries of the parameter table, by their names there."""
-    g, i = scene.structure.rows[int(batch.equations[row])]
+    g, i = scene.structure.model.places[int(batch.equations[row])]
     group = scene.model.groups[g]
     return dict(zip(group.template.parameters, group.parameters[i].tolist(), strict=True))
 
