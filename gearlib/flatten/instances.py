@@ -7,7 +7,7 @@ numbers.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from gearlib.arguments import shown
@@ -19,7 +19,7 @@ from gearlib.flatten.model import Instance
 from gearlib.flatten.signals import joined_signals
 from gearlib.flatten.tree import Tree
 from gearlib.language import interior
-from gearlib.language.component import Component, inside, reads_of
+from gearlib.language.component import Component, Connection, inside, reads_of
 from gearlib.language.declarations import NO_VALUE, Input
 from gearlib.language.expressions import check_depth, time
 from gearlib.language.tabulated import Tabulated
@@ -31,7 +31,7 @@ def walk(root: Component) -> Tree:
     """Instantiate a component and its parts, depth-first, in order of creation."""
     tree = Tree()
     stack: list[tuple[Component, str]] = [(root, "")]
-    composites: list[tuple[Component, int]] = []
+    composites: list[tuple[Component, int, Sequence[Connection]]] = []
     met: Met = {}
     first_of_kind: list[Component] = []
     interior.forget(root)
@@ -52,14 +52,14 @@ def walk(root: Component) -> Tree:
             prefix = f"{path}." if path else ""
             stack += [(part, prefix + name) for name, part in reversed(interior.parts_of(component).items())]
         if interior.parts_of(component) or connections or not record.local:
-            composites.append((component, number_))
-    for component, number_ in composites:
-        _add_links(tree, component, number_)
+            composites.append((component, number_, connections))
+    for component, number_, connections in composites:
+        _add_links(tree, component, number_, connections)
         _add_signals(tree, component, number_)
     _bind_all(tree, root)
     for component in first_of_kind:
         check_values(component)
-    for component, number_ in composites:
+    for component, number_, _ in composites:
         record = tree.records[number_]
         if not record.local:
             for template in record.templates:
@@ -110,8 +110,8 @@ def _add_instance(tree: Tree, component: Component, record: ClassRecord, path: s
     return number_
 
 
-def _add_links(tree: Tree, component: Component, number_: int) -> None:
-    for connection in interior.connections_of(component):
+def _add_links(tree: Tree, component: Component, number_: int, connections: Sequence[Connection]) -> None:
+    for connection in connections:
         link = []
         for port in connection.ports:
             where = tree.numbers.get(id(port.component))

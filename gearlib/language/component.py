@@ -502,9 +502,10 @@ class Component:
                         f"{type(self).__name__}.assemble() must return a list of connect(...) calls; got {shown(bad)}"
                     )
                 object.__setattr__(self, "_connections", connections)
-                with inside(self):
-                    for change in self._changes:
-                        change(self)
+                if self._changes:
+                    with inside(self):
+                        for change in self._changes:
+                            change(self)
             except BaseException:
                 self._remember_made(attributes, parts)
                 self._forget()

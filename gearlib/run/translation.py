@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import pickle
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from numbers import Real
@@ -64,16 +65,32 @@ def translate(
     ModelError, NameLookupError
         A defect of the model, or an output that it does not have.
     """
-    model = flatten(component)
-    tell(FLATTENED)
-    variants = Variants(component, outputs, factors(model), sums(model), model.parameters.names)
-    defaults = model.parameters.defaults
-    if variants.special(defaults):
-        try:
-            return variants.fitting(defaults)
-        except SingularError:
-            pass  # other parameters may be given for a run
-    return variants.translated(frozenset(), defaults, model)
+    with _uncollected():
+        model = flatten(component)
+        tell(FLATTENED)
+        variants = Variants(component, outputs, factors(model), sums(model), model.parameters.names)
+        defaults = model.parameters.defaults
+        if variants.special(defaults):
+            try:
+                return variants.fitting(defaults)
+            except SingularError:
+                pass  # other parameters may be given for a run
+        return variants.translated(frozenset(), defaults, model)
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Suspend Python's search for cyclic garbage: of the many objects that a translation makes, nearly all are kept.
+
+    The search took a quarter of the time for a chain of 10 000 bodies.
+    """
+    searching = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if searching:
+            gc.enable()
 
 
 @dataclass(frozen=True, eq=False)
