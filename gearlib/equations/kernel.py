@@ -71,6 +71,11 @@ class Kernel:
     def on_time(self) -> bool:
         return sympy.Symbol("t", real=True) in self.expression.free_symbols
 
+    @property
+    def constant(self) -> bool:
+        """Whether it depends on parameters only."""
+        return not (self.columns or self.relations or self.on_time)
+
     @cached_property
     def operations(self) -> int:
         """Approximate cost of an evaluation in additions; a function call counts as `CALL`."""
@@ -175,14 +180,14 @@ def differentiated(template: Template, times: int) -> Template:
 @memoised
 def solve_kernel(template: Template, column: int) -> Kernel | None:
     """The equation solved for one of its columns; None if it is not linear in that column."""
-    partial = template.partials[column]
-    if column in partial.depends_on or partial.on_modes:
+    partial = partial_kernel(template, column)
+    if column in partial.columns or partial.relations:
         return None
     rest = template.residual.xreplace({template.symbols[column]: sympy.S.Zero})
     number = partial.number
     if number is not None and abs(number) == 1.0:
         return _kernel(template, sympy.expand_mul(-rest if number > 0.0 else rest))
-    return _kernel(template, -rest / partial.expression)
+    return _kernel(template, -rest / template.slopes[column])
 
 
 @memoised
@@ -195,7 +200,7 @@ def residual_kernel(template: Template, without: frozenset[int] = frozenset()) -
 @memoised
 def partial_kernel(template: Template, column: int) -> Kernel:
     """The partial derivative of the residual with respect to a column."""
-    return _kernel(template, template.partials[column].expression)
+    return _kernel(template, template.slopes[column])
 
 
 def difference_kernel(label: str) -> Kernel:

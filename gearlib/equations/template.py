@@ -40,26 +40,6 @@ class Relation:
     negated: bool  # the comparison was written with "less": true when g < 0 (or <= 0) with g as written
 
 
-@dataclass(frozen=True)
-class Partial:
-    """Partial derivative of a template with respect to one of its columns."""
-
-    expression: Any
-    depends_on: frozenset[int]  # columns that it depends on
-    on_time: bool
-    on_modes: bool  # changes at events
-
-    @property
-    def constant(self) -> bool:
-        """Whether it depends on parameters only."""
-        return not self.depends_on and not self.on_time and not self.on_modes
-
-    @cached_property
-    def number(self) -> float | None:
-        """Its value, if it is a plain number."""
-        return float(self.expression) if self.expression.is_number else None
-
-
 def memoised(function: Found) -> Found:
     """Memoise a function in its first argument (a template, kernel or program), so that derived data live as long as that."""
     name = f"{function.__module__}.{function.__qualname__}"
@@ -133,22 +113,21 @@ class Template:
         return time in self.residual.free_symbols
 
     @cached_property
-    def partials(self) -> tuple[Partial, ...]:
-        """Partial derivatives with respect to the columns."""
-        position = {s: i for i, s in enumerate(self.symbols)}
-        result = []
-        for symbol in self.symbols:
-            d = sympy.diff(self.residual, symbol)
-            free = d.free_symbols
-            discrete = any(s.name in self.discretes or is_relation(s.name) for s in free)
-            result.append(Partial(d, frozenset(position[s] for s in free if s in position), time in free, discrete))
-        return tuple(result)
+    def slopes(self) -> tuple[Any, ...]:
+        """Partial derivatives of the residual with respect to the columns."""
+        return tuple(sympy.diff(self.residual, symbol) for symbol in self.symbols)
+
+    @cached_property
+    def fixed(self) -> tuple[bool, ...]:
+        """Which of these depend on parameters only."""
+        parameters = {*map(real_symbol, self.parameters)}
+        return tuple(slope.free_symbols <= parameters for slope in self.slopes)
 
     @cached_property
     def factors(self) -> frozenset[str]:
         """Parameters that multiply a variable as a factor, so that at zero the equation loses that variable."""
         symbols = {name: sympy.Symbol(name, real=True) for name in self.parameters}
-        expressions = [p.expression for p in self.partials if p.number is None]
+        expressions = [slope for slope in self.slopes if not slope.is_number]
         return frozenset(
             n for n, s in symbols.items() if any(e.has(s) and e.xreplace({s: sympy.S.Zero}) == 0 for e in expressions)
         )
@@ -156,12 +135,13 @@ class Template:
     @cached_property
     def cancelling(self) -> tuple[int, ...]:
         """Columns whose coefficients are sums of parameters that may cancel, such as ``1 - ratio``."""
-        return tuple(c for c, p in enumerate(self.partials) if p.number is None and p.constant and p.expression.has(sympy.Add))
+        slopes = zip(self.slopes, self.fixed, strict=True)
+        return tuple(c for c, (slope, fixed) in enumerate(slopes) if fixed and not slope.is_number and slope.has(sympy.Add))
 
     @cached_property
     def linear(self) -> bool:
         """Whether it is linear in all its variables, with coefficients that are constant during a run."""
-        return not self.relations_on_variables and all(p.constant for p in self.partials)
+        return not self.relations_on_variables and all(self.fixed)
 
     @cached_property
     def relations_on_variables(self) -> bool:
@@ -186,11 +166,11 @@ class Template:
             return None
         if not self.linear or self.rest != 0:
             return None
-        numbers = [p.number for p in self.partials]
-        if len(numbers) == 1:
+        if len(self.slopes) == 1:
             return (0, -1, 0)
-        if any(n is None or abs(n) != 1.0 for n in numbers):
+        if any(not slope.is_number or abs(float(slope)) != 1.0 for slope in self.slopes):
             return None
+        numbers = [float(slope) for slope in self.slopes]
         return (0, 1, -1 if numbers[0] == numbers[1] else 1)
 
     @cached_property

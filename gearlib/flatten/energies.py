@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
 import sympy
-from sympy.printing.numpy import NumPyPrinter
 
+from gearlib.equations.kernel import array_function
 from gearlib.equations.template import checked, parse_column, piecewise
 from gearlib.errors import DeclarationError, nearest
 from gearlib.language.component import Component, energies_of
@@ -39,11 +38,7 @@ class Formula:
     @cached_property
     def function(self) -> Callable[..., Any]:
         """A function of the values in the order of ``symbols``; generated on first use."""
-        arguments = [sympy.Symbol(f"x{i}", real=True) for i in range(len(self.symbols))]
-        printer = NumPyPrinter({"fully_qualified_modules": False, "strict": False})
-        text = printer.doprint(self.expression.xreplace(dict(zip(self.symbols, arguments, strict=True))))
-        function: Callable[..., Any] = eval(f"lambda {', '.join(map(str, arguments))}: {text}", dict(vars(np)))
-        return function
+        return array_function(self.symbols, self.expression)
 
 
 @dataclass(frozen=True)

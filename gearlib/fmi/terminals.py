@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from gearlib.equations.kernel import partial_kernel
 from gearlib.flatten.model import FlatModel
 from gearlib.fmi.exported_model import ExportedModel
 from gearlib.fmi.fmu_variables import FmuVariables, differentiated_unit
@@ -112,7 +113,7 @@ def _speeds(model: FlatModel) -> dict[int, set[int]]:
         if sorted(order for _, order in t.columns) != [0, 1] or t.parameters or t.discretes or t.relations or t.on_time:
             continue
         (first, _), (second, _) = t.local_columns
-        partials = [p.number for p in t.partials]
+        partials = [partial_kernel(t, c).number for c in range(2)]
         differentiated = 0 if t.columns[0][1] else 1
         for row, signs in zip(group.variables.tolist(), group.signs.tolist(), strict=True):
             places, factors = (row[first], row[second]), (signs[first], signs[second])

@@ -168,9 +168,9 @@ class Builder:
             return False
         if self._copies(kernel, template, g, i, node, sign):
             return True
-        partial = template.partials[column]
+        partial = partial_kernel(template, column)
         if partial.number is None and partial.constant:
-            pivots[partial_kernel(template, column), g, k].append((i, 0, 1))
+            pivots[partial, g, k].append((i, 0, 1))
         scalar[kernel, g, k].append((i, self.slots[node], sign))
         return True
 
@@ -196,10 +196,10 @@ class Builder:
             template, g, i = self.template(e, k)
             inside = [(c, position[node], sign) for c, node, sign in self._positions(template, g, i) if node in position]
             columns = frozenset(c for c, _, _ in inside)
-            partials = [template.partials[c] for c, _, _ in inside]
-            constant &= all(p.constant for p in partials)
-            linear &= not any(p.depends_on & columns for p in partials)
-            safe.append({u: p.constant for (_, u, _), p in zip(inside, partials, strict=True)})
+            fixed = {u: template.fixed[c] for c, u, _ in inside}
+            constant &= all(fixed.values())
+            linear &= all(columns.isdisjoint(partial_kernel(template, c).columns) for c, _, _ in inside)
+            safe.append(fixed)
             rows.append((template, g, i, k, columns, inside))
         order = tear(safe) if not (constant and linear) else Tearing(tuple(range(len(rows))), tuple(range(len(rows))), 0)
         place = {column: c for c, column in enumerate(order.columns)}
@@ -240,8 +240,9 @@ class Builder:
             column, sign = next((c, sign) for c, place, sign in inside if place == u)
             kernel = solve_kernel(template, column)
             assert kernel is not None, "a row is solved for what it holds with a constant coefficient"
-            if template.partials[column].number is None:
-                pivots[partial_kernel(template, column), g, k].append((i, 0, 1))
+            partial = partial_kernel(template, column)
+            if partial.number is None:
+                pivots[partial, g, k].append((i, 0, 1))
             scalar[kernel, g, k].append((i, self.slots[block[u]], sign))
         for (template, g, i, k, _, _), node in zip(rows[lead:], tears, strict=True):
             scalar[residual_kernel(template), g, k].append((i, self.n_slots, 1))

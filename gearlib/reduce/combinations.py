@@ -131,7 +131,7 @@ def _of_block(structure: Structure, block: Block, parameters: Floats) -> list[Ca
     for e, k in solving:
         row, values = _row(structure, e, k), np.zeros(len(block))
         inside = [(c, node, sign) for c, node, sign in row.nodes() if node in place]
-        if all(row.template.partials[c].constant for c, _, _ in inside):
+        if all(row.template.fixed[c] for c, _, _ in inside):
             for c, node, sign in inside:
                 values[place[node]] += row.coefficient(c, sign, parameters)
             rows.append((e, k))
@@ -201,7 +201,7 @@ def _cancelled(structure: Structure, terms: Sequence[tuple[int, int, float]], pa
     for e, k, weight in terms:
         row = _row(structure, e, k)
         for c, node, sign in row.nodes():
-            constant = row.template.partials[c].constant
+            constant = row.template.fixed[c]
             value = weight * row.coefficient(c, sign, parameters) if constant else np.nan
             total[node] = total.get(node, 0.0) + value
             size[node] = size.get(node, 0.0) + abs(value)

@@ -207,7 +207,7 @@ def _flow_rows(model: FlatModel, parameters: Floats, known: Floats) -> list[dict
         found: list[dict[int, float]] = [{} for _ in range(len(group) if columns else 0)]
         for c, j in columns:
             values = np.array(partials_at(model, g, c, parameters, known), float)
-            if not group.template.partials[c].constant:  # any generic value
+            if not group.template.fixed[c]:  # any generic value
                 values = np.where(
                     np.isfinite(values) & (values != 0.0), values, np.pi + 0.1 * np.sin(np.arange(len(values)) + c)
                 )

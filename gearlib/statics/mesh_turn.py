@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.equations.kernel import Kernel, relation_kernel, residual_kernel
+from gearlib.equations.kernel import Kernel, partial_kernel, relation_kernel, residual_kernel
 from gearlib.equations.template import Template, memoised
 from gearlib.flatten.model import EquationGroup, FlatModel
 
@@ -102,7 +102,7 @@ def _bounded(template: Template) -> tuple[int, ...]:
     kernel = residual_kernel(template)
     return tuple(
         c for c, (_, order) in enumerate(template.columns)
-        if order == 0 and c in kernel.columns and c in template.partials[c].depends_on
+        if order == 0 and c in kernel.columns and c in partial_kernel(template, c).columns
     )  # fmt: skip
 
 
@@ -153,7 +153,7 @@ def turn(
             j = _local(group.template, c)
             v = group.variables[rows, j]
             rest = _through(model, residual_kernel(group.template), g, group, parameters, a, b, modes, over)[rows]
-            slope = float(group.template.partials[c].number or 1.0)
+            slope = float(partial_kernel(group.template, c).number or 1.0)
             change = -(rest - rest.mean(axis=1, keepdims=True)) / slope * group.signs[rows, j][:, None]
             place[v] = len(over.values) + np.arange(len(v))
             over = Turn(place, np.concatenate([over.values, a[v][:, None] + change]))
@@ -199,7 +199,7 @@ def _given(template: Template) -> int | None:
     """The column that a derivative-free equation determines: the only one with coefficient 1 or -1."""
     if any(order for _, order in (*template.columns, *template.relation_columns)):
         return None
-    alone = [c for c, p in enumerate(template.partials) if p.number is not None and abs(p.number) == 1.0]
+    alone = [c for c, slope in enumerate(template.slopes) if slope.is_number and abs(float(slope)) == 1.0]
     compared = {name for name, _ in template.relation_columns}
     return alone[0] if len(alone) == 1 and template.columns[alone[0]][0] not in compared else None
 

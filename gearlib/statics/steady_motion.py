@@ -144,7 +144,7 @@ def _group(
         if order < 2 and not on_time:
             entries.put(rows, v[keep] + order * n, p[keep])
         if order == 0:
-            if c in template.partials[c].depends_on and c not in repeating and not p.all():
+            if c in partial_kernel(template, c).columns and c not in repeating and not p.all():
                 deflected = a.copy()
                 deflected[v] = generic(a)[v]
                 elsewhere = (

@@ -241,6 +241,8 @@ def told(legs: Sequence[Leg]) -> str:
         )
     if began == len(legs):
         return text
+    from gearlib.solvers.taylor.taylor import Taylor
+
     first, second = legs[began - 1].solution, legs[began]
     name = "the Taylor series" if first.stats["method"] == Taylor.name else "explicit Runge-Kutta"
     text += f"{'; ' if text else ''}{name} met stiffness at t = {first.t_last:.6g} s"

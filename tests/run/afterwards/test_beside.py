@@ -11,7 +11,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.run import state_switching
 from gearlib.run.afterwards import beside
-from gearlib.solvers.drive import driver
+from gearlib.solvers.drive import trace
 from gearlib.solvers.drive.trace import Trace
 
 METHODS = ("auto", "rk5", "rk8", "ida", "taylor")
@@ -166,7 +166,7 @@ def test_one_by_one_and_together_are_the_same() -> None:
 def test_a_run_too_long_to_keep_is_repeated(monkeypatch: pytest.MonkeyPatch, integrations: list[int]) -> None:
     system = gl.compile(Rattling(), outputs=["mesh.tau"])
     kept = system.simulate(0.3)["first.phi"]
-    monkeypatch.setattr(driver, "MOST", 500)
+    monkeypatch.setattr(trace, "MOST", 500)
     assert system.simulate(0.3)["first.phi"] == pytest.approx(kept, abs=1e-5 * np.abs(kept).max())
     assert len(integrations) == 3
 

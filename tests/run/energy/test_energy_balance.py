@@ -406,7 +406,7 @@ def test_a_second_audit_derives_nothing(monkeypatch: pytest.MonkeyPatch) -> None
         raise AssertionError("derived again")
 
     monkeypatch.setattr("gearlib.flatten.energies._components", derived)
-    monkeypatch.setattr("gearlib.flatten.energies.NumPyPrinter", derived)
+    monkeypatch.setattr("gearlib.flatten.energies.array_function", derived)
     again = system.simulate(2.0, samples=5, audit=True, parameters={"b.J": 2.5})
     assert first.stats["energy_residual"] < 1e-6 > again.stats["energy_residual"]
     assert len(system.translation.scenes) <= 1

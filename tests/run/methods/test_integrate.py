@@ -9,7 +9,6 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.run.methods import automatic
 from gearlib.solvers import alternation
 
 c = gl.connect
@@ -32,14 +31,14 @@ class Drive(gl.Component):
 
 @pytest.mark.parametrize("apart", [0.0, 1e-16, -1e-16, 1e-9])
 def test_hand_over_on_a_sample_time(apart: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    system, ends = gl.compile(Drive()), []
+    system, ends, alternate = gl.compile(Drive()), [], alternation.alternate
 
     def noted(*arguments: Any, **options: Any) -> Any:
-        legs = alternation.alternate(*arguments, **options)
+        legs = alternate(*arguments, **options)
         ends.append((legs[0].solution.status, legs[0].solution.t_last))
         return legs
 
-    monkeypatch.setattr(automatic, "alternate", noted)
+    monkeypatch.setattr(alternation, "alternate", noted)
     plain = system.simulate(1.0, samples=11)
     status, t = ends[-1]
     assert status == "stiff"
