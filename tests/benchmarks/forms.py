@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import gearlib as gl
-from gearlib.run.forms.scene_form import BACKENDS, FORMS
+from gearlib.run.request import BACKENDS, FORMS
 from gearlib.solvers.problem import Floats
 from tests.benchmarks.references import SCENES
 from tests.measured import Part

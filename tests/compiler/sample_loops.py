@@ -5,8 +5,19 @@ from __future__ import annotations
 import ctypes
 import math
 
-from gearlib.compiler.small_language import block, blocks, floats_at, int32, ints, ints_at, native, one_by_one, total, where
-from gearlib.compiler.translate import Prototype
+from gearlib.compiler.small_language import (
+    Prototype,
+    block,
+    blocks,
+    floats_at,
+    int32,
+    ints,
+    ints_at,
+    native,
+    one_by_one,
+    total,
+    where,
+)
 
 LIMIT, STEP = 1000, 0.25
 CALLED = Prototype("int32", ("float", "int"))

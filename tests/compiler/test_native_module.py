@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearlib.compiler.native_module import native_functions
-from gearlib.compiler.translate import Prototype, intermediate
+from gearlib.compiler.small_language import Prototype
+from gearlib.compiler.translate import intermediate
 from tests.compiler import sample_loops
 
 NAME = "tests.compiler.sample_loops"
