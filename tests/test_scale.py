@@ -329,7 +329,7 @@ def test_other_numbers_never_translate_or_compile_again(monkeypatch: pytest.Monk
     for module, name in (
         (object_code, "cached_bytes"),
         (scene_functions, "compiled"),
-        (scene_module, "compile_scene"),
+        (scene_functions, "compile_scene"),
         (scene_module, "build"),
     ):
         kept = getattr(module, name)
