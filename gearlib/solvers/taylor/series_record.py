@@ -24,6 +24,7 @@ class SeriesRecord(LoopRecord):
     guarded: int  # whether only the right-hand side itself notices divisors that change sign
     expansions: int  # coefficients computed, counted in orders
     looked: int  # steps since the order was chosen
+    since: int  # steps since the last event
     # cost of a step besides its coefficients, of an order, and of an order per order before it, ns
     cost_step: float
     cost_order: float

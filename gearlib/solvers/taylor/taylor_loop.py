@@ -30,7 +30,9 @@ WORTH = 1.05  # gain in speed that a change of order is made for
 SEARCHED = 10
 SURE = 3  # choices of the order in a row at which stability limits the steps
 UNSEEN = 10.0  # amplitude of the fastest motion, in tolerances, below which it does not matter
-PARTS, ORDERS = 1, 8  # of a step in the trace: one more for every so many orders, since the polynomials in it are of degree 11
+# Rows of the trace within a step. The polynomials in it are of degree 11, so one part is enough up to order 10, and each further part for
+# eight orders more; before and after an event, where they pass through fewer ends of steps, one more is needed
+ENOUGH, ORDERS, AFTER = 3, 8, 4
 CAUTION = 0.9  # factor on a step that is repeated
 
 
@@ -39,7 +41,7 @@ def taylor_restart(address: int, changed: int, why: int) -> int32:
     """Restart at ``x``: evaluate the right-hand side, and the sides and slopes of the event functions."""
     s, r = SeriesRecord(address), LoopRecord(address)
     s.evaluations += 1
-    s.looked, s.ready = AGAIN, 0
+    s.looked, s.ready, s.since = AGAIN, 0, 0
     if MODEL(s.rhs, s.origin + s.t, s.x, s.k, s.data, s.index) != 0:
         return RHS_FAILED
     if s.n_roots > 0:
@@ -178,10 +180,11 @@ def taylor_step(address: int, stop: float) -> int32:
             if s.patience == 0:
                 return UNDERFLOW
     found, theta = 0, 1.0
-    s.parts = PARTS + s.order // ORDERS
     move(s.ahead + 8 * s.size, s.k + 8 * s.size, s.size)
     if s.n_roots > 0:
         found, theta = crossing(r, t, h, 0.0)
     found = end_of_step(r, stop, stop if last_of_span and found == 0 else t + theta * h, h, found)
     s.ready = 1 - found
+    s.since += 1
+    s.parts = 1 + (s.order if found == 1 or s.since < AFTER else s.order - ENOUGH) // ORDERS
     return FOUND if found == 1 else STEPPED
