@@ -201,10 +201,11 @@ def _kind_of(name: str, component: Component, declared: Declared) -> str | None:
     if name in declared.parameters:
         return "parameter"
     part, local = descend(component, name)
-    return None if part is None or part is component else _kind_of(local, part, declared_by(part))
+    return None if part is component else _kind_of(local, part, declared_by(part))
 
 
-def descend(component: Component, name: str) -> tuple[Component | None, str]:
+def descend(component: Component, name: str) -> tuple[Component, str]:
+    """The innermost part that a dotted path leads to, and the rest of the path."""
     node = component
     while "." in name and name.split(".", 1)[0] in parts_of(node):
         head, name = name.split(".", 1)

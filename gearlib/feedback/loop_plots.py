@@ -96,7 +96,7 @@ def nyquist_plot(
     axes[0].set_aspect("equal")
     axes[0].locator_params(axis="x", nbins=5)
     axes[0].set_title("whole curve")
-    _nyquist_margins(axes[1], chosen, m)
+    _nyquist_margins(axes[1], m)
     axes[1].set_title("around −1")
     for ax in axes:
         mark_frequencies(ax, omega, curve.real, curve.imag)
@@ -142,7 +142,7 @@ def _arrows(ax: Any, curve: Complexes, bound: float) -> None:
             )
 
 
-def _nyquist_margins(ax: Any, loop: Loop, m: Margins) -> None:
+def _nyquist_margins(ax: Any, m: Margins) -> None:
     turn = np.linspace(0, 2 * np.pi, 361)
     ax.plot(np.cos(turn), np.sin(turn), color="0.5", lw=0.8, ls=":", label="|L| = 1")
     radius = m.modulus_margin

@@ -26,7 +26,7 @@ Integers = NDArray[np.int64]
 HEADER = "gearlib_sweep"  # the attribute that identifies the sweep
 DONE = "gearlib_done"  # 1 for each run that is done
 RUN = "run"
-ROOM = 4_000_000_000  # bytes of a variable in netCDF with 64-bit offsets
+ROOM = 4_000_000_000  # bytes of a variable; netCDF with 64-bit offsets permits 2**32 - 4
 PIECE = 4_000_000  # bytes of a chunk of a zarr array
 
 

@@ -23,7 +23,8 @@ from gearlib.vibration.modes import modes
 Floats = NDArray[np.float64]
 TIME = "time"
 MARGINS = ("gain_margin_db", "phase_margin", "delay_margin", "modulus_margin")
-STEP = 1e-5  # relative step of central differences, for runs without tangents
+# Relative step of central differences, for runs without tangents: the error is 1e-10 by curvature, 1e-6 by that of runs at TIGHT
+STEP = 1e-5
 TIGHT = 1e-11  # relative tolerance of runs used in differences
 
 

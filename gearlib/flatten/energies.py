@@ -9,6 +9,7 @@ from typing import Any
 
 import sympy
 
+from gearlib.equations.class_record import descend
 from gearlib.equations.kernel import array_function
 from gearlib.equations.template import checked, parse_column, piecewise
 from gearlib.errors import DeclarationError, nearest
@@ -199,8 +200,6 @@ def _term(component: Component, path: str, expression: Any, label: str, formulas
 
 
 def _declared(component: Component, name: str) -> bool:
-    while "." in name and name.split(".", 1)[0] in parts_of(component):
-        head, name = name.split(".", 1)
-        component = parts_of(component)[head]
-    found = declared_by(component)
-    return name in found.variables or name in found.parameters or name in found.discretes
+    part, local = descend(component, name)
+    found = declared_by(part)
+    return local in found.variables or local in found.parameters or local in found.discretes

@@ -213,7 +213,7 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
             inner, kind = _resolve(tree, component, name)  # a part's variable, whose own start value is overridden
             if kind != "variable":
                 part, head = descend(component, name)[0], name.rpartition(".")[0]
-                inside = [] if part in (None, component) else [f"{head}.{n}" for n in _variables_of(tree, part)]
+                inside = [] if part is component else [f"{head}.{n}" for n in _variables_of(tree, part)]
                 raise BindingError(
                     f"{instance.path or instance.kind}: {'start' if fixed else 'guess'} value for '{name}', which is not a variable of "
                     f"{instance.kind}; {nearest(local, inside or instance.variables)}"
@@ -337,7 +337,7 @@ def _bind_input(tree: Tree, component: Component, scope: Component | None, own: 
 def _resolve(tree: Tree, scope: Component, name: str) -> tuple[int, str | None]:
     """Number and kind of a name, as seen from ``scope``."""
     part, local = descend(scope, name)
-    if part is not None and id(part) in tree.numbers:
+    if id(part) in tree.numbers:
         number_ = tree.numbers[id(part)]
         record, instance = tree.records[number_], tree.instances[number_]
         if local in record.variable_index:
@@ -350,7 +350,7 @@ def _resolve(tree: Tree, scope: Component, name: str) -> tuple[int, str | None]:
 def _discrete(tree: Tree, scope: Component, name: str) -> int:
     """The number of a discrete variable as seen from ``scope``; -1 if the name is not one."""
     part, local = descend(scope, name)
-    if part is None or id(part) not in tree.numbers:
+    if id(part) not in tree.numbers:
         return -1
     number_ = tree.numbers[id(part)]
     known = tree.records[number_].discretes

@@ -11,7 +11,7 @@ import networkx as nx
 from gearlib.equations.class_record import descend
 from gearlib.errors import ConnectionError, nearest
 from gearlib.language.component import Component, signals_of
-from gearlib.language.declarations import Declared, Input, declared_by
+from gearlib.language.declarations import Input, declared_by
 
 
 def joined_signals(component: Component, path: str) -> Iterator[tuple[Component, str, Any]]:
@@ -47,14 +47,13 @@ def joined_signals(component: Component, path: str) -> Iterator[tuple[Component,
         for target in members:
             if target is not source:
                 part, local = descend(component, target.name)
-                assert part is not None
                 yield part, local, source
 
 
 def _drives(component: Component, owner: str, name: str) -> bool:
     """Whether a signal is a source, as seen from inside a composite."""
     part, local = descend(component, name)
-    known = Declared({}, {}, {}, {}, {}) if part is None else declared_by(part)
+    known = declared_by(part)
     inside = part is component
     if local in known.variables:
         return isinstance(known.variables[local], Input) == inside
@@ -71,4 +70,4 @@ def _drives(component: Component, owner: str, name: str) -> bool:
 
 def _is_input(component: Component, name: str) -> bool:
     part, local = descend(component, name)
-    return part is not None and isinstance(declared_by(part).variables[local], Input)
+    return isinstance(declared_by(part).variables[local], Input)

@@ -23,7 +23,7 @@ Complexes = NDArray[np.complex128]
 REPEATED = 1e-8  # relative distance at which eigenvalues count as equal
 DEFECTIVE = 1e-5  # product of unit left and right eigenvectors below which an eigenvalue is defective
 MOST_FULL = 500  # states up to which all eigenvectors are computed
-NEARBY = 6  # eigenvalues computed around each one of a large matrix
+NEARBY = 6  # eigenvalues computed around each one of a large matrix: the branches of a repeated one, and neighbours
 
 
 def eigenvalue_changes(A: Any, changes: Sequence[Any], values: Complexes) -> Complexes:

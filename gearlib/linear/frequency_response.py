@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-AT_ONCE = 200_000  # matrix entries, over frequencies, that are solved in one batch
+AT_ONCE = 200_000  # complex matrix entries, over frequencies, that are solved in one batch (3.2 MB)
 
 
 @dataclass(frozen=True, eq=False)

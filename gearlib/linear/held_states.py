@@ -27,9 +27,9 @@ from gearlib.structure.incidence import Node
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 REACTION = 1e-13  # relative to the largest response in a block: smaller ones are rounding
-YIELDS = (
-    1e-20  # of the largest coefficient: a held element may yield by so little where its reaction is not determined otherwise
-)
+# Relative to the largest coefficient of an equation: smaller ones are artificial compliances (`gearparts.rotational.friction.YIELD` is
+# 1e-25), which determine reactions that would be undetermined otherwise.
+YIELDS = 1e-20
 CONSTANT = 1e-9  # relative to its terms: a smaller rate is zero
 RANK = 1e-11  # of rows scaled to 1
 

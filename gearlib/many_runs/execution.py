@@ -27,7 +27,7 @@ Integers = NDArray[np.int64]
 # A dask task costs 2 to 5 ms of overhead, one of a process pool 0.3 ms: at most 2 % of a quarter of a second
 TASK = 0.25  # s
 LEAST_TASKS = 8  # so that workers end at about the same time, and progress is seen
-IN_FLIGHT = 4096  # tasks
+IN_FLIGHT = 4096  # tasks submitted at a time, so that memory does not grow with the number of runs
 
 
 def execute(

@@ -23,7 +23,7 @@ from gearlib.many_runs.samples import RUN, Samples
 from gearlib.many_runs.work import Chunk, ManyRows, Row, Work, blank, first_of, put
 
 Integers = NDArray[np.int64]
-WAIT = 0.5  # s, for which runs wait at most to be written together
+WAIT = 0.5  # s, for which runs wait at most to be written together: what an interrupt of the process may lose
 
 
 class Gathering:

@@ -19,6 +19,8 @@ from gearlib.errors import SolverError
 from gearlib.solvers.drive.driver import Driver
 from gearlib.solvers.problem import Solution
 
+# All of these were chosen on the random trains of tests/stress/choice_campaign.py: at equal rtol, the processor time of the choice over
+# that of the best method, in the median and in the worst cases.
 # Remaining work, in trials, that justifies one: where a decay limits the steps, and where a vibration does
 WORTH_DECAY, WORTH_VIBRATION = 2.0, 4.0
 SETTLE, WINDOW = 60, 40  # steps of a trial before its pace is measured, and over which it is measured

@@ -21,7 +21,7 @@ from gearlib.flatten.model import EquationGroup, FlatModel
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-PARTS = 4096  # points per period: the slope of a cubic spline is averaged to 1e-11 of its size, a jump to 1/4096 of its size
+PARTS = 4096  # midpoints per period: the slope of a cubic spline is averaged to 1e-11 of its size, a jump to 1/4096 of its size
 REPEATS = 1e-9  # relative to the change over one point: a smaller remainder after a full period is rounding
 
 

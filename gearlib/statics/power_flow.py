@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from gearlib.drawing.svg import Picture
     from gearlib.language.component import Component
 
-RPM = 30 / 3.141592653589793
+RPM = 30 / math.pi  # 1/min per rad/s
 NAME, SLIDES = 42, "  (m/s, N)"  # width of the name column; suffix of sliding flanges
 NOTHING = 1e-12  # relative to the largest torque or speed: rounding
 

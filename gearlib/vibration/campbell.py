@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pandas
 
 Floats = NDArray[np.float64]
-RPM = 30 / np.pi
+RPM = 30 / np.pi  # 1/min per rad/s
 
 
 @dataclass(frozen=True)

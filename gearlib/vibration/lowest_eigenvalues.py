@@ -18,7 +18,7 @@ from gearlib.vibration.eigenvalue_count import missing_inside
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-BLOCK = 6  # block size
+BLOCK = 6  # vectors per block: repeated eigenvalues up to that multiplicity, as of equal planets, are found together
 EXACT = 1e-10  # residual of an eigenpair relative to the eigenvalue, in scaled states
 ROUNDING = 100 * np.finfo(float).eps  # the same relative to the highest frequency
 NOTHING = 1e-11  # relative to the highest frequency: a smaller eigenvalue counts as 0

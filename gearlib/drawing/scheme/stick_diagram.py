@@ -181,12 +181,11 @@ def _set(symbol: Symbol, x: float, y: float) -> Iterator[str]:
         yield circle(at, y - (inner + outer) / 2, 2.2, fill="white", stroke=COLOURS[0], stroke_width="1.4")
 
 
-def _housing(x: float, y: float, up: bool, half: float = 14.0) -> Iterator[str]:
+def _housing(x: float, y: float, up: bool) -> Iterator[str]:
     """Housing: a line with hatching on the side away from the part."""
-    yield line(x - half, y, x + half, y, stroke=INK, stroke_width="2")
-    steps = int(2 * half / 5)
-    for k in range(steps + 1):
-        at = x - half + 5 * k
+    yield line(x - 14, y, x + 14, y, stroke=INK, stroke_width="2")
+    for k in range(6):
+        at = x - 14 + 5 * k
         yield line(at, y, at + 4, y + (-7 if up else 7), stroke=INK, stroke_width="1")
 
 

@@ -28,7 +28,7 @@ Level = tuple[Node, ...]
 
 FINER = (1, 4, 16)  # parts of each step
 AGREE = 0.5  # times the tolerance: difference allowed between the two computations
-AT_ONCE = 2_000_000  # numbers in the memory of an evaluation
+AT_ONCE = 2_000_000  # numbers in the memory of an evaluation (16 MB)
 
 
 class Gauss:

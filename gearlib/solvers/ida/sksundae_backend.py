@@ -26,6 +26,7 @@ from gearlib.solvers.drive.python_stepper import FailedError, PythonStepper
 from gearlib.solvers.ida.ida_stepper import (
     CHUNK,
     EPS,
+    NEGATIVE_ZERO,
     PROBES,
     REACH,
     ROOTS_FAILED,
@@ -39,7 +40,6 @@ from gearlib.solvers.ida.user_data import IdaRecord
 from gearlib.solvers.problem import Floats
 
 _ROOT_RETURN, _TOO_MUCH_WORK, _ILL_INPUT = 2, -1, -22
-_NEGATIVE_ZERO = -1e-300  # an event function of 0 counts as negative, as in native code
 _pointer = ctypes.c_void_p
 
 
@@ -225,7 +225,7 @@ class SundaeIda(IdaStepper, PythonStepper):
     def _events(self, t: float, y: Any, dy: Any) -> None:
         if self.root_values(t, self._natural(y, dy), self.g) != 0:
             raise FailedError(ROOTS_FAILED)
-        self.g[self.g == 0.0] = _NEGATIVE_ZERO
+        self.g[self.g == 0.0] = NEGATIVE_ZERO
 
     def _take_sides(self, t: float) -> None:
         ahead = AHEAD * self.record.slack if len(self.algebraic) else 0.0
@@ -242,11 +242,11 @@ class SundaeIda(IdaStepper, PythonStepper):
         )
         dt = SLOPE_OVER * h
         if t + dt <= t or self.root_values(t + dt, self._natural(y + dt * dy, dy), self.g) != 0:
-            return np.full(self.n_roots, _NEGATIVE_ZERO)
-        self.g[self.g == 0.0] = _NEGATIVE_ZERO
+            return np.full(self.n_roots, NEGATIVE_ZERO)
+        self.g[self.g == 0.0] = NEGATIVE_ZERO
         rise = self.sides * (self.g - values) / dt
         counts = (rise < 0.0) | (rise * REACH * h > self.sides * values)
-        return np.where(counts & (rise != 0.0), rise, _NEGATIVE_ZERO)
+        return np.where(counts & (rise != 0.0), rise, NEGATIVE_ZERO)
 
     def restart(self, changed: int, why: int) -> int:
         """Restart IDA after a change; returns how many event functions the jump of the algebraic unknowns carried across zero."""
@@ -368,7 +368,7 @@ class SundaeIda(IdaStepper, PythonStepper):
         slack, fired = self.record.slack, self.driver.fired
         if self.root_values(t + slack, self._natural(self.y + slack * self.dy, self.dy), self.g) != 0:
             return False
-        self.g[self.g == 0.0] = _NEGATIVE_ZERO
+        self.g[self.g == 0.0] = NEGATIVE_ZERO
         fired[:] = np.where(self.g * self.sides < 0, -self.sides, 0)
         return bool(fired.any())
 
