@@ -19,6 +19,7 @@ from gearlib.bondgraph import TF, RunTime, state_equations
 from gearlib.bondgraph.elements import Junction
 from gearparts.trains import zhou_cui_2022 as zc
 from gearparts.trains.paper_graphs import PREFERENCE, single_loop_train
+from tests.bondgraph.paper_parameters import by_name, random_parameters
 
 Array = Any
 
@@ -45,18 +46,11 @@ def places() -> list[int]:
     return [bond_graph().states.index(f"{name[0]}_{name[1:]}") for name in zc.STATES]
 
 
-def by_name(params: zc.BondParameters) -> dict[str, float]:
-    every = {f"m_{k}": float(params.m[k]) for k in range(1, 23)}
-    for kind in "IRC":
-        every |= {f"{kind}_{bond}": value for bond, value in getattr(params, kind).items()}
-    return {name: every[name] for name in bond_graph().parameters}
-
-
 def rates_of_bond_graph(x: Array, u: Array, params: zc.BondParameters) -> Array:
     state = np.empty(8)
     state[places()] = x
     sources = dict(zip(("Se_1", "Sf_8", "Sf_32", "Sf_72"), u, strict=True))
-    return bond_graph().rhs(0.0, state, sources, by_name(params))[places()]
+    return bond_graph().rhs(0.0, state, sources, by_name(bond_graph(), params))[places()]
 
 
 def rates(system: gl.System, parameters: dict[str, float], values: dict[str, float], t: float = 0.0) -> dict[str, float]:
@@ -79,19 +73,11 @@ def disagreement(found: Any, expected: Any) -> float:
     return float(np.abs(a - b).max() / np.abs(b).max())
 
 
-def random_bonds(rng: np.random.Generator) -> zc.BondParameters:
-    def draw(bonds: tuple[int, ...]) -> dict[int, float]:
-        return {bond: float(rng.uniform(0.3, 3.0)) for bond in bonds}
-
-    m = rng.uniform(0.3, 3.0, 23) * rng.choice([-1.0, 1.0], 23)
-    return zc.BondParameters(m, draw(zc.INERTIAS), draw(zc.RESISTANCES), draw(zc.COMPLIANCES))
-
-
 def test_bond_graph_and_printed_equations_for_1000_random_sets() -> None:
     """All 22 moduli, 15 inertias, 7 resistances, 3 compliances, 4 sources and 8 states at random."""
     rng, worst = np.random.default_rng(2022), 0.0
     for _ in range(1000):
-        params, x, u = random_bonds(rng), rng.normal(size=8), rng.normal(size=4)
+        params, x, u = random_parameters(rng), rng.normal(size=8), rng.normal(size=4)
         worst = max(worst, disagreement(rates_of_bond_graph(x, u, params), zc.explicit_rhs(0.0, x, params, u)))
     assert worst < 1e-11
 
@@ -120,13 +106,15 @@ def test_bond_graph_as_a_component_for_random_sets(count: int) -> None:
     """The elements' equations without causality, reduced and sorted like any model; everything at random."""
     Train = gp.from_bond_graph(single_loop_train().graph)
     sources = ("Se_1", "Sf_8", "Sf_32", "Sf_72")
-    system = gl.compile(Train(**by_name(random_bonds(np.random.default_rng(0))), **dict.fromkeys(sources, 0.5)))
+    system = gl.compile(
+        Train(**by_name(bond_graph(), random_parameters(np.random.default_rng(0))), **dict.fromkeys(sources, 0.5))
+    )
     rng, worst = np.random.default_rng(5), 0.0
     for _ in range(count):
-        params, x, u = random_bonds(rng), rng.normal(size=8), rng.normal(size=4)
+        params, x, u = random_parameters(rng), rng.normal(size=8), rng.normal(size=4)
         printed = zc.explicit_rhs(0.0, x, params, u)
         values, expected = stored(x, u, params), stored(printed, np.zeros(4), params)
-        found = rates(system, by_name(params) | dict(zip(sources, u.tolist(), strict=True)), values)
+        found = rates(system, by_name(bond_graph(), params) | dict(zip(sources, u.tolist(), strict=True)), values)
         worst = max(worst, disagreement([*found.values()], [expected[name] for name in found]))
     assert worst < 1e-11
 
@@ -160,7 +148,7 @@ def test_frequency_responses(seed: int | None) -> None:
     system = gl.compile(gp.ZhouCui2022(tau_in=1.0))
     model = system.linearize(["tau_in", "train.e_rate"], list(OUTPUTS), sparse=True, parameters=given)
     A, B = zc.explicit_matrices(params)
-    Ab, Bb = (M[places()] for M in bond_graph().matrices(by_name(params)))
+    Ab, Bb = (M[places()] for M in bond_graph().matrices(by_name(bond_graph(), params)))
     Ab, join = Ab[:, places()], np.array([[1, 0], [0, 1], [0, 1], [0, 1]])  # one transmission error for all meshes
     rows = outputs_of_printed(params)
     order = [bond_graph().inputs.index(name) for name in ("Se_1", "Sf_8", "Sf_32", "Sf_72")]
@@ -205,7 +193,7 @@ def test_trajectory_of_the_bond_graph_and_power_at_every_junction_and_transforme
     """SciPy integrates the bond graph's equations; along the run each junction and each TF passes on all power it gets."""
     run, params, times = bond_graph(), zc.bond_parameters(), np.linspace(0.0, 0.3, 31)
     inputs = dict.fromkeys(("Sf_8", "Sf_32", "Sf_72"), lambda t: float(zc.transmission_error_rate(t)))
-    numbers = by_name(params)
+    numbers = by_name(bond_graph(), params)
     f = run.bind(numbers, {"Se_1": 100.0, **inputs}, rates=dict.fromkeys(inputs, lambda t: 0.0))
     solution = solve_ivp(f, (0, 0.3), np.zeros(8), "Radau", times, rtol=1e-9, atol=1e-15)
     expected = exact_motion(*params.matrices, times, 100.0)

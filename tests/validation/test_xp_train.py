@@ -16,6 +16,7 @@ import gearparts as gp
 from gearlib.bondgraph import RunTime, state_equations
 from gearparts.trains import zhou_cui_2022 as zc
 from gearparts.trains.paper_graphs import PREFERENCE, single_loop_train
+from tests.bondgraph.paper_parameters import by_name
 
 TABLE_4 = {name: q.value for name, q in zc.TABLE_4.items() if name[0] in "RIKC" and name != "K_s"}
 OPEN = {"R_1": 0.0285, "R_2": 0.0465, "I_1": 0.0015, "I_2": 0.0094, "I_62": 0.0036, "I_66": 0.0036}
@@ -64,14 +65,6 @@ def scales(params: zc.BondParameters) -> Any:
     return np.array([-inertia[name] if name == "p35" else inertia[name] for name in zc.STATES])
 
 
-def by_bond(params: zc.BondParameters) -> dict[str, float]:
-    """The bond graph's parameters by its names."""
-    every = {f"m_{k}": float(params.m[k]) for k in range(1, 23)}
-    for kind in "IRC":
-        every |= {f"{kind}_{bond}": value for bond, value in getattr(params, kind).items()}
-    return {name: every[name] for name in bond_graph().parameters}
-
-
 def bond_order(names: tuple[str, ...], own: tuple[str, ...]) -> list[int]:
     """Where the explicit form's ``p11`` or ``Sf8`` stands among the bond graph's ``p_11`` or ``Sf_8``."""
     return [own.index(name.rstrip("0123456789") + "_" + name.lstrip("SefpqI")) for name in names]
@@ -118,7 +111,7 @@ def test_frequency_responses_of_three_roads(draw: Any) -> None:
     for given in [TABLE_4, *(draw(rng) for _ in range(4))]:
         params = zc.bond_parameters(**given)
         model = train().linearize(["tau_in", "train.e_rate"], list(PATHS.values()), parameters=given, sparse=True)
-        A, B = run.matrices(by_bond(params))
+        A, B = run.matrices(by_name(bond_graph(), params))
         A, B = A[np.ix_(rows, rows)], B[np.ix_(rows, columns)] @ sources
         A_printed, B_printed = zc.explicit_matrices(params)
         for w in np.geomspace(1e-3, 10, 30) * np.abs(np.linalg.eigvals(A_printed)).max():
@@ -149,7 +142,7 @@ def test_right_sides_of_three_roads(seed: int) -> None:
     rows, columns = bond_order(zc.STATES, run.states), bond_order(zc.SOURCES, run.inputs)
     state, sources = np.empty(8), np.empty(4)
     state[rows], sources[columns] = x, (torque, e, e, e)
-    bonds = run.rhs(t, state, sources, by_bond(params))[rows]
+    bonds = run.rhs(t, state, sources, by_name(bond_graph(), params))[rows]
     start = dict(zip(PATHS.values(), motion.tolist(), strict=True))
     result = train().simulate(t + 1e-9, t_start=t, samples=2, parameters=given, inputs={"tau_in": torque}, start=start)
     parts = scales(params) * [result[f"der({path})"][0] for path in PATHS.values()]

@@ -20,6 +20,7 @@ from gearlib.bondgraph.draw import BOND_COLOUR, STROKE_COLOUR
 from gearlib.bondgraph.elements import Junction, Zero
 from gearparts.trains import zhou_cui_2022 as zc
 from gearparts.trains.paper_graphs import PREFERENCE, Figure, fixed_axis_unit, planetary_unit, single_loop_train
+from tests.bondgraph.paper_parameters import by_name, random_parameters
 
 
 @cache
@@ -50,21 +51,6 @@ def printed(repairs: zc.Repairs) -> dict[Any, Any]:
     p = [named("p", bond) for bond in zc.DEPENDENT]
     values = zc.printed_rhs(x, p, [rate_of(variable) for variable in p], u, symbols, repairs)
     return dict(zip(x, values, strict=True))
-
-
-def numbers(run: RunTime, params: zc.BondParameters) -> dict[str, float]:
-    every = {f"m_{k}": float(params.m[k]) for k in range(1, 23)}
-    for kind in "IRC":
-        every |= {f"{kind}_{bond}": value for bond, value in getattr(params, kind).items()}
-    return {name: every[name] for name in run.parameters}
-
-
-def random_parameters(rng: np.random.Generator) -> zc.BondParameters:
-    def draw(bonds: tuple[int, ...]) -> dict[int, float]:
-        return {bond: float(rng.uniform(0.3, 3.0)) for bond in bonds}
-
-    m = rng.uniform(0.3, 3.0, 23) * rng.choice([-1.0, 1.0], 23)
-    return zc.BondParameters(m, draw(zc.INERTIAS), draw(zc.RESISTANCES), draw(zc.COMPLIANCES))
 
 
 def test_all_bonds_are_numbered_from_1_to_85() -> None:
@@ -114,7 +100,7 @@ def test_right_sides_agree(seed: int) -> None:
     run = train(*PREFERENCE)
     order = [run.states.index(str(split(name))) for name in zc.STATES]
     sources = {str(split(name)): value for name, value in zip(zc.SOURCES, u, strict=True)}
-    mine, state = numbers(run, params), np.empty(8)
+    mine, state = by_name(run, params), np.empty(8)
     state[order] = x
     expected = zc.explicit_rhs(0.0, x, params, u)
     scale = np.abs(expected).max()
@@ -129,7 +115,7 @@ def test_frequency_responses_agree(params: zc.BondParameters) -> None:
     run = train(*PREFERENCE)
     order = [run.states.index(str(split(name))) for name in zc.STATES]
     columns = [run.inputs.index(str(split(name))) for name in zc.SOURCES]
-    A, B = run.matrices(numbers(run, params))
+    A, B = run.matrices(by_name(run, params))
     A, B = A[np.ix_(order, order)], B[np.ix_(order, columns)]
     A_printed, B_printed = zc.explicit_matrices(params)
     for w in np.geomspace(1e-2, 1e5, 60):
@@ -145,15 +131,15 @@ def test_any_preference_gives_the_same_motion(prefer: tuple[int, ...]) -> None:
     first, second = train(*PREFERENCE), train(*prefer)
     # sources held constant: with another choice of states their rates stay out as well
     x = rng.normal(size=8)
-    variables = first.bond_variables(0.0, x, u, numbers(first, params))
+    variables = first.bond_variables(0.0, x, u, by_name(first, params))
     q = dict(zip(first.states, x, strict=True))
     other = [q.get(n) if n[0] == "q" else params.I[int(n[2:])] * variables[int(n[2:])][1] for n in second.states]
     assert len(other) == 8
     assert second.states != first.states
-    again = second.bond_variables(0.0, other, u, numbers(second, params))
+    again = second.bond_variables(0.0, other, u, by_name(second, params))
     scale = max(abs(value) for pair in variables.values() for value in pair)
     assert all(again[n] == pytest.approx(variables[n], abs=1e-11 * scale) for n in variables)
-    rates = dict(zip(second.states, second.rhs(0.0, other, u, numbers(second, params)), strict=True))
+    rates = dict(zip(second.states, second.rhs(0.0, other, u, by_name(second, params)), strict=True))
     for name, rate in rates.items():
         assert rate == pytest.approx(variables[int(name[2:])][0 if name[0] == "p" else 1], abs=1e-11 * scale)
 
@@ -162,7 +148,7 @@ def test_power_and_shared_variables_at_every_junction_and_transformer() -> None:
     rng = np.random.default_rng(5)
     params, run = random_parameters(rng), train(*PREFERENCE)
     x, u = rng.normal(size=8), rng.normal(size=4)
-    variables, graph = run.bond_variables(0.0, x, u, numbers(run, params)), run.equations.graph
+    variables, graph = run.bond_variables(0.0, x, u, by_name(run, params)), run.equations.graph
     scale = max(abs(e * f) for e, f in variables.values())
     for element in graph.elements:
         if isinstance(element, Junction | TF):
@@ -184,7 +170,7 @@ def test_flows_are_those_of_the_reading() -> None:
     state = np.empty(8)
     state[order] = x
     sources = {str(split(name)): value for name, value in zip(zc.SOURCES, u, strict=True)}
-    variables = run.bond_variables(0.0, state, sources, numbers(run, params))
+    variables = run.bond_variables(0.0, state, sources, by_name(run, params))
     for bond, flow in zc.flows(x, params, u).items():
         assert variables[bond][1] == pytest.approx(flow, rel=1e-11, abs=1e-12)
 
