@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import math
 import time
 import warnings
 from collections.abc import Iterator
@@ -94,7 +95,7 @@ def _at(system: gl.System, train: Train, rtol: float, given: dict[str, Any], fam
             elif method == "auto":
                 why = f"{stats['method']}: {stats['why']}"
             work[method] = float(stats.get("work") or 0.0)
-            if method != "auto" and turn and spent > HOPELESS * seconds["auto"]:
+            if method != "auto" and turn and spent > HOPELESS * seconds.get("auto", math.inf):
                 methods.remove(method)
         if turn and turn * sum(seconds.values()) > ENOUGH:
             break
