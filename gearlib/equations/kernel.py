@@ -25,6 +25,7 @@ CALL, DIVISION = 20, 4  # cost, in additions, of an elementary function such as 
 
 # Conditions on arrays of different shapes (of time alone, of parameters alone) are combined pairwise
 _NAMES = vars(np) | {
+    "reduce": reduce,  # of the largest and the least of several
     "logical_and": SimpleNamespace(reduce=partial(reduce, np.logical_and)),
     "logical_or": SimpleNamespace(reduce=partial(reduce, np.logical_or)),
 }

@@ -14,6 +14,7 @@ import sympy
 import gearlib as gl
 from gearlib.equations.kernel import (
     Kernel,
+    array_function,
     derivative_of,
     differentiated,
     partial_kernel,
@@ -146,3 +147,10 @@ def test_what_is_derived_from_a_template_goes_with_it() -> None:
     del template, kernels
     gc.collect()
     assert [there() for there in gone] == [None, None]
+
+
+def test_the_largest_and_the_least_of_several() -> None:
+    x, y, z = sympy.symbols("x y z", real=True)
+    largest, least = array_function((x, y, z), sympy.Max(x, y, z), sympy.Min(x, y, z))(np.array([1.0, 5.0]), 2.0, 3.0)
+    assert largest.tolist() == [3.0, 5.0]
+    assert least.tolist() == [1.0, 2.0]
