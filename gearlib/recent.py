@@ -1,4 +1,4 @@
-"""`recent`: what an object remembers of the last computations, in a dictionary of its own."""
+"""`recent`: a bounded cache of the last results of an object, in a dictionary that it owns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast an expression changes with time by itself: the rates of its sinusoids and bell curves.
+"""Rates of explicit functions of time in an expression: of its sinusoids and bell curves.
 
 A polynomial or an exponential of time has no pulse that a step could pass over unseen, and where a condition on time switches is known.
 A sinusoid has one in each period, and a bell curve, the exponential of a quadratic in time, has one that is as wide as its exponent's

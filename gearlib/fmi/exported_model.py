@@ -99,7 +99,7 @@ class ExportedModel:
 
     @cached_property
     def observed(self) -> Program:
-        """Computes the derivatives of the states, followed by what the outputs need."""
+        """Computes the derivatives of the states, followed by the variables that the outputs need."""
         rates = [(v, k + 1) for v, k in self.scene.states]
         return build(self.scene.structure, [*rates, *self.nodes], self.scene.states, dynamic=False)
 

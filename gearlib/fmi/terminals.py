@@ -36,7 +36,7 @@ class TerminalMember:
 
 @dataclass(frozen=True)
 class FlangeTerminal:
-    """A flange at which an FMU is driven, by the path of the connector, with what is given and what comes back there."""
+    """A flange at which an FMU is driven: path of the connector, its inputs, and its outputs."""
 
     name: str
     description: str
@@ -72,7 +72,7 @@ def terminals(exported: ExportedModel, variables: FmuVariables) -> tuple[FlangeT
 def _members(
     exported: ExportedModel, public: dict[str, str], owner: str, connector: str, declared: dict[str, Potential | Flow]
 ) -> Iterator[TerminalMember]:
-    """The inputs and outputs that are a connector's variables, or derivatives of its potential; an input's unit tells what it gives."""
+    """Inputs and outputs that are a connector's variables or derivatives of its potential; an input is recognised by its unit."""
     model = exported.model
     speeds = _speeds(model)
     for member, variable in declared.items():
@@ -100,7 +100,7 @@ def _members(
 
 
 def _place(model: FlatModel, name: str) -> tuple[int, int]:
-    """The variable that stands for one, and with which sign; -1 where there is none."""
+    """Index of the representative of a variable, and its sign; -1 if there is none."""
     k = model.find(name)
     return (-1, 0) if k is None else (int(model.representative[k]), int(model.sign[k]))
 

@@ -7,7 +7,7 @@ from gearlib.language.declarations import Input, Parameter, Variable
 from gearlib.language.energy import Energy
 from gearlib.language.expressions import Eq, der
 
-SHORTEST = 1e-9  # s
+SHORTEST = 1e-9  # s; a run is divided into pieces no longer than its shortest delay
 
 
 class Delayed(Component):

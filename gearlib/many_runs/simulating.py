@@ -92,7 +92,7 @@ class Simulating(Work):
 
     @property
     def _histories_of(self) -> tuple[str, ...]:
-        """The variables whose histories are kept, or reduced by what knows how to."""
+        """The variables whose histories are kept, or reduced by a `Reduction`."""
         return (*self.outputs, *(f.name for f in self.reduce.values() if isinstance(f, Reduction)))
 
     def _reduced(self, result: SimulatedResult) -> Row | GearlibError:
@@ -200,7 +200,7 @@ def _side_by_side(
     translation: Translation, samples: Samples, request: Request, parameters: Mapping[str, float], inputs: Mapping[str, Any],
     outputs: Sequence[str], reduce: Mapping[str, Callable[[Any], Any]], lanes: int | str,
 ) -> SideBySide | str:  # fmt: skip
-    """What carries the runs out side by side, or why they are carried out one after another."""
+    """The simulations of many runs at a time, or the reason why the runs are performed one after another."""
     if len(samples) < LANES:
         return f"there are fewer than {LANES} runs"
     own = [signal for column in samples.columns.values() if isinstance(column, tuple) for signal in column]

@@ -76,7 +76,7 @@ class Work(ABC):
 
     @property
     def statistics(self) -> Mapping[str, Any]:
-        """What is to be said of how the runs are carried out, among the sweep's ``stats``."""
+        """Entries for the sweep's ``stats`` on how the runs are performed."""
         return {}
 
     @abstractmethod

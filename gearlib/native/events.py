@@ -45,7 +45,7 @@ def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: 
     gives their offset and number. ``notes``: whether to record, behind the body's part of ``data``, how often states were
     re-initialised, and from which discrete state and states, up to `MOST_STEPS` times.
     """
-    body = looped(relations.program, layout, holding=False)  # the modes change from one iteration to the next
+    body = looped(relations.program, layout, holding=False)  # the discrete state changes from one iteration to the next
     numbers = root_numbers(relations)
     passes = _passes(body, relations, model, numbers)
     iteration = relations.event_iteration

@@ -178,7 +178,7 @@ class _Body:
         return list(constant_values(batch, self.parameters))
 
     def _computed(self, batch: Batch, i: int) -> None:
-        """A line for what is no linear form, under the name of its slot."""
+        """A line that computes a nonlinear quantity, named by its slot."""
         target = int(batch.targets[i])
         arguments = {a: self._argument(target, a, self.forms[int(slot)]) for a, slot in enumerate(batch.arguments[i])}
         text = expression(

@@ -21,9 +21,8 @@ Integers = NDArray[np.int64]
 MODEL = Prototype("int32", ("float", "int", "int", "int", "int"))
 MOST_HELD = 400  # unknowns up to which a dense block whose matrix only events change is solved by its inverse
 FACTORISED = 5.0  # cost of a sparse factorisation, relative to one substitution
-CHECKED = (
-    150.0  # cost of comparing the modes, and of the short loops around one solution with a kept matrix, in additions (measured)
-)
+# Cost, in additions, of comparing the discrete state, and of the short loops around one solution with a kept matrix (measured)
+CHECKED = 150.0
 SERVES = 50.0  # evaluations between two events: the shortest service that a kept matrix is made for
 INDIRECT = 3.0  # cost of one operation of a sparse elimination or substitution, relative to one of a product
 SEARCH = 6.0  # cost of one operation of pivoted elimination in short loops, relative to an addition

@@ -98,7 +98,7 @@ class _Equation:
     place: int
 
     def nodes(self) -> list[tuple[int, Node, int]]:
-        """(column, node, sign) of what it holds."""
+        """(column, node, sign) of its variables."""
         where = {name: j for j, name in enumerate(self.group.template.locals)}
         variables, signs = self.group.variables[self.place].tolist(), self.group.signs[self.place].tolist()
         named = [(c, where[name], order) for c, (name, order) in enumerate(self.template.columns)]

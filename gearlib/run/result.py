@@ -594,7 +594,7 @@ class SimulatedResult(Result):
             self._extended._compute_together([n for n in nodes if self.scene.missing(n)])
 
     def _extend(self, missing: Iterable[Node]) -> SimulatedResult:
-        """The run with additional states, integrated beside its stored motion, or again: at first with those that are asked for.
+        """The run with additional states, integrated beside its stored motion, or anew: at first with the requested ones only.
 
         The next time with all of them: so the run is integrated twice more at most.
         """

@@ -209,7 +209,7 @@ class End:
 
 
 def search_steady(scene: Scene, numbers: Prepared, start: Start, inputs: Floats, t: float) -> Floats:
-    """A steady state: nothing accelerates, and nothing changes but what no equation depends on, such as the angles of the train.
+    """A steady state: all rates vanish, except those of variables on which no equation depends, such as the angles of the train.
 
     Growing states keep their start values. Of several steady states it is the one that the motion from the start values reaches.
 

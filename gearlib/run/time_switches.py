@@ -169,7 +169,7 @@ class FastestDrive:
 
 
 def fastest_drive(program: Program, relations: Relations | None) -> FastestDrive:
-    """What time drives in the equations of a scene and in what its events compare with variables."""
+    """The fastest explicit functions of time in the equations of a scene and in its event functions."""
     known, constant = True, 0.0
     varying: list[tuple[Callable[..., Any], NDArray[np.int64]]] = []
     for batch in _driven(program, relations):

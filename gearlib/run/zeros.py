@@ -65,7 +65,7 @@ def nothing_special(multiplied: Integers, added: Sums, parameters: Floats) -> ND
 
 
 def can_be_solved(scene: Scene, parameters: Floats) -> bool:
-    """Whether nothing is divided by zero, as far as can be told before a run."""
+    """Whether no divisor is zero, as far as this is known before a run."""
     try:
         numbers = scene.numbers(parameters)
     except SingularError:

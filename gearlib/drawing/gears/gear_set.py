@@ -126,7 +126,7 @@ class GearSet:
 
 
 def meshing_turn(z_a: int, z_b: int, ring: bool, place: float, turn: tuple[float, float, float]) -> tuple[float, float, float]:
-    """How wheel b turns in mesh with wheel a, which turns as ``turn`` says; b's axis stands at ``place`` on the carrier.
+    """Rotation of wheel b in mesh with wheel a, whose rotation is ``turn``; b's axis is at the angle ``place`` on the carrier.
 
     On the line of centres a tooth of the one faces a space of the other. Of a ring the spaces are counted, so a tooth of b is where a
     space of the ring is.

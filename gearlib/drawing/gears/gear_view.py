@@ -229,7 +229,7 @@ def _rim(gears: GearSet, wheel: int) -> float:
 
 
 def _mark(gears: GearSet, wheel: int) -> tuple[float, float]:
-    """The stroke by which one sees a wheel turn: its inner and outer end, m from the axis."""
+    """The mark that shows a wheel's rotation: distances of its inner and outer end from the axis, m."""
     drawn = gears.wheels[wheel]
     if drawn.ring:
         rim = _rim(gears, wheel)
@@ -298,7 +298,7 @@ def _named(gears: GearSet, x: float) -> Iterator[str]:
 
 
 def _length(frames: int) -> float:
-    """Of the animation, s."""
+    """Duration of the animation, s."""
     return max(0.08 * frames, 1.0)
 
 

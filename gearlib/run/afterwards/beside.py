@@ -86,7 +86,7 @@ def _levels(scene: Scene, added: Sequence[Node]) -> list[Level] | None:
 
 
 def _known_modes(own: Scene, scene: Scene, levels: Sequence[Level]) -> bool:
-    """Whether the run knows all that switches the derivatives, and nothing in them is found by iteration."""
+    """Whether the run has tracked all relations in the derivatives, and these need no iteration."""
     if scene.relations is not None:
         theirs, ours = scene.relations, own.relations
         if ours is None or not set(theirs.used.tolist()) <= set(ours.used.tolist()):
@@ -124,7 +124,7 @@ class _Beside:
         return found
 
     def integrals(self, m: int, method: Gauss) -> Floats:
-        """All states at the edges, with each step in so many parts; the coarse method also has coarser polynomials."""
+        """All states at the edges, with each step divided into ``m`` parts; the coarse method also uses coarser polynomials."""
         edges, trace, points = self.edges, self.trace, method.points
         samples = self.part.time, self.part.states[:, trace.columns]
         found = np.empty((len(edges), len(self.scene.states)))

@@ -103,7 +103,7 @@ class _Tracking:
         self.places = np.unique(np.concatenate([np.linspace(begin, end, POINTS + 1), before[before > begin], inside]))
         self.known: dict[
             float, tuple[tuple[Floats, Floats, Floats], int]
-        ] = {}  # the path at some times, and which of them it is
+        ] = {}  # path at known times, with the index of the time in its batch
         self.delta: dict[float, float] = {}
         self._look(self.places, self.span / POINTS, end)
 

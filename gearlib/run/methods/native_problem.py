@@ -147,7 +147,7 @@ def _effort(scene: Scene | SceneForm, native: NativeScene, functions: int, table
 
 
 def _culprit(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str:
-    """Description of what cannot be evaluated where a run ended."""
+    """Description of the expression that cannot be evaluated where a run ended."""
     from gearlib.run.refusals.blame import culprit
 
     modes = data[shared.relations :][: shared.n_modes].copy()

@@ -27,7 +27,7 @@ GENERATIONS = 6  # of a bend: each integration makes it smoother by one order
 
 @dataclass(frozen=True, eq=False)
 class Delay:
-    """A delay of a compiled model: what it reads, the number of the input that it gives, the parameter that says how long."""
+    """A delay of a compiled model: the variable that it reads, the index of the input that it provides, the parameter with its length."""
 
     path: str
     reads: tuple[str, ...]
@@ -63,7 +63,7 @@ class DelayHistory:
 
     @classmethod
     def going_on(cls, delay: float, signal: Any, t: float) -> DelayHistory:
-        """The history with which a run begins or goes on at a time: a constant, or what an earlier run has left."""
+        """The history at the start of a run: constant, or that of the run which it continues."""
         known = signal if isinstance(signal, Table) else Table([t], [float(signal)])
         ahead = [(b, 0) for b in known.corners.tolist() if t < b < t + delay]
         return cls(delay, [-math.inf], [known], [*ahead, (t + delay, 0)], float(np.abs(known.y).max()))
@@ -82,7 +82,7 @@ class DelayHistory:
         return [b for b, _ in self.bends if t < b < end]
 
     def add(self, times: Sequence[float], read: Sequence[tuple[Floats, Floats]], before: Sequence[tuple[float, int]]) -> None:
-        """The history of a piece: the stretches between some times, as points; and the bends of what drove the piece."""
+        """Append the history of a piece: points on the intervals between some times, and the kinks of the inputs in it."""
         for begin, (t, u) in zip(times, read, strict=True):
             self.begins.append(begin + self.delay)
             self.tables.append(Table(t + self.delay, u, "cubic" if len(t) > 3 else "linear"))

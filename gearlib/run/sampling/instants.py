@@ -139,7 +139,7 @@ def _with_history(
     run: Run, method: Integrates, switched: Switched, controllers: Sequence[Controller | Delay], histories: dict[int, DelayHistory],
     count: int,
 ) -> tuple[list[tuple[Run, Solution]], int]:  # fmt: skip
-    """Integrate a piece, and add what delays read in it to their histories: with so many points that splines through them are right."""
+    """Integrate a piece, and append the signals that delays read to their histories, at enough points for accurate splines."""
     t, end = float(run.times[0]), float(run.times[-1])
     run = replace(run, max_step=min(run.longest_step, (end - t) / STEPS))
     before = [(b, level) for history in histories.values() for b, level in history.bends if t <= b < end]
@@ -205,7 +205,7 @@ def begun_with(begin: Callable[[tuple[Any, ...]], Start], run: Run, controllers:
 
 
 def given_before(controllers: Sequence[Controller | Delay], before: Sequence[Any], signals: Sequence[Any]) -> tuple[Any, ...]:
-    """Inputs with which a run goes on: those that controllers and delays give are as the earlier run has left them."""
+    """Inputs of a continued run; outputs of controllers and delays keep their values from the end of the earlier run."""
     given = {k for controller in controllers for k in controller.gives}
     return tuple(before[k] if k in given else s for k, s in enumerate(signals))
 

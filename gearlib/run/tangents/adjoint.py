@@ -135,7 +135,7 @@ class Adjoint:
         return np.concatenate(parts, axis=1)
 
     def _at_samples(self) -> tuple[Floats, Floats]:
-        """Jumps of the adjoint at the samples, (samples, states), and what parameters change of the outputs themselves."""
+        """Jumps of the adjoint at the samples, (samples, states), and the direct derivatives of the outputs with respect to parameters."""
         n = len(self.scene.states)
         jumps, direct = np.zeros((len(self.times), n)), np.zeros(len(self.directions))
         others: dict[int, list[tuple[int, int]]] = {}
@@ -161,7 +161,7 @@ class Adjoint:
         return jumps, direct
 
     def _integrated(self, jumps: Floats, steps: int) -> Floats:
-        """The part of the derivative that comes with the states, with at least so many steps."""
+        """The part of the derivative that acts through the states, with a minimum number of steps."""
         scene, n = self.scene, len(self.scene.states)
         due = {float(t): jump for t, jump in zip(self.times, jumps, strict=True) if jump.any()}
         edges, h = self._steps(steps, sorted(due))

@@ -1,4 +1,4 @@
-"""Derivatives of a scene's linear form in some directions: of its matrices, of what drives it, and of the times at which that switches.
+"""Derivatives of a scene's linear form in some directions: of its matrices, its driving terms, and their switching times.
 
 x' = A x + B u(t, p) gives S' = A S + A_p x + B_p u + B du/dp, with du/dp as further inputs: a derivative of a sum of polynomials, sines
 and exponentials of time is another one, so that the tangents have an exact solution, too.

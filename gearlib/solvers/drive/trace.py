@@ -79,7 +79,7 @@ class Trace:
         return self._rows[:, 1 + 2 * len(self.columns) :]
 
     def at(self, times: Floats, steps: Integers, sample_times: Floats, samples: Floats) -> tuple[Floats, Floats]:
-        """The states that were kept, and the same less the estimated error of the polynomials; shapes (times, columns).
+        """The traced states, and the same minus the estimated interpolation error; shapes (times, columns).
 
         ``steps``: the end where the step of each time begins, not decreasing. Samples help where there are few ends between two events.
         """

@@ -73,7 +73,7 @@ def _march(A: Floats, B: Floats, forcing: Forcing, cuts: Sequence[Stretch], x: F
 
 
 def _generator(A: Floats, B: Floats, exosystem: Exosystem) -> Floats:
-    """Matrices of the states with what generates their inputs."""
+    """Matrices of the states augmented by the exosystem that generates their inputs."""
     runs, n, order = len(A), A.shape[1], len(exosystem.S)
     G = np.zeros((runs, n + order, n + order))
     G[:, :n, :n], G[:, :n, n:], G[:, n:, n:] = A, B @ exosystem.H, exosystem.S
@@ -92,7 +92,7 @@ class RepeatedSteps:
         return self._chain[k]
 
     def after(self, z: Floats, count: int) -> Floats:
-        """The vectors that follow after so many steps."""
+        """The vectors after a number of steps."""
         for k in range(count.bit_length()):
             if count >> k & 1:
                 z = z + (self._of(k) @ z[:, :, None])[:, :, 0]

@@ -183,7 +183,7 @@ class Table(Tabulated):
         return found
 
     def between(self, begin: float, end: float) -> Table:
-        """The part that holds from one time up to another one; after that its last piece goes on."""
+        """The part between two times; its last piece extends beyond the end."""
         first = max(int(np.searchsorted(self.t, begin, side="right")) - 1, 0)
         last = max(int(np.searchsorted(self.t, end, side="left")), first + 1)
         found = copy(self)
