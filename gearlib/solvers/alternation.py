@@ -151,10 +151,11 @@ def _stays(other: Driver, pace: float, spent: float, trial: float) -> bool:
 
     After an event the implicit method is slow for a while, which is no reason to leave it.
     """
-    lost = 0.0
+    lost, steps = 0.0, 0
     while other.status == "more":
-        t, work = other.t, other.work
-        other.advance(WINDOW)
+        t, work, window = other.t, other.work, max(WINDOW, int(SHARE * steps))  # a call takes as long as several steps
+        other.advance(window)
+        steps += window
         lost = max(0.0, lost + other.work - work - (other.t - t) / pace)
         if other.status == "more" and lost > max(LOST * trial, SHARE * (spent + other.work)):
             return False
