@@ -79,7 +79,7 @@ class Leaf(gl.Component):
 
 
 LOOP = ("torque.tau", "load.w")
-MODEL = r'model M "with a \"quoted\" word" Real x = 1; end M;'
+MODEL = r'model M "with a \"quoted\" word" parameter Real k = 2; Real x(start=k); equation der(x) = -k * x; end M;'
 
 
 @lru_cache(maxsize=1)

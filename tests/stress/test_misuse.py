@@ -83,7 +83,12 @@ def test_a_part_of_the_misuses(group: str) -> None:
     assert not short, "\n".join(short)
 
 
-DEAR = SLOW | {"sweep", "frequency_response of a model", "transmission_error_response", "System.export_fmu"}
+DEAR = SLOW - {"harmonic_balance"} | {
+    "sweep",
+    "frequency_response of a model",
+    "transmission_error_response",
+    "System.export_fmu",
+}
 
 
 @pytest.mark.parametrize("group", sorted(set(GROUPS) - {"plots", "components"}))
