@@ -17,7 +17,7 @@ class Given(gl.Component):
     inertia = gl.Parameter("kg.m2", default=2.0)
 
     def assemble(self) -> list[Any]:
-        self.body = gp.Inertia(J=self.inertia, start={"phi": self.angle, "w": 3.0})
+        self.body = gp.Inertia(J=self.inertia, start={"w": 3.0, "phi": self.angle})
         self.load = gp.Inertia(J=1.0, start={"phi": 2}, guess={"w": 2 * self.angle})
         return [gl.connect(self.body.flange_b, self.load.flange_a)]
 

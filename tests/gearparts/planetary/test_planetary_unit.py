@@ -110,3 +110,16 @@ def test_lumped_planets_count_by_their_sums(probe: Callable[..., Any]) -> None:
     six = np.sort_complex(np.linalg.eigvals(probe(unit("lumped", 6, **half)).A))
     three = np.sort_complex(np.linalg.eigvals(probe(unit("lumped", 3, I_at_ring=0.01, I_at_sun=0.02)).A))
     assert six == pytest.approx(three, abs=1e-9 * abs(three).max())
+
+
+@pytest.mark.parametrize("planets", [1, 2, 3, 5])
+def test_planets_stand_at_equal_distances_unless_positions_are_given(planets: int) -> None:
+    def angles(**more: Any) -> np.ndarray:
+        return np.array(gp.PlanetaryUnit(planet_meshes="separate", planets=planets, **more, **gl.offered(DATA)).angles(), float)
+
+    around = np.exp(1j * angles())
+    assert around[0] == 1.0
+    assert around**planets == pytest.approx(np.ones(planets))
+    assert len(set(np.round(around, 9))) == planets
+    given = tuple(0.1 + 1.1 * n for n in range(planets))
+    assert tuple(angles(positions=given)) == given
