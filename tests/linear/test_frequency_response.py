@@ -141,6 +141,19 @@ def test_a_large_model_of_python_control_has_its_signals_names() -> None:
         gl.frequency_response(control.ss(A, B, C, np.zeros((2, 2)), 0.1), w)
 
 
+def test_a_large_model_s_feedthrough_is_added() -> None:
+    """Modes of their own: D + sum of c b / (jw - a)."""
+    rng = np.random.default_rng(3)
+    a, b, c = -rng.uniform(1, 2, 150), rng.normal(size=(150, 2)), rng.normal(size=(1, 150))
+    D = np.array([[3.0, -40.0]])
+    w = np.array([0.1, 1.0, 30.0])
+    model = control.ss(np.diag(a), b, c, D, inputs=["a", "b"], outputs=["x"])
+    assert is_sparse(model.A)
+    response = gl.frequency_response(model, w)
+    for k, name in enumerate(("a", "b")):
+        assert response["x", name] == pytest.approx(np.array([D[0, k] + c[0] / (1j * at - a) @ b[:, k] for at in w]), rel=1e-10)
+
+
 def test_response_says_what_is_wrong(paper: gl.System, chain: Callable[..., gl.System]) -> None:
     with pytest.raises(gl.GearlibError, match="has a pole at 0 rad/s"):
         gl.frequency_response(chain(n=2), [0.0], ["torque.tau"], ["body[1].w"])
