@@ -174,10 +174,11 @@ def _last_first(model: FlatModel, variables: Collection[int], wanted: Collection
 def last_names(model: FlatModel, variables: Collection[int]) -> dict[int, str]:
     """For each representative, the alphabetically last name among its aliases.
 
-    Which alias is the representative depends on the order in which the parts were made; the result must not.
+    Which alias is the representative depends on the order in which the parts were made, as do the partial sums of flows; the result
+    must not.
     """
     names: dict[int, list[str]] = {v: [] for v in variables}
-    for same in np.flatnonzero(np.isin(model.representative, list(names))).tolist():
+    for same in np.flatnonzero(np.isin(model.representative[: model.auxiliary], list(names))).tolist():
         names[int(model.representative[same])].append(model.name(same))
     return {v: max(same, key=alphabetical, default=model.name(v)) for v, same in names.items()}
 
