@@ -103,6 +103,17 @@ class Gap:
         return float(self.side * max(0.0, spring + limited))
 
 
+def _missed(found: Any, function: Any) -> bool:
+    """Whether an event that ends the integration is hidden within a step, after which its function has its old sign again."""
+    steps = zip(found.t[:-1], found.t[1:], strict=True)
+    ahead = function.direction * np.array(
+        [function(s, found.sol(s)) for a, b in steps for s in np.linspace(a, b, 4, endpoint=False)]
+    )
+    rounding = 1e-9 * np.abs(ahead).max()
+    before = np.flatnonzero(ahead < -rounding)
+    return bool(len(before) and (ahead[before[0] :] > rounding).any())
+
+
 @dataclass
 class Motion:
     """The outcome: states at the samples, moments of events, and what was discrete at the samples."""
@@ -396,12 +407,15 @@ class HybridTrain:
                 def rates(t: float, x: Floats, modes: list[str] = modes, last: float = last) -> Floats:
                     return np.concatenate([x[self.n :], self.accelerations(min(t, last), x, modes)[0]])
 
-                found = solve_ivp(
-                    rates, (t, stop), x, "DOP853", rtol=rtol, atol=rtol * 0.01, events=functions or None, dense_output=True,
-                    max_step=0.02 * train.t_end, first_step=min(SHORT * train.t_end, stop - t),
-                )  # fmt: skip
-                if found.status < 0:
-                    raise Unclear("the reference's integrator gave up")
+                for longest in (0.02, 0.001):
+                    found = solve_ivp(
+                        rates, (t, stop), x, "DOP853", rtol=rtol, atol=rtol * 0.01, events=functions or None, dense_output=True,
+                        max_step=longest * train.t_end, first_step=min(SHORT * train.t_end, stop - t),
+                    )  # fmt: skip
+                    if found.status < 0:
+                        raise Unclear("the reference's integrator gave up")
+                    if not any(_missed(found, function) for function in functions):
+                        break
                 end = float(found.t[-1])
                 while done < len(order) and (order[done] < end or (order[done] == end == train.t_end)):
                     self._record(values, order[done], found.sol(order[done]) if order[done] > t else x)

@@ -119,6 +119,17 @@ def test_switching_reference_bounces() -> None:
     assert found.events == pytest.approx([0.5])
 
 
+def test_switching_reference_finds_a_shallow_dip() -> None:
+    """A speed sin(w t) is below the threshold for 4.5 ms."""
+    parts = (
+        part("a", "Inertia", 0, 0, J=1.0),
+        part("t", "Torque", 0, tau=Signal(amplitude=2 * np.pi, omega=2 * np.pi, phase=np.pi / 2)),
+        part("c", "Switched", 0, tau_on=1.0, w_low=-0.9999, w_high=5.0),
+    )
+    found = HybridTrain(Train(parts, (0.0,), (0.0,))).solve(TIMES)
+    assert found.events == pytest.approx([0.5 + np.arcsin(0.9999) / (2 * np.pi)], abs=1e-8)
+
+
 def test_a_description_shrinks_to_what_matters() -> None:
     train = linear_train(0)
     name = train.parts[-1].name
