@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -33,17 +34,20 @@ def judge_order(train: Train, seed: int = 0) -> Verdict:
 
 
 def answers(train: Train, order: int, methods: Sequence[str] = METHODS) -> dict[str, Any]:
-    """What each method and each analysis says; of a refusal, its kind."""
+    """What each method and each analysis says and warns of; of a refusal, its kind."""
     try:
         system = gl.compile(Model(train=train, order=order))
     except gl.GearlibError as refusal:
         return {"compile": type(refusal).__name__}
     found: dict[str, Any] = {"redundant": redundant(system)}
     for name, action in questions(system, train, methods):
-        try:
-            found |= {f"{name}: {what}": value for what, value in action().items()}
-        except gl.GearlibError as refusal:
-            found[name] = type(refusal).__name__
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always", gl.InputWarning)  # a torque between two flanges of one shaft has no effect
+            try:
+                found |= {f"{name}: {what}": value for what, value in action().items()}
+            except gl.GearlibError as refusal:
+                found[name] = type(refusal).__name__
+        found[f"{name}: warnings"] = sorted(f"{w.category.__name__}: {w.message}" for w in said)
     return found
 
 

@@ -8,13 +8,20 @@ import gearlib as gl
 from tests.stress.analyses_campaign import analysed_train
 from tests.stress.described import Model
 from tests.stress.linear_draw import linear_train
-from tests.stress.order import differences, redundant
+from tests.stress.order import answers, differences, redundant
 
 
 @pytest.mark.parametrize("seed", [3, 17, 31])
 def test_a_few_trains(seed: int) -> None:
     """Rigid loops, prescribed speeds, elastic trains."""
     assert differences(analysed_train(seed), seed + 1) == []
+
+
+def test_what_is_warned_of() -> None:
+    """Torques between two flanges of one shaft: in any order the same inputs are named as those to which nothing responds."""
+    one, other = (answers(linear_train(27), order, []) for order in (0, 28))
+    assert len(one["response: warnings"]) == 2
+    assert one["response: warnings"] == other["response: warnings"]
 
 
 @pytest.mark.parametrize("seed", [100030, 100046])
