@@ -33,15 +33,18 @@ class TableColumn(SO):
             return [gl.Eq(self.T0, gl.pre(self.T0)), gl.Eq(self.y, self.offset + begun)]
         period, first = float(t[-1] - t[0]), float(t[0])
         turn = 2 * gl.pi * (gl.time - self.shift_time - first) / period
-        angle = gl.atan2(gl.sin(turn), gl.cos(turn)) / (2 * gl.pi)
+        angle, rounding = gl.atan2(gl.sin(turn), gl.cos(turn)) / (2 * gl.pi), 1e-15 * (1 + abs(turn))
         since = period * gl.no_event(
-            gl.Piecewise((angle, angle >= 0), (angle + 1, True))
+            gl.Piecewise((angle, angle >= -rounding), (angle + 1, True))
         )  # where a run starts between instants
-        instant = gl.sample(period, self.shift_time + first)
+        instant = gl.sample(period, self.shift_time + first)  # has no instants before the first one
+        earlier = gl.And(gl.time < self.shift_time + first, gl.time - gl.pre(self.T0) >= t[-1])
         begin = gl.Piecewise(
-            (gl.time - first, instant), (gl.time - since - first, gl.Or(gl.initial(), gl.time < self.shift_time + first)),
+            (gl.time - first, instant),
+            (gl.time - since - first, gl.initial()),
+            (gl.pre(self.T0) + period, earlier),
             (gl.pre(self.T0), True),
-        )  # fmt: skip
+        )
         return [gl.Eq(self.T0, begin), gl.Eq(self.y, self.offset + begun)]
 
 

@@ -65,6 +65,33 @@ def test_offset_start_and_shift() -> None:
     assert close(y, np.where(t < 0.77, 0.0, np.interp((t - 0.77) % 0.9, T, Y[0])), 1e-9)
 
 
+@pytest.mark.parametrize(
+    ("t_start", "shift_time", "smoothness"), [(-3.0, 1.37, "linear"), (0.0, 4.0, "constant"), (1.3, 4.0, "linear")]
+)
+def test_a_periodic_table_repeats_before_its_first_row_too(t_start: float, shift_time: float, smoothness: str) -> None:
+    class Held(gl.Component):
+        y = gl.Variable("1", start=0.0)
+
+        def assemble(self) -> list[gl.Connection]:
+            table = B.CombiTimeTable(
+                table=ROWS, smoothness=smoothness, extrapolation="periodic", start_time=-5.0, shift_time=shift_time
+            )
+            self.plan = table
+            return []
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.y), self.plan.outputs[0].y)]
+
+    system, times = gl.compile(Held()), t_start + 0.0137 + 0.1 * np.arange(60)
+    fine = np.linspace(times[0], times[-1], 100_001)
+    law = LAWS[smoothness, "periodic"]
+    area = float(np.mean(law(Y[0], fine[:-1] + 0.5 * (fine[1] - fine[0]) - shift_time)) * (fine[-1] - fine[0]))
+    for method in ("rk5", "ida"):
+        r = system.simulate(float(times[-1]), t_start=float(times[0]), times=times, method=method, rtol=1e-8)
+        assert close(r["plan.outputs[0].y"], law(Y[0], times - shift_time), 1e-8)
+        assert r["y"][-1] == pytest.approx(area, abs=2e-4)
+
+
 @pytest.mark.parametrize("method", ["rk", "ida"])
 def test_corners_are_stepped_to(method: str) -> None:
     class Drive(gl.Component):
