@@ -22,7 +22,10 @@ Floats = NDArray[np.float64]
 FEWEST, MOST = 32, 16384  # points of a history in a piece
 SHARE = 0.3  # of the relative tolerance: the error of the interpolation
 APART = 1e-10  # of a piece: how far from a jump the history is read, on both sides
-GENERATIONS = 6  # of a bend: each integration makes it smoother by one order
+JUMP, KINK = (
+    1e-8,
+    1e-3,
+)  # steps of a signal, and of its slope times the length of a table, beside its largest value: below, it is smooth
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +52,8 @@ class DelayHistory:
         s.
     begins, tables : list
         When each stretch begins, s, and the signal from then on.
-    bends : list of (float, int)
-        Times at which it may jump or bend, and how often that has been through the delay.
+    bends : list of float
+        Times at which it may jump or bend.
     largest : float
         Of the signal so far.
     """
@@ -58,15 +61,15 @@ class DelayHistory:
     delay: float
     begins: list[float]
     tables: list[Table]
-    bends: list[tuple[float, int]]
+    bends: list[float]
     largest: float = 0.0
 
     @classmethod
     def going_on(cls, delay: float, signal: Any, t: float) -> DelayHistory:
         """The history at the start of a run: constant, or that of the run which it continues."""
         known = signal if isinstance(signal, Table) else Table([t], [float(signal)])
-        ahead = [(b, 0) for b in known.corners.tolist() if t < b < t + delay]
-        return cls(delay, [-math.inf], [known], [*ahead, (t + delay, 0)], float(np.abs(known.y).max()))
+        ahead = [b for b in known.corners.tolist() if t < b < t + delay]
+        return cls(delay, [-math.inf], [known], [*ahead, t + delay], float(np.abs(known.y).max()))
 
     def window(self, t: float, end: float) -> Table:
         """The signal from one time to another."""
@@ -75,22 +78,22 @@ class DelayHistory:
             self.tables[k].between(max(self.begins[k], t), self.begins[k + 1] if k < last else end)
             for k in range(first, last + 1)
         ]
-        return concatenated(parts, [b for b, _ in self.bends if t <= b <= end])
+        return concatenated(parts, [b for b in self.bends if t <= b <= end])
 
     def inside(self, t: float, end: float) -> list[float]:
         """When the signal may jump or bend between two times."""
-        return [b for b, _ in self.bends if t < b < end]
+        return [b for b in self.bends if t < b < end]
 
-    def add(self, times: Sequence[float], read: Sequence[tuple[Floats, Floats]], before: Sequence[tuple[float, int]]) -> None:
-        """Append the history of a piece: points on the intervals between some times, and the kinks of the inputs in it."""
+    def add(self, times: Sequence[float], read: Sequence[tuple[Floats, Floats]]) -> None:
+        """Append the history of a piece: points on the intervals between some times."""
+        self.bends = [b for b in self.bends if b >= times[0]]
         for begin, (t, u) in zip(times, read, strict=True):
-            self.begins.append(begin + self.delay)
-            self.tables.append(Table(t + self.delay, u, "cubic" if len(t) > 3 else "linear"))
             self.largest = max(self.largest, float(np.abs(u).max()))
-        older = {b: level + 1 for b, level in before}
-        end = times[0]
-        self.bends = [(b, level) for b, level in self.bends if b >= end]
-        self.bends += [(t + self.delay, older.get(t, 0)) for t in times if older.get(t, 0) <= GENERATIONS]
+            table = Table(t + self.delay, u, "cubic" if len(t) > 3 else "linear")
+            if not _smooth(self.tables[-1], table, self.largest):
+                self.bends.append(begin + self.delay)
+            self.begins.append(begin + self.delay)
+            self.tables.append(table)
 
     def error(self, read: Sequence[tuple[Floats, Floats]]) -> float:
         """Estimated error of the splines through some points, beside the largest value."""
@@ -104,7 +107,18 @@ class DelayHistory:
         """All of it from a time on."""
         until = [*self.begins[1:], math.inf]
         parts = [table.between(max(a, t0), b) for a, b, table in zip(self.begins, until, self.tables, strict=True) if b > t0]
-        return concatenated(parts, [b for b, _ in self.bends])
+        return concatenated(parts, self.bends)
+
+
+def _smooth(before: Table, after: Table, largest: float) -> bool:
+    """Whether a signal continues from one table to the next without a jump or a kink."""
+    c = before.coefficients
+    value, slope = c[0, -1], 0.0
+    if c.shape[1] > 1:  # the last column begins at the end
+        h = before.t[-1] - before.t[-2]
+        slope = c[1, -2] + h * (2 * c[2, -2] + 3 * h * c[3, -2])
+    step, turn = abs(after.coefficients[0, 0] - value), abs(after.coefficients[1, 0] - slope) * (after.t[-1] - after.t[0])
+    return bool(step <= JUMP * largest and turn <= KINK * largest)
 
 
 def points(times: Sequence[float], end: float, length: float, count: int) -> list[Floats]:

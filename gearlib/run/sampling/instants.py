@@ -142,8 +142,8 @@ def _with_history(
     """Integrate a piece, and append the signals that delays read to their histories, at enough points for accurate splines."""
     t, end = float(run.times[0]), float(run.times[-1])
     run = replace(run, max_step=min(run.longest_step, (end - t) / STEPS))
-    before = [(b, level) for history in histories.values() for b, level in history.bends if t <= b < end]
-    times = separate([*breakpoints(run.signals).tolist(), *(b for b, _ in before)], t, end)
+    bends = [b for history in histories.values() for b in history.bends if t < b < end]
+    times = separate([*breakpoints(run.signals).tolist(), *bends], t, end)
     while True:
         grids = points(times, end, end - t, count)
         parts = integrate_through(replace(run, times=np.unique(np.concatenate([run.times, *grids]))), method, switched)
@@ -164,7 +164,7 @@ def _with_history(
             break
         count = more_points(count, controllers[0].path, end)
     for k, points_read in read.items():
-        histories[k].add(times, points_read, before)
+        histories[k].add(times, points_read)
     return parts, count
 
 

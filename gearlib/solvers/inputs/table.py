@@ -183,12 +183,12 @@ class Table(Tabulated):
         return found
 
     def between(self, begin: float, end: float) -> Table:
-        """The part between two times; its last piece extends beyond the end."""
+        """The part between two times; its first and last piece extend beyond its ends."""
         first = max(int(np.searchsorted(self.t, begin, side="right")) - 1, 0)
         last = max(int(np.searchsorted(self.t, end, side="left")), first + 1)
         found = copy(self)
         found.t, c = self.t[first:last].copy(), self.coefficients[:, first:last].copy()
-        if (s := begin - found.t[0]) > 0.0 and math.isfinite(s):
+        if (s := begin - found.t[0]) and math.isfinite(s):
             a0, a1, a2, a3 = c[:, 0]
             c[:, 0] = a0 + s * (a1 + s * (a2 + s * a3)), a1 + s * (2 * a2 + 3 * s * a3), a2 + 3 * s * a3, a3
             found.t[0] = begin

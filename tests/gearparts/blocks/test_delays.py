@@ -231,3 +231,42 @@ def test_a_delayed_loop_agrees_with_its_frequency_response() -> None:
 
     r = gl.simulate(Sine(), 2.0, samples=81, rtol=1e-8)
     assert r["late.y"] == pytest.approx(np.where(r.time < 0.25, 0.0, -3.0 * np.cos(2 * np.pi * r.time)), abs=1e-7)
+
+
+class Pulses(gl.Component):
+    """Pulses through two delays, whose bends come to lie on each other."""
+
+    y = gl.Variable("1", start=0.0)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.pulses = B.Pulse(amplitude=2.0, period=0.7, width=30.0)
+        self.first, self.second = B.FixedDelay(delay_time=0.25), B.FixedDelay(delay_time=0.4)
+        return [gl.connect(self.pulses.y, self.first.u), gl.connect(self.first.y, self.second.u)]
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.y), self.second.y)]
+
+
+class Echo(gl.Component):
+    """A step that comes back every 0.2 s, and never becomes smoother."""
+
+    y, z = gl.Variable("1"), gl.Variable("1", start=0.0)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.step, self.late = B.Step(start_time=0.05), B.FixedDelay(delay_time=0.2, u=self.y)
+        return []
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.y, self.step.y + 0.9 * self.late.y), gl.Eq(gl.der(self.z), self.y)]
+
+
+def test_jumps_stay_jumps_in_delays_in_series_and_in_loops() -> None:
+    pulses = gl.simulate(Pulses(), 5.0, samples=38, rtol=1e-9, method="rk5")
+    late = pulses.time - 0.65  # before that, the first one has long been there
+    assert pulses["second.y"] == pytest.approx(np.where((late < 0) | (late % 0.7 < 0.21), 2.0, 0.0))
+    assert pulses["y"][-1] == pytest.approx(2.0 * (0.65 + 6 * 0.21 + 0.15), abs=1e-6)
+    echo = gl.simulate(Echo(), 4.0, samples=41, rtol=1e-9, method="rk5")
+    heights = np.cumsum(0.9 ** np.arange(21))
+    count = np.floor((echo.time - 0.05) / 0.2 + 1e-9).astype(int)
+    assert echo["y"] == pytest.approx(np.where(count < 0, 0.0, heights[count]))
+    assert echo["z"][-1] == pytest.approx(0.2 * heights[:19].sum() + 0.15 * heights[19], abs=1e-6)
