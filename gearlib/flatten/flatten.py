@@ -185,9 +185,9 @@ def out_of_bounds(table: ParameterTable, values: Floats) -> NDArray[np.bool_]:
 
 def check_bounds(table: ParameterTable, values: Floats) -> None:
     """Raise `BoundError` if a parameter is out of its bounds or not finite."""
-    bad = np.flatnonzero(out_of_bounds(table, values))
-    if len(bad):
-        k = int(bad[0])
+    least, most = table.finite_bounds
+    if not np.logical_and.reduce((values >= least) & (values <= most)):
+        k = int(np.flatnonzero(out_of_bounds(table, values))[0])
         low, high, value = table.lower[k], table.upper[k], values[k]
         if not np.isfinite(value):
             raise BoundError(f"{table.names[k]} is {value}; expected a finite number")

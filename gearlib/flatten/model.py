@@ -168,6 +168,12 @@ class ParameterTable:
         return {name: i for i, name in enumerate(self.names)}
 
     @cached_property
+    def finite_bounds(self) -> tuple[Floats, Floats]:
+        """The bounds, where none is given the largest numbers: what lies between them is finite."""
+        largest = np.finfo(float).max
+        return np.maximum(self.lower, -largest), np.minimum(self.upper, largest)
+
+    @cached_property
     def own(self) -> tuple[int, ...]:
         """Those that components declare, and inputs that are bound to a number."""
         return tuple(i for i in range(len(self.names)) if i not in self.written and i not in self.starts)
@@ -202,7 +208,7 @@ class ParameterTable:
             values[k] = value
         changed = tuple(given)
         affected = recent(self._affected, changed, lambda: self._depending_on(changed), MOST_AFFECTED)
-        return self._computed(values, affected, list(changed))
+        return self._computed(values, affected, list(changed)) if affected else values
 
     def evaluate_many(self, given: Mapping[int, float | Floats], count: int) -> Floats:
         """The complete vectors of many runs, shape (parameters, runs), with some numbers given; what is given differs from run to run."""

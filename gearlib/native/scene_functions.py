@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,7 @@ class NativeScene:
     tangent_numbers: int = 0  # offset of the numbers of `tangent_body`
     vectors: TangentVectors | None = None  # where the right-hand side is that of `vector_body`
     noted_steps: int = 0  # offset of the steps recorded by `update_body`
+    common: list[Any] = field(default_factory=list)  # the part of the problems of all runs, made by `problem_of`
 
 
 def rhs_source(

@@ -7,6 +7,7 @@ linear blocks.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -82,13 +83,8 @@ def prepare(program: Program, structure: Structure, parameters: Floats, relation
     SingularError
         Names the components whose values make the block singular.
     """
-    pivots, matrices = _constants(program, parameters)
-    wrong = (pivots == 0.0) | ~np.isfinite(pivots)
-    if wrong.any():
-        raise _divided(program, structure, parameters, int(np.argmax(wrong)))
-    blocks = [s for s in program.steps if isinstance(s, Linear)]
     return Prepared(
-        program, structure, parameters, tuple(_solution(b, structure, m) for b, m in zip(blocks, matrices, strict=True)),
+        program, structure, parameters, _solutions(program, structure, parameters),
         relations=None if relations is None else prepare(relations, structure, parameters),
     )  # fmt: skip
 
@@ -103,19 +99,34 @@ def _divided(program: Program, structure: Structure, parameters: Floats, row: in
     return SingularError(f"{owner}: {batch.kernel.template.label} cannot be solved with {names}; division by zero")
 
 
-def _constants(program: Program, parameters: Floats) -> tuple[Floats, list[Floats]]:
-    """Values of the pivots, and the entries of each linear block."""
-    function, groups = constants(program), program.constant_groups
-    if function is None:
-        parts = [np.concatenate([np.empty(0), *(constant_values(b, parameters) for b in group)]) for group in groups]
-    else:
+def _solutions(program: Program, structure: Structure, parameters: Floats) -> tuple[Floats | Factored, ...]:
+    """Solution matrices of the linear blocks, that of the last numbers where the entries of a block are as they were.
+
+    Lists, since a few numbers are compared faster so than in arrays.
+    """
+    function = constants(program)
+    if function is not None:
         try:
-            everything = np.array(function(parameters.tolist()), float)
+            everything = function(parameters.tolist())
         except (ZeroDivisionError, ValueError, OverflowError):  # the array backend gives nan or inf instead
-            parts = [np.concatenate([np.empty(0), *(constant_values(b, parameters) for b in group)]) for group in groups]
+            function = None
         else:
-            parts = [everything[here] for here in program.constant_parts]
-    return parts[0], list(parts[1:])
+            pivots, *matrices = (everything[here] for here in program.constant_parts)
+    if function is None:
+        groups = ([constant_values(b, parameters) for b in group] for group in program.constant_groups)
+        pivots, *matrices = (np.concatenate([np.empty(0), *group]).tolist() for group in groups)
+    if 0.0 in pivots or not all(map(math.isfinite, pivots)):
+        wrong = next(k for k, pivot in enumerate(pivots) if pivot == 0.0 or not math.isfinite(pivot))
+        raise _divided(program, structure, parameters, wrong)
+    found = []
+    for k, (block, entries) in enumerate(zip(program.linear_blocks, matrices, strict=True)):
+        known = program.solved.get(k)
+        if known is None or known[0] != entries:
+            known = entries, _solution(block, structure, np.array(entries, float))
+            if function is not None:  # few enough to be kept
+                program.solved[k] = known
+        found.append(known[1])
+    return tuple(found)
 
 
 def regular(program: Program, parameters: Floats) -> NDArray[np.bool_]:
@@ -187,7 +198,7 @@ def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats | 
 
 def block_solve(prepared: Prepared, block: int, right: Floats) -> Floats:
     """``inverse(A) @ right`` for a linear block, by its number; the stored solution has only the columns of known slots."""
-    step = [s for s in prepared.program.steps if isinstance(s, Linear)][block]
+    step = prepared.program.linear_blocks[block]
     solution = prepared.solutions[block]
     if isinstance(solution, Factored):
         return solution.solve(right)

@@ -217,6 +217,7 @@ class Program:
     pivots: tuple[Batch, ...]
     residuals: tuple[int, ...] = ()
     memo: dict[Any, Any] = field(init=False, default_factory=dict)  # cache of `memoised` functions
+    solved: dict[int, Any] = field(init=False, default_factory=dict)  # last entries and solution of linear blocks, made by `prepare`
 
     @cached_property
     def output_slots(self) -> Integers:
@@ -228,6 +229,11 @@ class Program:
         pairs = [(v, slot) for (v, k), slot in self.slots.items() if k == 0]
         table = np.array(pairs, np.int64).reshape(-1, 2)
         return table[:, 0], table[:, 1]
+
+    @cached_property
+    def linear_blocks(self) -> tuple[Linear, ...]:
+        """The blocks whose matrix is constant during a run."""
+        return tuple(s for s in self.steps if isinstance(s, Linear))
 
     @cached_property
     def constant_groups(self) -> tuple[tuple[Batch, ...], ...]:

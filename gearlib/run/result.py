@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from gearlib.arguments import as_path, by_name, flag, name_list, one_name, real, shown
 from gearlib.errors import ArgumentError, NameLookupError, SolverError, warn
 from gearlib.optional import optional
+from gearlib.records import altered
 from gearlib.run.request import Request
 from gearlib.run.scene import Scene
 from gearlib.run.segment import Segment
@@ -434,7 +435,7 @@ class SimulatedResult(Result):
         run: Callable[[Translation, Request, Scene], SimulatedResult],
     ) -> None:  # fmt: skip
         (first, stats, _), *later = parts
-        self.time = np.concatenate([first.time, *(part.time[1:] for part, *_ in later)])
+        self.time = np.concatenate([first.time, *(part.time[1:] for part, *_ in later)]) if later else first.time.copy()
         statistics = Statistics(stats)
         statistics.check_energy = self.check_energy
         self.stats = statistics
@@ -443,8 +444,8 @@ class SimulatedResult(Result):
         if later:
             self.stats["segments"] = len(parts)
         self.events = list(chain.from_iterable(events for *_, events in parts))
-        times = np.array([event[0] for event in self.events], float)
-        self._segments = [part for part, *_ in parts] if later else [replace(first, events=times, finer=self._finer)]
+        times = np.array([event[0] for event in self.events], float) if self.events else np.empty(0)
+        self._segments = [part for part, *_ in parts] if later else [altered(first, events=times, finer=self._finer)]
         self.scene, self.translation, self.request = first.scene, translation, request
         self._outputs = translation.states if translation.outputs is None else translation.outputs
         self._run = run

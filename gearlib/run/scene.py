@@ -152,6 +152,16 @@ class Scene:
         return found if len(found.used) or found.discretes or found.reinits else None
 
     @cached_property
+    def searched(self) -> bool:
+        """Whether there are events that are searched for: relations that do not depend on time only."""
+        return self.relations is not None and not self.relations.on_time.all()
+
+    @cached_property
+    def on_time(self) -> bool:
+        """Whether the equations or relations depend on time explicitly."""
+        return self.program.on_time or (self.relations is not None and self.relations.program.on_time)
+
+    @cached_property
     def time_switches(self) -> TimeSwitches:
         """Switching times of conditions on time."""
         return time_switches(self.relations)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from gearlib.arguments import one_of, real
 from gearlib.errors import ArgumentError, GearlibWarning, InputWarning, warn
 from gearlib.progress import RunProgress, check_progress, reporting
+from gearlib.records import altered
 from gearlib.reduce.coefficients import some
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import integrate, method_of
@@ -43,14 +45,16 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
     """
     scene = scene or translation.scene
     parameters, times = request.parameters, request.times
-    signals = tuple(s.over(request.t_start, float(times[-1])) if isinstance(s, Table) else s for s in request.signals)
+    signals = request.signals and tuple(
+        s.over(request.t_start, float(times[-1])) if isinstance(s, Table) else s for s in request.signals
+    )
     numbers = scene.prepared(parameters)
     grid = times if times[0] == request.t_start else np.concatenate([[request.t_start], times])
     if translation.structure.switching:
         from gearlib.run.refusals.jumps import refuse_jumps
 
         refuse_jumps(translation.structure, scene.program, parameters, float(grid[0]), float(grid[-1]))
-    earlier = earlier_run(translation, request.start)
+    earlier = None if request.start is None else earlier_run(translation, request.start)
     absolute = absolute_tolerance(request.atol, len(scene.states))
     traced = not translation.controllers and scene.feeding is not None
 
@@ -73,13 +77,14 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
 
             first = begun_with(partial(start_of, translation, request, scene), first, translation.controllers)
             begin, signals = first.start, first.signals
-        refuse_start(scene, parameters, float(grid[0]), values(signals, grid[:1])[:, 0], begin)
+        if scene.model.bounded:
+            refuse_start(scene, parameters, float(grid[0]), values(signals, grid[:1])[:, 0], begin)
     if request.directions is not None:
         from gearlib.run.tangents.tangents import Tangents
 
         assert begin.changes is not None, "they were asked for"
         first = replace(first, tangents=Tangents(request.directions, begin.changes))
-    with reporting(request.progress, f"{translation.name}, {grid[0]:g} .. {grid[-1]:g} s") as tell:
+    with nullcontext() if request.progress is False else reporting(request.progress, _label(translation, grid)) as tell:
         watch = None if tell is None else RunProgress(tell, float(grid[0]), float(grid[-1]))
         stops = request.on_interrupt == "stop" and not translation.controllers
         if watch is not None or stops:
@@ -123,9 +128,14 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
         for (part, o), skipped in zip(parts, hidden, strict=True)
     ]
     if first.longest_step < math.inf:
-        request = replace(request, max_step=first.longest_step)  # a repeated run takes the same steps
+        request = altered(request, max_step=first.longest_step)  # a repeated run takes the same steps
     refuse_too_small([part for part, _, _ in found], request.rtol)
     return SimulatedResult(found, translation, request, run)
+
+
+def _label(translation: Translation, grid: Floats) -> str:
+    """Text in front of a progress bar."""
+    return f"{translation.name}, {grid[0]:g} .. {grid[-1]:g} s"
 
 
 def start_of(translation: Translation, request: Request, scene: Scene, signals: tuple[Any, ...]) -> Start:
@@ -136,7 +146,8 @@ def start_of(translation: Translation, request: Request, scene: Scene, signals: 
     ArgumentError, NameLookupError, StartError
         As `run` raises.
     """
-    if earlier := earlier_run(translation, request.start):
+    earlier = None if request.start is None else earlier_run(translation, request.start)
+    if earlier:
         return earlier[0].moment(scene, earlier[1])
     varied = request.directions
     seeds = None if varied is None else varied.seeds
@@ -159,14 +170,10 @@ def checked_request(
         The message names what was found and what was expected.
     """
     names = translation.open_inputs
-    earlier = earlier_run(translation, start)
-    t_start = real("t_start", (earlier[1] if earlier else 0.0) if t_start is None else t_start, "a finite number of seconds")
-    t_end = real("t_end", t_end, "a finite number of seconds")
-    grid = output_times(t_start, t_end, samples, times, len(translation.states))
-    check_options(method, rtol, max_step)
-    check_form(method, form, backend)
-    check_progress(progress)
-    one_of("on_interrupt", on_interrupt, INTERRUPTS)
+    earlier = None if start is None else earlier_run(translation, start)
+    t_start = (earlier[1] if earlier else 0.0) if t_start is None else t_start
+    options = (method, rtol, max_step, form, backend, progress, on_interrupt)
+    begin, grid = _interval_and_options(translation, t_start, t_end, samples, times, options)
     if parameters is None and earlier:
         numbers = earlier[0].request.parameters
         translation = translation.fitting(numbers)
@@ -174,30 +181,44 @@ def checked_request(
         translation, numbers = translation.fitted(parameters)
     if inputs is not None or not earlier:
         signals = tuple(translation.input_signals(inputs))
-        zero = tuple(name for name in names if name not in (inputs or ()))
+        zero = tuple(name for name in names if name not in inputs) if inputs else names
     else:
         signals, zero = earlier[0].request.signals, earlier[0].request.zero_inputs
-    numbers_of_run = (
-        t_start,
-        grid,
-        method,
-        float(rtol),
-        atol,
-        numbers,
-        start,
-        signals,
-        progress,
-        max_step,
-        zero,
-        form,
-        backend,
-    )
-    varied = directions(translation, sensitivities, numbers, parameters or (), start)
+    varied = None
+    if not (type(sensitivities) is tuple and not sensitivities):
+        varied = directions(translation, sensitivities, numbers, parameters or (), start)
     if varied is not None:
         refuse_form(translation, form)
         if isinstance(start[0] if isinstance(start, tuple) else start, Result):
             raise ArgumentError(CONTINUED)
-    return translation, Request(*numbers_of_run, varied, tuple(parameters or ()), on_interrupt)
+    return translation, Request(
+        begin, grid, method, float(rtol), atol, numbers, start, signals, progress, max_step, zero, form, backend, varied,
+        tuple(parameters or ()), on_interrupt,
+    )  # fmt: skip
+
+
+def _interval_and_options(
+    translation: Translation, t_start: Any, t_end: Any, samples: Any, times: Any, options: tuple[Any, ...]
+) -> tuple[float, Floats]:
+    """The start time and the output times of a run, whose arguments are checked unless they are those of the last run."""
+    again = times.tobytes() if type(times) is np.ndarray and times.dtype == float and times.ndim == 1 else times
+    given = (t_start, t_end, samples, again, *options)
+    key = *map(type, given), *given  # the types first: a number equals some that are refused, an array has no truth value
+    known = translation.asked[0] if translation.asked else None
+    if known is not None and known[0] == key:
+        return known[1], known[2]
+    method, rtol, max_step, form, backend, progress, on_interrupt = options
+    begin = real("t_start", t_start, "a finite number of seconds")
+    end = real("t_end", t_end, "a finite number of seconds")
+    grid = output_times(begin, end, samples, times, len(translation.states))
+    check_options(method, rtol, max_step)
+    check_form(method, form, backend)
+    check_progress(progress)
+    one_of("on_interrupt", on_interrupt, INTERRUPTS)
+    grid.flags.writeable = False  # runs share it
+    if times is None or again is not times:  # what else there is may change
+        translation.asked[:] = [(key, begin, grid)]
+    return begin, grid
 
 
 def warn_of_zero_inputs(

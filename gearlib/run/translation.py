@@ -236,6 +236,7 @@ class Translation:
     decisive: Special = frozenset()
     scenes: dict[tuple[States, tuple[int, ...], States], Scene] = field(default_factory=dict)
     switched: dict[States, Scene] = field(default_factory=dict)
+    asked: list[Any] = field(default_factory=list)  # the last checked arguments of a run, made by `checked_request`
 
     @property
     def name(self) -> str:
@@ -407,9 +408,12 @@ class Translation:
         chosen: dict[int, float] = {}
         for name, value in given.items():
             k = table.number(name)
+            if type(value) is float:  # bounds: below
+                chosen[k] = value
+                continue
             if isinstance(value, (bool, np.timedelta64)) or not isinstance(value, (Real, np.integer, np.floating)):
                 raise ArgumentError(f"parameter {name} is {shown(value)} ({type(value).__name__}); expected a number")
-            chosen[k] = float(value) if isinstance(value, float) else real(f"parameter {name}", value)  # bounds: below
+            chosen[k] = float(value) if isinstance(value, float) else real(f"parameter {name}", value)
         result = table.evaluate(chosen)
         check_bounds(table, result)
         if self.structure.redundant:
@@ -478,6 +482,8 @@ class Translation:
             Something else, or an unknown input.
         """
         names, open_names = self.inputs, self.open_inputs
+        if not names and given is None:
+            return []
         given = by_name("inputs", given, "a mapping of paths to numbers, functions of time or tables", "torque.tau")
         for name, value in given.items():
             if name not in open_names:
@@ -524,15 +530,14 @@ class Translation:
             raise ArgumentError(
                 f"start is {shown(start)}; expected a mapping of start values, 'steady', a result, or (result, time)"
             )
-        if isinstance(start, Mapping):
+        if start is not None and isinstance(start, Mapping):
             for name, value in by_name("start", start, "a mapping of paths to start values").items():
                 if discrete and name in known:
                     discretes = self.model.discrete_starts.copy() if discretes is None else discretes
                     discretes[known.index(name)] = real(f"start of {name}", value)
                 else:
                     overrides[start_variable(self.model, name)] = real(f"start of {name}", value)
-        inputs = values(signals, np.array([t]))[:, 0]
-        inputs = np.concatenate([inputs, np.zeros(len(scene.program.inputs) - len(inputs))])
+        inputs = values(signals, np.array([t]), len(scene.program.inputs))[:, 0]
         begin = start_values(scene, parameters, inputs, t, overrides, discretes, seeds, own_seeds)
         if start == "steady":
             from gearlib.run.steady import search_steady, steady_changes

@@ -139,6 +139,7 @@ class Problem:
     # Indices of states: keep their values at the ends of all steps, where the stepper tells their derivatives there
     traced: Integers | None = None
     may_leave: bool = False  # stop with the status "left" where the right-hand side cannot be evaluated any further
+    layouts: dict[Any, Any] = field(default_factory=dict)  # of drivers' memory, by its sizes
 
     @cached_property
     def absolute_tolerance(self) -> Floats:

@@ -14,6 +14,7 @@ import numpy as np
 
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.program.interpret import owner_of
+from gearlib.records import altered
 from gearlib.run.methods.native_problem import named_events, problem_of
 from gearlib.run.methods.run import Run, is_function
 from gearlib.run.scene import Scene
@@ -136,7 +137,9 @@ def finished(run: Run, solution: Solution, name: str, why: str) -> Solution:
     if handed is not None:
         branch = handed.slots(solution.x_last)
         solution = replace(solution, algebraic=handed.histories(solution.x), branch=branch)
-    return replace(solution, x=solution.x[:, :n], x_last=solution.x_last[:n], events=named_events(run, solution), stats=stats)
+    if solution.x.shape[1] > n:
+        solution = altered(solution, x=solution.x[:, :n], x_last=solution.x_last[:n])
+    return altered(solution, events=named_events(run, solution), stats=stats)
 
 
 def explained(problem: SolverError, scene: Scene) -> SolverError:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import math
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.native.layout import EACH, Shared, operations
+from gearlib.records import altered
 from gearlib.run.methods.run import Run, is_function
 from gearlib.run.scene import Scene, settle_once
 from gearlib.solvers.inputs.table import Table, breakpoints, values
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gearlib.solvers.inputs.moving import Callbacks
 
 Floats = NDArray[np.float64]
+NO_TIMES = np.empty(0)
 MOST_STEPS = 100_000_000  # a minute or more of the smallest models, at 0.5 us per step, hours of large ones: the run has no end
 MOST_STEPS_CONSTRAINED = 500_000  # with nonlinear constraints, whose steps shrink without end near a singularity
 _MODEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *(ctypes.c_void_p,) * 4)
@@ -54,17 +55,16 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
         atol = None if run.atol is None else np.append(run.atol, tangents.spread(run.atol))
         nominal = np.append(scene.nominal, tangents.spread(scene.nominal))
         x0 = np.append(run.start.states, tangents.start)
-        problem = _wired(run, callbacks, scene, native, data, x0, nominal, np.ones(len(x0), bool), atol)
+        problem = _wired(run, callbacks, scene, native, data, x0, atol)
+        problem = altered(problem, nominal=nominal, differential=np.ones(len(x0), bool))
         if problem.update is None:
             return problem
         from gearlib.run.tangents.event_tangents import EventTangents
 
-        return replace(problem, update=EventTangents(run, tangents, code, problem, callbacks).native)
-    nothing = np.ones(0 if scene.states else 1)  # integrators need a state: where there is none, a constant is added
-    return _wired(
-        run, callbacks, scene, native, data, np.append(run.start.states, nothing), np.append(scene.nominal, nothing),
-        np.ones(max(len(scene.states), 1), bool), run.atol if scene.states else None,
-    )  # fmt: skip
+        return altered(problem, update=EventTangents(run, tangents, code, problem, callbacks).native)
+    if not scene.states:
+        return _wired(run, callbacks, scene, native, data, np.ones(1), None)
+    return _wired(run, callbacks, scene, native, data, run.start.states, run.atol)
 
 
 def first_modes(run: Run, native: NativeScene, inputs: Floats) -> Floats:
@@ -75,7 +75,9 @@ def first_modes(run: Run, native: NativeScene, inputs: Floats) -> Floats:
     """
     scene, start, t = run.scene, run.start, float(run.times[0])
     relations = scene.relations
-    if relations is not None and native.update is not None and not (relations.on_time.all() or relations.reinits):
+    if relations is None:
+        return np.zeros(scene.n_modes)
+    if native.update is not None and scene.searched and not relations.reinits:
         data = scene.data(native, run.numbers, inputs, scene.model.initial_modes(), start.guess)
         x, fired = start.states.copy(), np.zeros(len(relations.used), np.int32)
         update = _MODEL(native.update.address)
@@ -92,18 +94,38 @@ def _handed_problem(run: Run, callbacks: Callbacks, form: SceneForm) -> Problem:
     data = form.data(parameters, inputs, modes, run.start.guess)
     x0 = form.first(run.numbers, t0, run.start, inputs, modes, run.slots)
     atol = None if run.atol is None else np.concatenate([run.atol, run.rtol * form.nominal[len(run.atol) :]])
-    problem = _wired(run, callbacks, form, form.native_with_jacobian, data, x0, form.nominal, form.differential, atol)
-    return replace(problem, implicit=form.implicit)
+    return _wired(run, callbacks, form, form.native_with_jacobian, data, x0, atol)
+
+
+def _common(scene: Scene | SceneForm, native: NativeScene) -> Problem:
+    """What the problems of all runs with these functions have in common; made once."""
+    if native.common:
+        known: Problem = native.common[0]
+        return known
+    form = scene if isinstance(scene, SceneForm) else None
+    relations, pattern, iterated = scene.relations, native.pattern, (scene if form is None else form.scene).program.iterated
+    n_roots = int((~relations.on_time).sum()) if relations is not None else 0
+    nominal = scene.nominal if len(scene.nominal) else np.ones(1)  # integrators need a state: without one, a constant is added
+    problem = Problem(
+        rhs=native.rhs, x0=np.empty(0), data=np.empty(0), index=native.index,
+        differential=np.ones(len(nominal), bool) if form is None else form.differential, nominal=nominal, jac=native.jac,
+        jac_indptr=None if pattern is None else pattern.indptr, jac_indices=None if pattern is None else pattern.indices,
+        matrix_plans={} if pattern is None else pattern.plans,
+        roots=native.roots if n_roots else None, n_roots=n_roots, update=native.update,
+        modes=slice(native.shared.relations, native.shared.relations + native.shared.n_modes),
+        state_names=scene.state_names, root_names=scene.root_names, implicit=form is not None and form.implicit,
+        effort=_effort(scene, native, 0, 0), series=partial(getattr, scene, "series"),
+        max_steps=MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, may_leave=any(s.constrained for s in iterated),
+    )  # fmt: skip
+    native.common[:] = [problem]
+    return problem
 
 
 def _wired(
-    run: Run, callbacks: Callbacks, scene: Scene | SceneForm, native: NativeScene, data: Floats, x0: Floats, nominal: Floats,
-    differential: NDArray[np.bool_], atol: Floats | None,
-) -> Problem:  # fmt: skip
+    run: Run, callbacks: Callbacks, scene: Scene | SceneForm, native: NativeScene, data: Floats, x0: Floats, atol: Floats | None
+) -> Problem:
     """The problem over native functions, with the run's inputs connected to them."""
-    program = scene.program
-    functions: dict[str, Any] = {name: getattr(native, name) for name in ("rhs", "jac", "roots", "update")}
-    index = native.index
+    program, common, more = scene.program, _common(scene, native), dict[str, Any]()
     tables = [(k, s) for k, s in enumerate(run.signals) if isinstance(s, Table)]
     if program.guards and any((np.diff(table.t) == 0.0).any() for _, table in tables):
         # a divisor may jump over zero with its input: no numerator counts as large beside infinity
@@ -113,25 +135,14 @@ def _wired(
         from gearlib.solvers.inputs.moving import with_moving_inputs
 
         functions, data, index = with_moving_inputs(native, data, tables, moving, callbacks)
-    relations = scene.relations
-    n_roots = int((~relations.on_time).sum()) if relations is not None else 0
-    pattern = native.pattern
-    iterated = run.scene.program.iterated
-    return Problem(
-        rhs=functions["rhs"], x0=x0, data=data, index=index,
-        differential=differential, nominal=nominal, jac=functions["jac"],
-        jac_indptr=None if pattern is None else pattern.indptr, jac_indices=None if pattern is None else pattern.indices,
-        matrix_plans={} if pattern is None else pattern.plans,
-        roots=functions["roots"] if n_roots else None, n_roots=n_roots, update=functions["update"],
-        modes=slice(native.shared.relations, native.shared.relations + native.shared.n_modes),
-        time_events=time_events(run), longest_step=run.longest_step,
-        longest_expanded_step=run.longest_expanded_step,
-        state_names=scene.state_names, root_names=scene.root_names, unsettled=partial(_unsettled, run, native.shared),
-        culprit=partial(_culprit, run, native.shared), effort=_effort(scene, native, len(moving), len(tables)),
-        times=run.times, rtol=run.rtol, atol=atol, tell=run.tell, may_stop=run.may_stop,
-        series=partial(getattr, scene, "series"),
-        max_steps=MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, may_leave=any(s.constrained for s in iterated),
-        traced=run.scene.feeding if run.traced and run.handed is None and run.tangents is None else None,
+        more = {name: functions[name] for name in ("rhs", "jac", "roots", "update") if getattr(common, name) is not None}
+        more |= {"index": index, "effort": _effort(scene, native, len(moving), len(tables))}
+    return altered(
+        common, x0=x0, data=data, time_events=time_events(run), longest_step=run.longest_step,
+        longest_expanded_step=run.longest_expanded_step, unsettled=partial(_unsettled, run, native.shared),
+        culprit=partial(_culprit, run, native.shared), times=run.times, rtol=run.rtol, atol=atol, tell=run.tell,
+        may_stop=run.may_stop, traced=run.scene.feeding if run.traced and run.handed is None and run.tangents is None else None,
+        **more,
     )  # fmt: skip
 
 
@@ -171,6 +182,8 @@ def _unsettled(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> s
 
 def time_events(run: Run) -> Floats:
     """Known event times to step to exactly, after the start; the end is included only if something may happen there."""
+    if not run.signals and (run.handed or run.scene).relations is None:
+        return NO_TIMES
     found, t0, t1 = breakpoints(run.signals), float(run.times[0]), float(run.times[-1])
     last = t1 if (run.handed or run.scene).relations is not None else math.nextafter(t1, t0)
     found = found[(found > t0) & (found <= last)]
@@ -192,8 +205,10 @@ def memory(run: Run, data: Floats) -> tuple[Floats, Floats]:
 
 def named_events(run: Run, solution: Solution) -> list[tuple[float, str]]:
     """Time of each event, and component with equation."""
+    if not len(solution.event_times):
+        return []
     integrated = run.handed or run.scene
-    if integrated.relations is None or not len(solution.event_times):
+    if integrated.relations is None:
         return []
     names, times, roots = integrated.root_names, solution.event_times.tolist(), solution.event_roots.tolist()
     if min(roots) >= 0:

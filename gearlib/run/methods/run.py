@@ -68,20 +68,17 @@ class Run:
         if self.max_step is not None:
             return self.max_step
         scene, share = self.scene, 0.01 * float(self.times[-1] - self.times[0]) or math.inf
-        searched = scene.relations is not None and not scene.relations.on_time.all()
         if self.follows_samples:
             return min(2.0 * float(np.diff(self.times).max(initial=0.0)), share) or math.inf
         if self.driven:
             rate = scene.fastest_drive(self.numbers.parameters)
-            return min(share, (SEARCHED if searched else SEEN) * math.tau / rate) if rate else share
-        return share if searched else math.inf
+            return min(share, (SEARCHED if scene.searched else SEEN) * math.tau / rate) if rate else share
+        return share if scene.searched else math.inf
 
     @property
     def longest_expanded_step(self) -> float:
         """The same for a method that expands sinusoids of time in series: they limit its steps only where events are searched for."""
-        scene = self.scene
-        searched = scene.relations is not None and not scene.relations.on_time.all()
-        if self.max_step is None and not searched and self.driven and not self.follows_samples:
+        if self.max_step is None and not self.scene.searched and self.driven and not self.follows_samples:
             return math.inf
         return self.longest_step
 
@@ -90,7 +87,7 @@ class Run:
         """Why steps are limited to two sample intervals: a pulse between two steps would not be noticed. Or nothing."""
         if self.max_step is not None:
             return ""
-        names = [
+        names = self.signals and [
             self.scene.model.name(v)
             for (v, _), s in zip(self.scene.program.inputs, self.signals, strict=False)
             if is_function(s)
@@ -104,12 +101,12 @@ class Run:
     @cached_property
     def driven(self) -> bool:
         """Whether time drives the scene, other than through tables."""
-        programs = [self.scene.program, *([self.scene.relations.program] if self.scene.relations is not None else [])]
-        return any(p.on_time for p in programs) or any(map(is_function, self.signals))
+        return self.scene.on_time or any(map(is_function, self.signals))
 
     def coarse_clock(self, steps: int) -> str:
         """Warning for a run that starts so late that rounding of time exceeds the tolerance of its driving terms; empty if none."""
-        late, span = float(np.abs(self.times[[0, -1]]).max()), float(self.times[-1] - self.times[0])
+        first, last = float(self.times[0]), float(self.times[-1])
+        late, span = max(abs(first), abs(last)), last - first
         resolution = math.ulp(late)
         if span == 0.0 or late < LATE * span or not self.driven or resolution <= self.rtol * span / max(steps, LEAST_STEPS):
             return ""

@@ -36,6 +36,8 @@ def refuse_too_small(parts: Sequence[Segment], rtol: float) -> None:
         A variable falls below it later.
     """
     for number, part in enumerate(parts):
+        if not part.scene.model.bounded:
+            continue
         for v, least, node in _bounded(part.scene):
             values = int(part.scene.model.sign[v]) * part.history(node)
             wrong = values < least - MISSED * rtol * _size(part.scene, node, part.states, values)

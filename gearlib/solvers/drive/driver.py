@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from gearlib.arguments import shown
 from gearlib.compiler.small_language import BLOCK
 from gearlib.errors import ArgumentError, GearlibError, SolverError, StartError
+from gearlib.recent import recent
 from gearlib.solvers.drive import drive_loop
 from gearlib.solvers.drive.drive_record import DriveRecord
-from gearlib.solvers.problem import Floats, Problem, Solution, late_start
+from gearlib.solvers.problem import Floats, Integers, Problem, Solution, late_start
 
 __all__ = ["Driver", "Stepper", "address_of", "integrate"]
 
@@ -25,6 +26,7 @@ STEPS_PER_CALL = 1000  # Python handles interrupts in between
 LONGEST_CALL = 0.1  # s; a call that takes longer has fewer steps the next time
 PATIENCE = 12  # failed evaluations, with ever smaller steps, before a run counts as having left the domain of its states
 _EVENTS_AT_FIRST = 256  # entries of the event log (16 bytes each), which doubles when it is full
+MOST_LAYOUTS = 8  # layouts of memory that a problem keeps
 LASTING = ("times", "out", "modes", "log_t", "log_root")  # handed over from one method to the next
 _NO_EVENTS = np.empty(0)
 _STATUS = {drive_loop.DONE: "done", drive_loop.MORE: "more", drive_loop.LOG_FULL: "more", drive_loop.STIFF: "stiff"}
@@ -140,48 +142,40 @@ class Driver:
         """Allocate the record and all arrays of the compiled loop."""
         problem, stepper, times = self.problem, self.stepper, self.problem.times
         self.events_before = 0 if before is None else before.record.events
-        n, n_times, n_roots = problem.x0.size, times.size, problem.n_roots if problem.roots is not None else 0
+        n, n_roots = problem.x0.size, problem.n_roots if problem.roots is not None else 0
         first, last = float(times[0]) if before is None else before.t, self.t_end
         stops, n_timed = _stops(problem.time_events, first, last)
         origin = late_start(first, last) if before is None else before.record.origin
-        first_mode, last_mode, _ = problem.modes.indices(problem.data.size)
-        n_modes, size = max(last_mode - first_mode, 0), BLOCK * max(1, -(-n // BLOCK))
+        size = BLOCK * max(1, -(-n // BLOCK))
+        sizes = (
+            2 * size if problem.implicit else size, stepper.memory(size, n_roots), n, n_roots, problem.data.size, problem.index.size,
+            stops.size, n_timed, 0 if before is not None else times.size, problem.modes.indices(problem.data.size)[:2],
+        )  # fmt: skip
+        key = stepper.Record, *sizes[:1], *sizes[1].values(), *sizes[2:]
+        words, relative, places = recent(problem.layouts, key, lambda: _layout(stepper.Record, *sizes), MOST_LAYOUTS)
         # one allocation: a call of numpy takes as long as several steps of a small model
-        own = stepper.memory(size, n_roots)
-        lengths = {
-            "x": 2 * size if problem.implicit else size,
-            **own, "fired": n_roots, "data": problem.data.size, "index": problem.index.size, "stops": stops.size,
-        }  # fmt: skip
-        capacity = n_roots + (_EVENTS_AT_FIRST if n_roots or n_timed else 2)
-        if before is None:
-            lengths |= dict(zip(LASTING, (n_times, n_times * n, n_times * n_modes, capacity, capacity), strict=True))
-        self.record, whole = stepper.Record(), np.empty(sum(lengths.values()))
-        record, start, at = self.record, address_of(whole), 0
-        places: dict[str, slice] = {}
-        for name, length in lengths.items():
-            setattr(record, name, start + 8 * at)
-            places[name] = slice(at, at + length)
-            at += length
-        whole[: (record.data - start) // 8] = 0.0
+        whole = np.empty(places["end"].stop)
+        here = whole[: words.size].view(np.int64)
+        np.multiply(relative, address_of(whole), out=here)
+        here += words
+        self.record = record = stepper.Record.from_buffer(whole)
+        whole[places["zero"]] = 0.0
         self.x, self.data, self.stops = whole[places["x"]][:n], whole[places["data"]], whole[places["stops"]]
-        self.x[:], self.data[:], self.stops[:] = problem.x0, problem.data, stops - origin
+        self.x[:], self.data[:] = problem.x0, problem.data
+        np.subtract(stops, origin, out=self.stops)
         whole[places["index"]].view(np.int64)[:] = problem.index
         if before is None:
-            record.n_times, record.capacity = n_times, capacity
             self._lasting = {name: whole[places[name]] for name in LASTING}
-            self._lasting["times"][:] = times - origin
-            self.out = self._lasting["out"].reshape(n_times, n)
-            self._modes = self._lasting["modes"].reshape(n_times, n_modes)
+            np.subtract(times, origin, out=self._lasting["times"])
+            self.out = self._lasting["out"].reshape(times.size, n)
+            self._modes = self._lasting["modes"].reshape(times.size, record.n_modes)
         else:
             self._lasting, self.out, self._modes = dict(before._lasting), before.out, before._modes
             for name in (*LASTING, "n_times", "capacity", "sample", "events"):
                 setattr(record, name, getattr(before.record, name))
-        record.address = ctypes.addressof(record)
         record.rhs = problem.rhs.address
         record.roots = problem.roots.address if problem.roots is not None else 0
         record.update = problem.update.address if problem.update is not None else 0
-        record.n, record.n_roots, record.n_stops, record.n_timed = n, n_roots, stops.size, n_timed
-        record.n_modes, record.first_mode = n_modes, first_mode
         record.origin, record.t, record.burst_start = origin, first - origin, first - origin
         record.window = max(1e-9 * (last - float(times[0])), 1e6 * 2.2e-16 * max(abs(first - origin), abs(last - origin)))
         self.fired = whole[places["fired"]].view(np.int32)[:n_roots]
@@ -372,6 +366,42 @@ def address_of(array: NDArray[Any]) -> int:
     return ctypes.addressof(ctypes.c_char.from_buffer(buffer))  # takes a third of the time of ``array.ctypes.data``
 
 
+def _layout(
+    Record: type[DriveRecord], size: int, own: dict[str, int], n: int, n_roots: int, n_data: int, n_index: int, n_stops: int,
+    n_timed: int, n_times: int, modes: tuple[int, int],
+) -> tuple[Integers, Integers, dict[str, slice]]:  # fmt: skip
+    """Layout of a driver's memory: a record, and the arrays that it points to.
+
+    Returns
+    -------
+    words : array
+        The record as it is at first, with offsets (bytes) for addresses.
+    relative : array
+        1 where a word is an offset, else 0.
+    places : dict of str to slice
+        The arrays by name, in numbers of 8 bytes; ``"zero"`` is what is zero at first, ``"end"`` the end of all.
+    """
+    first_mode, last_mode = modes
+    n_modes = max(last_mode - first_mode, 0)
+    capacity = n_roots + (_EVENTS_AT_FIRST if n_roots or n_timed else 2)
+    lengths = {"x": size, **own, "fired": n_roots, "data": n_data, "index": n_index, "stops": n_stops}
+    if n_times:
+        lengths |= dict(zip(LASTING, (n_times, n_times * n, n_times * n_modes, capacity, capacity), strict=True))
+    begin = at = BLOCK * -(-ctypes.sizeof(Record) // (8 * BLOCK))
+    record, pointers = Record(), Record()
+    places: dict[str, slice] = {}
+    pointers.address = 1
+    for name, length in lengths.items():
+        setattr(record, name, 8 * at)
+        setattr(pointers, name, 1)
+        places[name] = slice(at, at + length)
+        at += length
+    record.n, record.n_roots, record.n_stops, record.n_timed = n, n_roots, n_stops, n_timed
+    record.n_modes, record.first_mode, record.n_times, record.capacity = n_modes, first_mode, n_times, capacity
+    places |= {"zero": slice(begin, places["data"].start), "end": slice(at, at)}
+    return np.frombuffer(bytes(record), np.int64), np.frombuffer(bytes(pointers), np.int64), places
+
+
 def _stops(time_events: Floats, first: float, last: float) -> tuple[Floats, int]:
     """Times to step to exactly, the time events in the interval followed by its end, and the number of time events."""
     if time_events.size == 0:
@@ -384,6 +414,20 @@ def _stops(time_events: Floats, first: float, last: float) -> tuple[Floats, int]
 
 def _check(problem: Problem) -> None:
     """Raise `ArgumentError` for invalid times or tolerances, and `StartError` for start values that are not finite."""
+    times, nominal, known = problem.times, problem.nominal, problem.layouts.get(_check)
+    sound = known is not None and known[0] is times and not times.flags.writeable and known[1] is nominal and problem.atol is None
+    if not sound or known[2] != problem.rtol:
+        _check_tolerances(problem)
+        if not times.flags.writeable:
+            problem.layouts[_check] = times, nominal, problem.rtol
+    if problem.max_steps < 1:
+        raise ArgumentError(f"max_steps must be at least 1, not {problem.max_steps}")
+    if not math.isfinite(np.vdot(problem.x0, problem.x0)) and not np.isfinite(problem.x0).all():  # the former is faster
+        raise StartError(f"{problem.state_name(int(np.argmin(np.isfinite(problem.x0))))} starts at a value that is not finite")
+
+
+def _check_tolerances(problem: Problem) -> None:
+    """Raise `ArgumentError` for invalid times or tolerances."""
     times, tolerance = problem.times, problem.absolute_tolerance
     # ufunc reductions take a third of the time of array methods
     sorted_ = times.ndim == 1 and times.size > 0 and bool(np.logical_and.reduce(times[1:] >= times[:-1]))
@@ -395,7 +439,3 @@ def _check(problem: Problem) -> None:
         raise ArgumentError(f"atol is one number or {problem.x0.size} of them")
     if not (np.minimum.reduce(tolerance, axis=None) > 0.0 and np.maximum.reduce(tolerance, axis=None) < math.inf):
         raise ArgumentError("absolute tolerances must be positive and finite")
-    if problem.max_steps < 1:
-        raise ArgumentError(f"max_steps must be at least 1, not {problem.max_steps}")
-    if not np.logical_and.reduce(np.isfinite(problem.x0)):
-        raise StartError(f"{problem.state_name(int(np.argmin(np.isfinite(problem.x0))))} starts at a value that is not finite")
