@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -183,10 +183,9 @@ def out_of_bounds(table: ParameterTable, values: Floats) -> NDArray[np.bool_]:
     return found
 
 
-def check_bounds(table: ParameterTable, values: Floats) -> None:
-    """Raise `BoundError` if a parameter is out of its bounds or not finite."""
-    least, most = table.finite_bounds
-    if not np.logical_and.reduce((values >= least) & (values <= most)):
+def check_bounds(table: ParameterTable, values: Floats, given: Mapping[int, float] | None = None) -> None:
+    """Raise `BoundError` if a parameter is out of its bounds or not finite; ``given``: those from which these values were computed."""
+    if not table.within_bounds(values, given):
         k = int(np.flatnonzero(out_of_bounds(table, values))[0])
         low, high, value = table.lower[k], table.upper[k], values[k]
         if not np.isfinite(value):

@@ -173,6 +173,13 @@ class ParameterTable:
         largest = np.finfo(float).max
         return np.maximum(self.lower, -largest), np.minimum(self.upper, largest)
 
+    def within_bounds(self, values: Floats, given: Mapping[int, float] | None = None) -> bool:
+        """Whether a complete vector is within its bounds, and finite; given: if `evaluate` has returned it, and defaults are."""
+        least, most = self.finite_bounds
+        if given is not None and not self._affected.get(tuple(given), True):  # nothing else has changed
+            return all(least[k] <= value <= most[k] for k, value in given.items())
+        return bool(np.logical_and.reduce((values >= least) & (values <= most)))
+
     @cached_property
     def own(self) -> tuple[int, ...]:
         """Those that components declare, and inputs that are bound to a number."""
@@ -460,16 +467,22 @@ class FlatModel:
         return self.representative[variables], self.sign[variables], self.start_slots[self.start_fixed]
 
     @cached_property
+    def fixed_once(self) -> bool:
+        """Whether fixed start values cannot contradict each other: none is of the same variable as another one, or of none."""
+        representatives, signs, _ = self.fixed
+        return len(np.unique(representatives)) == len(representatives) and bool(signs.all())
+
+    @cached_property
     def first_relations(self) -> Integers:
         """First relation number of each group, followed by the total; relations of updates come last."""
         groups = [*self.groups, *(u.equations for u in self.updates)]
         return np.cumsum([0, *(len(g.template.relations) * len(g) for g in groups)])
 
-    @property
+    @cached_property
     def n_relations(self) -> int:
         return int(self.first_relations[-1])
 
-    @property
+    @cached_property
     def n_modes(self) -> int:
         """Number of relations and discrete values (see `FlatModel`)."""
         return self.n_relations + (2 * len(self.discretes) + 1 if len(self.discretes) else 0)

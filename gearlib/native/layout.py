@@ -167,7 +167,7 @@ def lay_out(program: Program, shared: Shared, base: int, also: Integers | None =
     return Layout(shared, tuple(solutions), at, end, guards, size, tuple(needed), tuple(held))
 
 
-def fill(data: Floats, layout: Layout, coefficients: Sequence[Batch], prepared: Prepared, guess: Floats | None = None) -> None:
+def fill(data: Floats, layout: Layout, coefficients: Sequence[Batch], prepared: Prepared) -> None:
     """Write a program's numbers into its section of ``data``; coefficients of unit-stride runs follow its end."""
     at = layout.size
     for batch in coefficients:
@@ -176,8 +176,6 @@ def fill(data: Floats, layout: Layout, coefficients: Sequence[Batch], prepared: 
     for at, matrix, rows in zip(layout.solutions, prepared.solutions, layout.needed, strict=True):
         part = matrix[rows].ravel()
         data[at : at + len(part)] = part
-    if guess is not None:
-        data[layout.slots : layout.slots + len(guess)] = guess
 
 
 @memoised

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from gearlib.native.linear_solve import SOLVE
 from gearlib.native.source import HEADER, Body, function, is_small, looped, written_out
 from gearlib.native.sparse_solve import SPARSE_SOLVE
 from gearlib.program.derivative_plan import DerivativePlan
+from gearlib.program.interpret import Prepared
 from gearlib.program.program import Program
 from gearlib.program.relations import Relations
 
@@ -62,6 +63,19 @@ class NativeScene:
     vectors: TangentVectors | None = None  # where the right-hand side is that of `vector_body`
     noted_steps: int = 0  # offset of the steps recorded by `update_body`
     common: list[Any] = field(default_factory=list)  # the part of the problems of all runs, made by `problem_of`
+    filled: list[Any] = field(
+        default_factory=list
+    )  # the last solution matrices, and a data block with these, made by `data_block`
+
+    def parts(self, numbers: Prepared, relations: Prepared | None) -> Iterator[tuple[NativeFunction, Prepared]]:
+        """The functions, each with the numbers of its program."""
+        for part in (self.rhs, self.jac):
+            if part is not None:
+                yield part, numbers
+        if relations is not None:
+            for part in (self.roots, self.update):
+                if part is not None:
+                    yield part, relations
 
 
 def rhs_source(

@@ -57,7 +57,7 @@ class Prepared:
 def batch_values(batch: Batch, t: Floats | float, slots: Floats, parameters: Floats, relations: Floats) -> Floats:
     """The kernel's values, shape (instances, times)."""
     arguments = [slots[places] if signs is None else slots[places] * signs for places, signs in batch.columns]
-    constants = [parameters[batch.parameters[:, p], None] for p in range(batch.parameters.shape[1])]
+    constants = [parameters[places] for places in batch.parameter_columns]
     flags = [relations[batch.relations[:, r]] for r in range(batch.relations.shape[1])]
     with np.errstate(all="ignore"):
         value = np.asarray(batch.kernel.function(t, *arguments, *constants, *flags), float)

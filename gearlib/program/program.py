@@ -51,6 +51,11 @@ class Batch:
         return tuple((np.ascontiguousarray(a), None if (s == 1).all() else s[:, None].copy()) for a, s in pairs)
 
     @cached_property
+    def parameter_columns(self) -> tuple[Integers, ...]:
+        """Places of each parameter in the parameter table, as columns."""
+        return tuple(np.ascontiguousarray(places)[:, None] for places in self.parameters.T)
+
+    @cached_property
     def sign_column(self) -> Integers | None:
         """The signs as a column (None where all are plus)."""
         return None if (self.signs == 1).all() else self.signs[:, None].copy()
@@ -217,7 +222,9 @@ class Program:
     pivots: tuple[Batch, ...]
     residuals: tuple[int, ...] = ()
     memo: dict[Any, Any] = field(init=False, default_factory=dict)  # cache of `memoised` functions
-    solved: dict[int, Any] = field(init=False, default_factory=dict)  # last entries and solution of linear blocks, made by `prepare`
+    solved: dict[int, Any] = field(
+        init=False, default_factory=dict
+    )  # last entries and solution of linear blocks, made by `prepare`
 
     @cached_property
     def output_slots(self) -> Integers:

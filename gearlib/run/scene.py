@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import is_
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+MOST_FILLED = 20_000  # numbers of a data block up to which one is kept for the next run
 
 
 def node_name(model: FlatModel, node: Node) -> str:
@@ -68,7 +70,7 @@ class Scene:
     forms: dict[str, Any] = field(default_factory=dict)  # made by `scene_form`, `linear_form` and for lanes
     tangent_codes: dict[Any, Any] = field(default_factory=dict)  # made by `gearlib.run.tangents.tangents`
 
-    @property
+    @cached_property
     def model(self) -> FlatModel:
         return self.structure.model
 
@@ -130,7 +132,7 @@ class Scene:
         unknowns = {slot for step in self.program.iterated for slot in step.unknowns.tolist()}
         return tuple(v for (v, k), slot in self.program.slots.items() if k == 0 and slot in unknowns)
 
-    @property
+    @cached_property
     def n_modes(self) -> int:
         return self.model.n_modes
 
@@ -256,6 +258,12 @@ class Scene:
         return np.array([place[s] for s in self.states], np.int64)
 
     @cached_property
+    def starting(self) -> tuple[Integers, Integers]:
+        """Variable of each of the scene's states, and which states are derivatives."""
+        table = np.array(self.states, np.int64).reshape(-1, 2)
+        return table[:, 0].copy(), np.flatnonzero(table[:, 1])
+
+    @cached_property
     def unfixed(self) -> tuple[str, ...] | None:
         """States that no start value fixes; None where fixed variables are not states, so that equations must be solved."""
         fixed = set(self.model.fixed[0].tolist())
@@ -347,18 +355,28 @@ def data_block(
     native: NativeScene, numbers: Prepared, inputs: Floats, flags: Floats, guess: Callable[[Program], Floats]
 ) -> Floats:  # fmt: skip
     """The data block of native functions; ``guess`` returns the slots at which a program's iterations start."""
-    shared = native.shared
-    data = np.zeros(native.size)
+    shared, relations = native.shared, numbers.relations
+    solutions = numbers.solutions if relations is None else numbers.solutions + relations.solutions
+    known = native.filled[0] if native.filled else None
+    if known is not None and len(known[0]) == len(solutions) and all(map(is_, known[0], solutions)):
+        data: Floats = known[1].copy()
+    else:
+        data = np.zeros(native.size)
+        for part, own in native.parts(numbers, relations):
+            fill(data, part.layout, part.body.coefficients, own)
+        if native.size <= MOST_FILLED and not any(part.body.coefficients for part, _ in native.parts(numbers, relations)):
+            native.filled[:] = [(solutions, data.copy())]
     data[: shared.n_parameters] = numbers.parameters
-    data[shared.relations : shared.relations + shared.n_modes] = flags
-    data[shared.inputs : shared.inputs + shared.n_inputs] = inputs
-    main = guess(numbers.program)
-    for part in (native.rhs, native.jac):
-        if part is not None:
-            fill(data, part.layout, part.body.coefficients, numbers, main)
-    for part in (native.roots, native.update):
-        if part is not None and numbers.relations is not None:
-            fill(data, part.layout, part.body.coefficients, numbers.relations, guess(numbers.relations.program))
+    if shared.n_modes:
+        data[shared.relations : shared.relations + shared.n_modes] = flags
+    if shared.n_inputs:
+        data[shared.inputs : shared.inputs + shared.n_inputs] = inputs
+    guesses: dict[Program, Floats] = {}
+    for part, own in native.parts(numbers, relations):
+        if own.program not in guesses:
+            guesses[own.program] = guess(own.program)
+        slots = guesses[own.program]
+        data[part.layout.slots : part.layout.slots + len(slots)] = slots
     return data
 
 

@@ -108,6 +108,8 @@ def _rounding(values: Iterable[float]) -> float:
 
 def _agree(model: FlatModel, parameters: Floats, guess: Floats) -> bool:
     """Whether all fixed start values agree with ``guess``."""
+    if model.fixed_once:  # then the guess is made of them
+        return True
     representatives, signs, slots = model.fixed
     return bool(
         (guess[representatives] == signs * parameters[slots]).all() and (signs.all() or not parameters[slots][signs == 0].any())
@@ -163,12 +165,14 @@ def start_values(
     """
     structure, model = scene.structure, scene.model
     guess = start_guess(model, parameters)
+    if not overrides and scene.unfixed is not None and _agree(model, parameters, guess):
+        variables, differentiated = scene.starting
+        x = guess[variables]
+        x[differentiated] = 0.0
+        moved = None if seeds is None else _Change.of_guess(scene, seeds, overrides, own_seeds).states[scene.places]
+        return Start(x, guess, scene.unfixed, changes=moved)
     everything = structure.states
     variables, orders = scene.everything
-    if not overrides and scene.unfixed is not None and _agree(model, parameters, guess):
-        x = np.where(orders == 0, guess[variables], 0.0)
-        moved = None if seeds is None else _Change.of_guess(scene, seeds, overrides, own_seeds).states[scene.places]
-        return Start(x[scene.places], guess, scene.unfixed, changes=moved)
     key = (
         parameters.tobytes(),
         inputs.tobytes(),

@@ -415,7 +415,7 @@ class Translation:
                 raise ArgumentError(f"parameter {name} is {shown(value)} ({type(value).__name__}); expected a number")
             chosen[k] = float(value) if isinstance(value, float) else real(f"parameter {name}", value)
         result = table.evaluate(chosen)
-        check_bounds(table, result)
+        check_bounds(table, result, chosen)
         if self.structure.redundant:
             confirm(self.structure, result)
         return result

@@ -58,7 +58,7 @@ class Leg:
 def alternate(
     explicit: Callable[[list[Leg]], tuple[Driver, Watchful]],
     implicit: Callable[[Sequence[Leg]], Driver],
-    trial: tuple[float, float],
+    trial: Callable[[], tuple[float, float]],
     t_end: float,
 ) -> list[Leg]:
     """Integrate to the end, or to where a method reports that its states have become singular.
@@ -68,8 +68,8 @@ def alternate(
     explicit, implicit : callable
         Make the run of a method, continuing from the last of the given legs, or from the start if there are none; the explicit one
         comes with its stepper, and may add a leg at the start.
-    trial : (float, float)
-        Work of starting the implicit method and of leaving it again, and of the steps of the shortest trial.
+    trial : callable
+        Returns the work of starting the implicit method and of leaving it again, and of the steps of the shortest trial.
     t_end : float
         s.
 
@@ -79,13 +79,14 @@ def alternate(
         The active method failed. If a method on trial fails, the explicit one continues.
     """
     legs: list[Leg] = []
-    (run, stepper), wait, (start, steps) = explicit(legs), 0.0, trial
-    before = sum(leg.run.work for leg in legs)
-    shortest = start + steps
+    (run, stepper), wait, before = explicit(legs), 0.0, -1.0
     stepper.watch()
     while True:
         if _to_the_end(run):
             return [*legs, Leg("explicit", run, run.solution())]
+        if before < 0.0:
+            (start, steps), before = trial(), sum(leg.run.work for leg in legs)
+            shortest = start + steps
         pace = max(stepper.pace, 1e-300)
         left = (t_end - run.t) / pace
         if left < (WORTH_DECAY if stepper.damped else WORTH_VIBRATION) * shortest:

@@ -87,7 +87,7 @@ class Book:
             self.work += START
             return Method(self, self.paces[1], legs[-1].solution.t_last, self.slow_start, self.fails_at)
 
-        return alternate(first, second, (START, TRIAL - START), self.end)
+        return alternate(first, second, lambda: (START, TRIAL - START), self.end)
 
     def alone(self, which: int) -> float:
         """The work of one method from the beginning to the end."""
@@ -192,7 +192,7 @@ def legs_of(p: Problem, t_end: float, rtol: float, order: int) -> list[Leg]:
     def implicit(legs: Sequence[Leg]) -> Driver:
         return begin(legs, ida())
 
-    return alternate(explicit, implicit, trial(p), t_end)
+    return alternate(explicit, implicit, lambda: trial(p), t_end)
 
 
 @pytest.mark.parametrize("order", [5, 8])

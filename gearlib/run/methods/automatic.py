@@ -127,13 +127,18 @@ def _in_turns(
 ) -> Solution:
     """Integrate by an explicit method and IDA, whichever makes faster progress."""
     from gearlib.solvers.alternation import alternate
-    from gearlib.solvers.ida.ida import ida
-    from gearlib.solvers.ida.ida_stepper import trial
 
     def implicit(legs: Sequence[Leg]) -> Driver:
+        from gearlib.solvers.ida.ida import ida
+
         return handed_over(run, callbacks, legs[-1].run, ida(), True)
 
-    return _joined(run, alternate(explicit, implicit, trial(start), float(run.times[-1])), why)
+    def trial_of_ida() -> tuple[float, float]:
+        from gearlib.solvers.ida.ida_stepper import trial
+
+        return trial(start)
+
+    return _joined(run, alternate(explicit, implicit, trial_of_ida, float(run.times[-1])), why)
 
 
 class OrderChoice:

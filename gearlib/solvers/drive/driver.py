@@ -28,7 +28,7 @@ PATIENCE = 12  # failed evaluations, with ever smaller steps, before a run count
 _EVENTS_AT_FIRST = 256  # entries of the event log (16 bytes each), which doubles when it is full
 MOST_LAYOUTS = 8  # layouts of memory that a problem keeps
 LASTING = ("times", "out", "modes", "log_t", "log_root")  # handed over from one method to the next
-_NO_EVENTS = np.empty(0)
+_NO_EVENTS, _NO_ROOTS = np.empty(0), np.empty(0, np.int64)
 _STATUS = {drive_loop.DONE: "done", drive_loop.MORE: "more", drive_loop.LOG_FULL: "more", drive_loop.STIFF: "stiff"}
 
 
@@ -158,7 +158,8 @@ class Driver:
         here = whole[: words.size].view(np.int64)
         np.multiply(relative, address_of(whole), out=here)
         here += words
-        self.record = record = stepper.Record.from_buffer(whole)
+        buffer: Any = whole
+        self.record = record = stepper.Record.from_buffer(buffer)
         whole[places["zero"]] = 0.0
         self.x, self.data, self.stops = whole[places["x"]][:n], whole[places["data"]], whole[places["stops"]]
         self.x[:], self.data[:] = problem.x0, problem.data
@@ -222,11 +223,15 @@ class Driver:
     @property
     def event_times(self) -> Floats:
         """Times of the events, s."""
+        if not self.record.events:
+            return _NO_EVENTS
         return self.record.origin + self._lasting["log_t"][: self.record.events]
 
     @property
     def event_roots(self) -> NDArray[np.int64]:
         """Index of the event function that crossed zero, -1 for a time event."""
+        if not self.record.events:
+            return _NO_ROOTS
         return self._lasting["log_root"].view(np.int64)[: self.record.events].copy()
 
     def advance(self, steps: int = STEPS_PER_CALL) -> str:
@@ -414,11 +419,11 @@ def _stops(time_events: Floats, first: float, last: float) -> tuple[Floats, int]
 
 def _check(problem: Problem) -> None:
     """Raise `ArgumentError` for invalid times or tolerances, and `StartError` for start values that are not finite."""
-    times, nominal, known = problem.times, problem.nominal, problem.layouts.get(_check)
-    sound = known is not None and known[0] is times and not times.flags.writeable and known[1] is nominal and problem.atol is None
-    if not sound or known[2] != problem.rtol:
+    times, nominal = problem.times, problem.nominal
+    known = problem.layouts.get(_check, (None, None, None)) if problem.atol is None else (None, None, None)
+    if times.flags.writeable or known[0] is not times or known[1] is not nominal or known[2] != problem.rtol:
         _check_tolerances(problem)
-        if not times.flags.writeable:
+        if problem.atol is None:
             problem.layouts[_check] = times, nominal, problem.rtol
     if problem.max_steps < 1:
         raise ArgumentError(f"max_steps must be at least 1, not {problem.max_steps}")

@@ -419,6 +419,8 @@ class FunctionInput:
 
 def values(signals: Sequence[Signal], times: Floats, count: int = 0) -> Floats:
     """Values of the signals at some times, shape (signals, times), zero-padded to ``count`` rows."""
+    if not signals:
+        return np.zeros((count, len(times)))
     rows = []
     for signal in signals:
         if isinstance(signal, Table):

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from typing import Any
 from weakref import proxy
 
+import numpy as np
+
 from gearlib.arguments import shown
 from gearlib.compiler.native_module import native_functions
 from gearlib.errors import ArgumentError, SolverError
@@ -82,7 +84,7 @@ class RungeKutta(Stepper):
 
     def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
         problem = driver.problem
-        if not problem.differential.all():
+        if np.count_nonzero(problem.differential) < problem.differential.size:
             raise ArgumentError("an explicit method cannot solve a problem with algebraic unknowns")
         self.driver, self.problem, self.record = proxy(driver), problem, driver.record  # type: ignore[assignment]
         record, n, span = self.record, problem.x0.size, float(problem.times[-1] - problem.times[0])
