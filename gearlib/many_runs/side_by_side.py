@@ -270,4 +270,4 @@ class PreparedRuns:
         )  # fmt: skip
         statistics = {**stats, "events": 0, "zero_inputs": request.zero_inputs}
         again = replace(request, parameters=parameters, signals=signals, start=self.start_of(i))
-        return SimulatedResult([(segment, statistics, ())], own, again, run)
+        return SimulatedResult([(segment, statistics, list)], own, again, run)

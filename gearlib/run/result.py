@@ -431,7 +431,7 @@ class SimulatedResult(Result):
     """
 
     def __init__(
-        self, parts: Sequence[tuple[Segment, Mapping[str, Any], Sequence[Any]]], translation: Translation, request: Request,
+        self, parts: Sequence[tuple[Segment, Mapping[str, Any], Callable[[], list[Any]]]], translation: Translation, request: Request,
         run: Callable[[Translation, Request, Scene], SimulatedResult],
     ) -> None:  # fmt: skip
         (first, stats, _), *later = parts
@@ -443,9 +443,8 @@ class SimulatedResult(Result):
             self.stats |= {k: self.stats[k] + more[k] for k in ADDED if isinstance(more.get(k), (int, float)) and k in stats}
         if later:
             self.stats["segments"] = len(parts)
-        self.events = list(chain.from_iterable(events for *_, events in parts))
-        times = np.array([event[0] for event in self.events], float) if self.events else np.empty(0)
-        self._segments = [part for part, *_ in parts] if later else [altered(first, events=times, finer=self._finer)]
+        self._named = [named for *_, named in parts]
+        self._segments = [part for part, *_ in parts] if later else [altered(first, finer=self._finer)]
         self.scene, self.translation, self.request = first.scene, translation, request
         self._outputs = translation.states if translation.outputs is None else translation.outputs
         self._run = run
@@ -453,9 +452,14 @@ class SimulatedResult(Result):
         self._extended: SimulatedResult | None = None
         self._all_can_be_integrated = True
 
+    @cached_property
+    def events(self) -> list[Any]:  # type: ignore[override]  # as an attribute, it can be set
+        """When and where events occurred; named when they are first read."""
+        return list(chain.from_iterable(named() for named in self._named))
+
     def __reduce__(self) -> tuple[Any, ...]:
         parts = [
-            (p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess, p.begin, p.tangents)
+            (p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess, p.begin, p.tangents, p.events)
             for p in self._segments
         ]
         if any(self.translation.with_states(p.scene.states) is not p.scene for p in self._segments):
@@ -639,7 +643,7 @@ class SimulatedResult(Result):
             part, scene=scene, states=found, guess=begin.guess, known={}, computed=[], finer=None, branches=[], varied={},
             trace=None,
         )  # fmt: skip
-        return SimulatedResult([(more, self.stats, self.events)], self.translation, self.request, self._run)
+        return SimulatedResult([(more, self.stats, lambda: self.events)], self.translation, self.request, self._run)
 
     @property
     def states(self) -> Floats:
@@ -745,7 +749,10 @@ def _restored(
     stats: dict[str, Any], events: list[Any],
 ) -> SimulatedResult:  # fmt: skip
     """Unpickle a result from another process."""
-    made = [(Segment(translation.with_states(states), *rest), stats, ()) for states, *rest in parts]
+    made = [
+        (altered(Segment(translation.with_states(states), *rest), events=times), stats, list[Any])
+        for states, *rest, times in parts
+    ]
     result = SimulatedResult(made, translation, request, run)
     result.stats.update(stats)
     result.events = events

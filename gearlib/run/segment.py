@@ -68,10 +68,11 @@ class Segment:
             moving = carried(run.scene)
             discretes = run.tangents.discretes(moving, time)
             tangents = TangentHistory(run.tangents.directions, solution.tangents[first:], moving, discretes)
+        happened = finer is not None or (run.handed or run.scene).relations is not None  # else the corners of tables only
         return cls(
             run.scene, time, states, modes, run.numbers.parameters, run.signals, run.start.guess, float(run.times[0]), tangents,
-            known, events=solution.event_times, finer=None if finer is None else partial(finer, run), trace=solution.trace,
-            begun=begun,
+            known, events=solution.event_times if happened else np.empty(0), finer=None if finer is None else partial(finer, run),
+            trace=solution.trace, begun=begun,
         )  # fmt: skip
 
     def history(self, node: Node) -> Floats:

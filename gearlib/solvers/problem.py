@@ -22,7 +22,7 @@ nothing changed, 1 if the right-hand side did, 2 if ``x`` did as well, and store
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
@@ -181,7 +181,7 @@ class Solution:
     event_times: Floats  # (events,)
     event_roots: Integers  # (events,) index of the root that fired, -1 for a time event
     stats: dict[str, Any]  # method, steps, rhs, jac, events, rejected, ...
-    events: Sequence[tuple[float, str]] = ()  # time, and component with equation, where known
+    events: Callable[[], list[tuple[float, str]]] = list  # gives the time, and component with equation, where known
     algebraic: Mapping[tuple[int, int], Floats] = field(default_factory=dict)  # histories of the unknowns left to IDA, by node
     tangents: Floats | None = None  # (samples, states, directions), if integrated with the states
     trace: Trace | None = None  # the ends of its steps, where they were kept

@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -139,7 +140,7 @@ def finished(run: Run, solution: Solution, name: str, why: str) -> Solution:
         solution = replace(solution, algebraic=handed.histories(solution.x), branch=branch)
     if solution.x.shape[1] > n:
         solution = altered(solution, x=solution.x[:, :n], x_last=solution.x_last[:n])
-    return altered(solution, events=named_events(run, solution), stats=stats)
+    return altered(solution, events=partial(named_events, run, solution), stats=stats)
 
 
 def explained(problem: SolverError, scene: Scene) -> SolverError:

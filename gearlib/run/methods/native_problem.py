@@ -102,7 +102,7 @@ def _common(scene: Scene | SceneForm, native: NativeScene) -> Problem:
     if native.common:
         known: Problem = native.common[0]
         return known
-    form = scene if isinstance(scene, SceneForm) else None
+    form = None if isinstance(scene, Scene) else scene
     relations, pattern, iterated = scene.relations, native.pattern, (scene if form is None else form.scene).program.iterated
     n_roots = int((~relations.on_time).sum()) if relations is not None else 0
     nominal = scene.nominal if len(scene.nominal) else np.ones(1)  # integrators need a state: without one, a constant is added

@@ -283,7 +283,10 @@ def _joined(
             if k in pieces.histories
             else Table(pieces.times, [piece[k] for piece in pieces.signals], interpolation="previous")
         )
-    events = [event for _, s in done for event in s.events]
+
+    def events() -> list[tuple[float, str]]:
+        return [event for _, s in done for event in s.events()]
+
     return replace(first, signals=tuple(signals)), replace(
         last, t=first.times, x=states, modes=modes, events=events, stats=stats
     )

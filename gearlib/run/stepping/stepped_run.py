@@ -225,7 +225,7 @@ class SteppedRun:
             atol=run.atol, signals=signals, guess=run.start.guess,
         )  # fmt: skip
         here = self._checked(here)
-        self.events += [event for _, found in parts for event in found.events]
+        self.events += [event for _, found in parts for event in found.events()]
         self._now = replace(here, n_events=len(self.events))
 
     def __getitem__(self, name: str) -> float:
