@@ -38,6 +38,15 @@ def connection_sets(links: Iterable[Sequence[int]]) -> list[list[int]]:
     return sorted(sorted(s) for s in nx.connected_components(graph))
 
 
+def without_cancelling(members: SignedSum, aliases: Aliases) -> SignedSum:
+    """A sum without flows that are zero, and without those that are equal and opposite."""
+    totals: dict[int, int] = {}
+    for v, sign in members:
+        own = int(aliases.representative[v])
+        totals[own] = totals.get(own, 0) + sign * int(aliases.sign[v])
+    return tuple((v, sign) for v, sign in members if totals[int(aliases.representative[v])])
+
+
 def split_sum(members: SignedSum, new_variable: int) -> tuple[list[SignedSum], int]:
     """Split a long sum into several short ones over new variables; returns them and the next free variable."""
     sums: list[SignedSum] = []

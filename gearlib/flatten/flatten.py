@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +15,15 @@ from gearlib.equations.template import Template
 from gearlib.errors import BindingError, BoundError, DeclarationError, ModelError
 from gearlib.flatten.aliases import Aliases, unite
 from gearlib.flatten.attributes import PREFERENCE, declared, nominals, of_any_alias, places_of_classes, preferences
-from gearlib.flatten.connections import SignedSum, connection_sets, series_of_parallels, split_sum, sum_template
+from gearlib.flatten.connections import (
+    MOST_ADDENDS,
+    SignedSum,
+    connection_sets,
+    series_of_parallels,
+    split_sum,
+    sum_template,
+    without_cancelling,
+)
 from gearlib.flatten.instances import walk
 from gearlib.flatten.model import (
     Dependent,
@@ -62,13 +70,15 @@ def flatten(component: Component, substituted: Special = frozenset()) -> FlatMod
     table = _parameter_table(tree)
     check_bounds(table, table.defaults)
     raw, equalities = _equations(tree, substituted)
-    sums, zeros, n_sets, n_variables = _connections(tree)
-    for kind in sorted({len(s) for s in sums} - {2}):
+    whole, zeros, n_sets = _connections(tree)
+    equalities += zeros
+    sums, n_variables = _short_sums(whole, equalities, tree.n_variables)
+    for kind in sorted({len(s) for s in sums} - {0, 2}):
         members = np.array([s for s in sums if len(s) == kind], np.int64)
         none = np.empty((len(members), 0), np.int64)
         raw.append(EquationGroup(sum_template(kind), members[:, :, 0], members[:, :, 1], none, np.full(len(members), -1), none))
-    equalities += [(s[0][0], s[1][0], -s[0][1] * s[1][1]) for s in sums if len(s) == 2]
-    equalities += zeros
+    equalities += _equal_flows(sums)
+    equalities += [(0, 0, 1) for s in sums if not s]  # such as x = x
     classes = places_of_classes(tree)
     rank = declared(classes, lambda name, _: "." in name, np.ones(n_variables, np.int64))
     rank[tree.inputs] = -1  # an input represents all its aliases
@@ -263,14 +273,35 @@ def _equations(tree: Tree, substituted: Special) -> tuple[list[EquationGroup], l
     return _separated(pieces, equalities), equalities
 
 
-def _connections(tree: Tree) -> tuple[list[SignedSum], list[tuple[int, int, int]], int, int]:
-    """Sums of flows, equalities (of potentials; of flows of unconnected ports with zero), number of sets, number of variables."""
+def _equal_flows(sums: Iterable[SignedSum]) -> list[tuple[int, int, int]]:
+    return [(s[0][0], s[1][0], -s[0][1] * s[1][1]) for s in sums if len(s) == 2]
+
+
+def _short_sums(
+    sums: Sequence[SignedSum], equalities: Sequence[tuple[int, int, int]], n_variables: int
+) -> tuple[list[SignedSum], int]:
+    """Long sums split over auxiliary variables; and the number of all variables.
+
+    Flows that cancel, as those of a part with two flanges on one set do, leave a long sum before it is split. Otherwise it would depend
+    on the order of declaration whether they meet in a partial sum.
+    """
+    short: list[SignedSum] = []
+    if any(len(members) > MOST_ADDENDS for members in sums):
+        left, right, sign = np.array([*equalities, *_equal_flows(sums)], np.int64).reshape(-1, 3).T
+        aliases = unite(n_variables, left, right, sign, np.ones(n_variables, np.int64))
+        sums = [s if len(s) <= MOST_ADDENDS else without_cancelling(s, aliases) for s in sums]
+    for members in sums:
+        pieces, n_variables = split_sum(members, n_variables)
+        short += pieces
+    return short, n_variables
+
+
+def _connections(tree: Tree) -> tuple[list[SignedSum], list[tuple[int, int, int]], int]:
+    """Sums of flows, equalities (of potentials; of flows of unconnected ports with zero), number of sets."""
     sets = connection_sets(tree.links)
     connected = {node for s in sets for node in s}
     sums: list[SignedSum] = []
     equalities: list[tuple[int, int, int]] = []
-    n_variables = tree.n_variables
-
     places: dict[tuple[int, str, type], list[int]] = {}  # (class record, connector, kind) -> offsets of variables
 
     def variables_of(node: int, kind: type) -> list[int]:
@@ -287,15 +318,15 @@ def _connections(tree: Tree) -> tuple[list[SignedSum], list[tuple[int, int, int]
         for node in members[1:]:
             equalities += [(v, first, 1) for v, first in zip(variables_of(node, Potential), lead, strict=True)]
         signs = tuple(-1 if node % 2 else 1 for node in members)  # a composite's own connector, seen from inside
-        for flows in zip(*(variables_of(node, Flow) for node in members), strict=True):
-            pieces, n_variables = split_sum(tuple(zip(flows, signs, strict=True)), n_variables)
-            sums += pieces
+        sums += [
+            tuple(zip(flows, signs, strict=True)) for flows in zip(*(variables_of(node, Flow) for node in members), strict=True)
+        ]
     loose = [port for port in range(len(tree.ports)) if 2 * port not in connected]
     for port in loose:
         equalities += [(v, -1, 0) for v in variables_of(2 * port, Flow)]
     inner = sorted(node // 2 for node in connected if node % 2)
     tree.loose_ports, tree.inner_ports = [tree.ports[port] for port in loose], [tree.ports[port] for port in inner]
-    return sums, equalities, len(sets), n_variables
+    return sums, equalities, len(sets)
 
 
 def _group(tree: Tree, template: Template, variables: Integers, parameters: Integers, owners: Integers) -> EquationGroup:

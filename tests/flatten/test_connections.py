@@ -79,3 +79,35 @@ def test_springs_against_a_delta_of_dampers() -> None:
         assert result[f"springs[{k}].phi_rel"] == pytest.approx(first * decay, abs=1e-9)
         assert np.abs(result[f"springs[{k}].tau"]) == pytest.approx(5e3 * abs(first) * decay, abs=1e-4)
     assert result["body.w"] == pytest.approx(np.zeros(11), abs=1e-9)
+
+
+class Bundle(gl.Component):
+    """Torques between two flanges of one shaft, which a long connection set contains in an order that a seed gives."""
+
+    seed = gl.Structural(0)
+    bodies = gl.Structural(1)
+
+    def assemble(self) -> list[Any]:
+        self.torque = gp.Torque2()
+        self.parts = [gp.Spring(c=3.0) for _ in range(5)]
+        flanges = [f for p in (self.torque, *self.parts) for f in (p.flange_a, p.flange_b)]
+        if self.bodies:
+            self.body, self.drag = gp.Inertia(J=2.0), gp.Damper(d=0.5)
+            self.drive, self.ground = gp.Torque(), gp.Fixed()
+            flanges += [self.body.flange_a, self.drag.flange_a, self.drive.flange]
+        np.random.default_rng(self.seed).shuffle(flanges)
+        return [gl.connect(*flanges), *([gl.connect(self.drag.flange_b, self.ground.flange)] if self.bodies else [])]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_flows_that_cancel_leave_a_connection_set_before_it_is_split(seed: int) -> None:
+    system = gl.compile(Bundle(seed=seed))
+    assert not any("flow_sum" in system.translation.model.name(v) for g in system.translation.model.groups for v in g.variables.flat)
+    with pytest.warns(gl.InputWarning, match=r"no equation contains the input torque\.tau"):
+        model = system.linearize(["torque.tau", "drive.tau"], ["body.w"])
+    assert model(0.5j) == pytest.approx(np.array([[0.0, 1.0 / (2.0 * 0.5j + 0.5)]]))
+
+
+def test_a_connection_set_in_which_all_flows_cancel_determines_nothing() -> None:
+    with pytest.raises(gl.GearlibError, match="torque.flange_a.phi"):
+        gl.compile(Bundle(bodies=0))
