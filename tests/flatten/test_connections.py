@@ -102,7 +102,9 @@ class Bundle(gl.Component):
 @pytest.mark.parametrize("seed", range(4))
 def test_flows_that_cancel_leave_a_connection_set_before_it_is_split(seed: int) -> None:
     system = gl.compile(Bundle(seed=seed))
-    assert not any("flow_sum" in system.translation.model.name(v) for g in system.translation.model.groups for v in g.variables.flat)
+    assert not any(
+        "flow_sum" in system.translation.model.name(v) for g in system.translation.model.groups for v in g.variables.flat
+    )
     with pytest.warns(gl.InputWarning, match=r"no equation contains the input torque\.tau"):
         model = system.linearize(["torque.tau", "drive.tau"], ["body.w"])
     assert model(0.5j) == pytest.approx(np.array([[0.0, 1.0 / (2.0 * 0.5j + 0.5)]]))
