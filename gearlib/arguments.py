@@ -116,6 +116,24 @@ def reals(name: str, values: Any, expected: str) -> Floats:
     return result
 
 
+def complexes(name: str, values: Any, expected: str) -> NDArray[np.complex128]:
+    """The values as a complex array; `ArgumentError` if they are not finite numbers, real or complex.
+
+    >>> complexes("values", [1, 0.5j], "a sequence of complex numbers")
+    array([1.+0.j , 0.+0.5j])
+    """
+    try:
+        found = np.asarray(values)
+        numbers = found.ravel().tolist() if found.dtype.kind in "iufcO" else [np.nan]
+        pairs = [(z.real, z.imag) if isinstance(z, (complex, np.complexfloating)) else (z, 0.0) for z in numbers]
+        valid = all(is_real(a) and is_real(b) for a, b in pairs)
+    except Exception:  # a user's object may fail to convert to an array
+        valid = False
+    if not valid:
+        raise ArgumentError(f"{name} is {shown(values)}; expected {expected}")
+    return np.array([complex(float(a), float(b)) for a, b in pairs], complex).reshape(found.shape)
+
+
 def increasing(name: str, values: Any, least: int, unit: str = "") -> Floats:
     """The values as an array; `ArgumentError` if they do not increase, or are fewer than ``least``.
 

@@ -21,6 +21,7 @@ from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled, Translation
 
 Floats = NDArray[np.float64]
+LARGEST = 1e150  # a residual in standard deviations: the sum of squares of larger ones overflows
 CONVERGED = 1e-8  # relative change of the parameters or of the sum of squares at which the search has converged
 
 
@@ -115,7 +116,8 @@ def fit(
     series = [s for e in experiments for s in e.series(system)]
     given = checked_noise(noise, list(dict.fromkeys(s.name for s in series))) if noise is not None else {}
     sizes, known = _sizes(series, given)
-    evaluator = _Evaluator(system, experiments, ranges, common, np.concatenate([s.numbers for s in series]), sizes)
+    names = [s.name for s in series for _ in s.numbers]
+    evaluator = _Evaluator(system, experiments, ranges, common, names, np.concatenate([s.numbers for s in series]), sizes)
     evaluator.most = whole("evaluations", evaluations, 1)
     check_progress(progress)
     own = translation.parameter_values(common)
@@ -138,6 +140,7 @@ class _Evaluator:
     experiments: list[Measured]
     ranges: list[Range]
     common: Mapping[str, float]
+    names: list[str]  # of the series of each residual
     measured: Floats
     sizes: Floats
     count: int = 0
@@ -163,10 +166,24 @@ class _Evaluator:
             numbers = np.concatenate([as_real(v) for v in predicted])
             per_place = np.array([r.slope(values[r.name]) for r in self.ranges])
             rows = np.concatenate(slopes) * per_place
-            self._last = place.tobytes(), (numbers - self.measured) / self.sizes, rows / self.sizes[:, None], predicted
+            with np.errstate(over="ignore"):
+                residuals, slopes_of_residuals = (numbers - self.measured) / self.sizes, rows / self.sizes[:, None]
+            self._check(numbers, np.column_stack([residuals, slopes_of_residuals]))
+            self._last = place.tobytes(), residuals, slopes_of_residuals, predicted
             if self.tell is not None:
                 self.tell(min(1.0, self.count / self.most), time.perf_counter() - self.began)
         return self._last[1:]
+
+    def _check(self, numbers: Floats, sized: Floats) -> None:
+        """Raise `ArgumentError` unless the squares of residuals and of their derivatives have a sum in double precision."""
+        large = np.flatnonzero(~(np.abs(sized) < LARGEST).all(axis=1))
+        if len(large):
+            k = int(large[0])
+            raise ArgumentError(
+                f"{self.names[k]} is predicted as {numbers[k]:.6g} and measured as {self.measured[k]:.6g}; in units of its noise, "
+                f"{self.sizes[k]:.3g}, the difference or its derivative is not below {LARGEST:g}. Expected a finite prediction, and a "
+                "noise nearer to the scatter of the data"
+            )
 
     def residuals(self, place: Floats) -> Floats:
         try:

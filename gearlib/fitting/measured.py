@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.arguments import by_name, increasing, one_name, real, reals, shown
+from gearlib.arguments import by_name, complexes, increasing, one_name, real, reals, shown
 from gearlib.errors import ArgumentError, GearlibError, NameLookupError, nearest
 from gearlib.feedback.stability import stability
 from gearlib.linear.frequency_response import frequency_response
@@ -229,12 +229,10 @@ class MeasuredResponse(Measured):
         parameters: Mapping[str, float] | None = None, noise: float | None = None,
     ) -> None:  # fmt: skip
         self.omega = np.atleast_1d(reals("omega", omega, "angular frequencies, rad/s"))
-        try:
-            self.values = np.asarray(values, complex)
-        except (TypeError, ValueError):
-            raise ArgumentError(f"values is {shown(values)}; expected complex numbers, one for each frequency") from None
-        if self.values.shape != self.omega.shape or self.omega.ndim != 1 or not np.isfinite(self.values).all():
-            raise ArgumentError(f"values is {shown(values)}; expected {len(self.omega)} finite complex numbers, as omega has")
+        expected = f"{len(self.omega)} finite complex numbers, one for each frequency in omega"
+        self.values = complexes("values", values, expected)
+        if self.values.shape != self.omega.shape or self.omega.ndim != 1:
+            raise ArgumentError(f"values is {shown(values)}; expected {expected}")
         self.input, self.output = one_name("input", input, "torque.tau"), one_name("output", output, "load.w")
         self.at, self.parameters = at, by_name("parameters", parameters, "a mapping of paths to numbers")
         self.noise = checked_noise(noise, [self.output]).get(self.output)
@@ -283,6 +281,8 @@ class MeasuredModes(Measured):
         if damping is not None:
             self.measured["damping"] = np.atleast_1d(reals("damping", damping, "damping ratios"))
         chosen = np.arange(count) if numbers is None else np.atleast_1d(reals("numbers", numbers, "numbers of modes"))
+        if not ((chosen >= 0) & (chosen < 2**53) & (chosen % 1 == 0)).all():
+            raise ArgumentError(f"numbers is {shown(numbers)}; expected the index of each mode, a whole number, 0 or more")
         self.numbers = chosen.astype(int)
         for name, values in {**self.measured, "numbers": self.numbers}.items():
             if values.shape != (count,) or not count:

@@ -350,10 +350,13 @@ def _weights(meshes: Any) -> dict[str, complex]:
     """Amplitudes by path of the input."""
     if not isinstance(meshes, Mapping):
         return dict.fromkeys(name_list("meshes", meshes, "mesh.e_rate"), 1.0)
-    for name, weight in meshes.items():
-        if not (isinstance(weight, (complex, np.complexfloating)) and np.isfinite(weight)):
-            real(f"the amplitude of {name} in meshes", weight, "a finite number, which may be complex")
-    return dict(meshes)
+    expected = "a finite number, which may be complex"
+    return {
+        name: complex(weight)
+        if isinstance(weight, (complex, np.complexfloating)) and np.isfinite(weight)
+        else real(f"the amplitude of {name} in meshes", weight, expected)
+        for name, weight in by_name("meshes", meshes, "names, or a mapping of names to amplitudes", "mesh.e_rate").items()
+    }
 
 
 def _error_inputs(translation: Translation) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import name_list, one_name
+from gearlib.arguments import by_name, name_list, one_name
 from gearlib.errors import NameLookupError, nearest
 from gearlib.linear.linearized_program import LinearizedProgram
 from gearlib.linear.operating_point import operating_point
@@ -125,11 +125,11 @@ def steady_state(
     translation, _ = translation_of(system).fitted(parameters)
     default = translation.states if translation.outputs is None else translation.outputs
     names = tuple(name_list("outputs", default if outputs is None else outputs, "load.w"))
-    given = set(inputs) if isinstance(inputs, Mapping) else set()
+    given = by_name("inputs", inputs, "a mapping of paths to numbers, functions of time or tables", "torque.tau")
     known = [translation.structure.named(name, "output", ("cannot be an output", "can")) for name in names]
     nodes = [node for node, sign in known if sign]
     states = tuple(sorted({*translation.scene.states, *needed_states(translation.structure, nodes)}))
-    scene, numbers, point = operating_point(translation, states, "steady", parameters, inputs)
+    scene, numbers, point = operating_point(translation, states, "steady", parameters, given)
     warn_of_zero_inputs(
         translation, tuple(n for n in translation.needed_inputs if n not in given), "this state", "steady_state"
     )

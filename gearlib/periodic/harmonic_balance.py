@@ -23,6 +23,7 @@ from gearlib.run.translation import Compiled
 
 HARMONICS = (4, 8, 16, 32, 64)  # numbers of harmonics, tried in turn
 OFF = 1e-2  # relative to the vibration: an error at the retained harmonics that truncation does not explain
+SLOWEST, FASTEST = 1e-50, 1e50  # rad/s; outside, squares of derivatives (fourth powers of a frequency) overflow or underflow
 Input = float | Callable[[float, float], float]
 
 
@@ -181,6 +182,9 @@ def _check_numbers(start: float, end: float, harmonics: int | None, step: float,
         raise ArgumentError(
             f"start and end are {shown(start)} and {shown(end)}; expected two different positive frequencies, rad/s"
         )
+    for name, value in (("start", start), ("end", end)):
+        if not SLOWEST <= value <= FASTEST:
+            raise ArgumentError(f"{name} is {shown(value)}; expected a frequency from {SLOWEST:g} to {FASTEST:g} rad/s")
     if harmonics is not None:
         whole("harmonics", harmonics, 1)
     if not 0 < step <= 1:

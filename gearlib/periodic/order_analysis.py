@@ -42,7 +42,8 @@ class OrderSpectrum:
     def at(self, order: float) -> float:
         """Amplitude at the nearest spectral line; orders above the highest line, which sampling cannot resolve, are refused."""
         highest = float(self.orders[-1])
-        if not 0 <= real("order", order) <= highest + 0.5 * float(self.orders[1] if len(self.orders) > 1 else 0.0):
+        order = real("order", order)
+        if not 0 <= order <= highest + 0.5 * float(self.orders[1] if len(self.orders) > 1 else 0.0):
             raise ArgumentError(
                 f"order {order:g} is not in this spectrum of {self.name}, which goes from 0 to {highest:.4g}; give a higher "
                 "max_order, or sample the run more often"
@@ -174,8 +175,9 @@ def order_waterfall(
     OrderWaterfall
     """
     revolutions = whole("revolutions", revolutions, 1)
-    if not 0 <= real("overlap", overlap, "a number from 0 to 0.95") <= 0.95:
-        raise ArgumentError(f"overlap is {shown(overlap)}; expected a number from 0 to 0.95")
+    overlap = real("overlap", overlap, "a number from 0 to 0.95")
+    if not 0 <= overlap <= 0.95:
+        raise ArgumentError(f"overlap is {overlap}; expected a number from 0 to 0.95")
     time, angle, signal = _prepared(result, name, reference, None, None)
     total = (angle[-1] - angle[0]) / (2 * np.pi)
     starts = np.arange(0.0, total - revolutions + 1e-9, revolutions * (1 - overlap))
@@ -194,12 +196,11 @@ def _prepared(
     from scipy.interpolate import make_interp_spline
 
     check_result(result)
-    for what, limit in (("t_start", t_start), ("t_end", t_end)):
-        if limit is not None:
-            real(what, limit, "a finite number of seconds")
+    seconds = "a finite number of seconds"
+    begin, end = (x if x is None else real(n, x, seconds) for n, x in (("t_start", t_start), ("t_end", t_end)))
     name, reference = one_name("name", name, "load.w"), one_name("reference", reference, "motor.phi")
     time, signal, motion = result.time, result[name], result[reference]
-    inside = (time >= (time[0] if t_start is None else t_start)) & (time <= (time[-1] if t_end is None else t_end))
+    inside = (time >= (time[0] if begin is None else begin)) & (time <= (time[-1] if end is None else end))
     time, signal, motion = time[inside], signal[inside], motion[inside]
     if len(time) < 12:
         raise ArgumentError(f"the interval holds {len(time)} samples; a spectrum needs more")

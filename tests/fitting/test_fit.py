@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from functools import cache
 from typing import Any
 
@@ -9,9 +10,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+import sympy
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import ArgumentError
 from gearlib.fitting.measured import Measured, as_real
 from tests.many_runs.models import Drive, Rattle
 
@@ -247,6 +250,8 @@ def test_evaluations_that_run_out() -> None:
         ({"data": {"time": [0.0, 1.0], "load.x": [0.0, 1.0]}}, r"load\.x"),
         ({"noise": {"load.x": 1.0}}, r"noise names 'load\.x', which was not measured"),
         ({"noise": -1.0}, "expected a standard deviation above 0"),
+        ({"noise": 5e-324}, r"load\.w is predicted as 1 and measured as 0; in units of its noise, 4\.94e-324, the difference"),
+        ({"noise": 1e-160}, r"load\.w is predicted .* noise, 1e-160, .* Expected a finite prediction, and a noise nearer"),
         ({"evaluations": 0}, "evaluations is 0"),
     ],
 )
@@ -254,6 +259,48 @@ def test_what_is_refused(change: dict[str, Any], message: str) -> None:
     plain = {"time": [0.0, 1.0], "load.w": [0.0, 1.0]}
     with pytest.raises(gl.GearlibError, match=message):
         gl.fit(system(), **{"data": plain, "free": {"shaft.c": (1.0, 1e4)}, **change})
+
+
+@pytest.mark.parametrize("noise", [2.0, 1e308])
+def test_noise_above_the_signal_leaves_the_parameter_open(noise: float) -> None:
+    data = gl.MeasuredResponse([1.0, 2.0], [1.0 - 1j, 0.2 - 0.4j], "torque.tau", "load.w")
+    found = gl.fit(system(), data, {"shaft.c": (1.0, 1e4)}, noise=noise)
+    assert not found.identifiable
+    assert np.isinf(found.covariance).all()
+    assert np.isfinite(found.numbers).all()
+
+
+class Fails:
+    """Fails whatever is asked of it."""
+
+    def _fail(self, *_: Any) -> Any:
+        raise RuntimeError("a failing object")
+
+    __array__ = __len__ = __iter__ = __getitem__ = __float__ = __complex__ = __repr__ = _fail
+
+
+@pytest.mark.parametrize(
+    "values",
+    [10**400, [1, 10**400], [Fraction(10**400, 3), 1], np.array([1e308, 1.0], np.longdouble) * 1e100, Fails(), [Fails(), 1.0],
+     ["1", "2"], [True, False], [1.0, np.nan], [1.0, complex(0.0, np.inf)], np.array(["2020", "2021"], "M8[ns]"), {}],
+)  # fmt: skip
+def test_values_that_are_no_complex_numbers(values: Any) -> None:
+    with pytest.raises(
+        ArgumentError, match=r"values is .*; expected 2 finite complex numbers, one for each frequency in omega"
+    ):
+        gl.MeasuredResponse([1.0, 2.0], values, "a", "b")
+
+
+def test_values_may_be_numbers_of_any_kind() -> None:
+    found = gl.MeasuredResponse([1.0, 2.0, 3.0], [Fraction(1, 4), sympy.Rational(1, 2), np.complex64(2j)], "a", "b").values
+    assert found.dtype == complex
+    assert found.tolist() == [0.25, 0.5, 2j]
+
+
+@pytest.mark.parametrize("numbers", [[1e308], [0.5], [-1], [2.0**60]])
+def test_numbers_of_modes_are_whole(numbers: Any) -> None:
+    with pytest.raises(ArgumentError, match=r"numbers is .*; expected the index of each mode, a whole number, 0 or more"):
+        gl.MeasuredModes([1.0], numbers=numbers)
 
 
 def test_measurements_that_are_none() -> None:

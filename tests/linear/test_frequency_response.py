@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from fractions import Fraction
 from typing import Any
 
 import control
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+import sympy
 
 import gearlib as gl
 import gearparts as gp
 from gearlib.linear.linear_model import is_sparse
+from tests.stress.misuse import BadMapping
 
 
 def amplitude(time: Any, signal: Any, w: float) -> complex:
@@ -109,6 +112,9 @@ def test_phases_of_meshes_are_taken() -> None:
         system, w, ["gear.w"], meshes={"left.e_rate": 1.0, "right.e_rate": np.exp(1j * np.pi)}
     )
     assert np.abs(against["gear.w"]).max() < 1e-12 * np.abs(both).max()
+    for third in (Fraction(1, 3), sympy.Rational(1, 3)):
+        one = gl.transmission_error_response(system, w, ["gear.w"], meshes={"left.e_rate": third, "right.e_rate": third})
+        assert one["gear.w"] == pytest.approx(both / 3, rel=1e-12)
     stiffness = 1e6 + 50j * w
     expected = 1j * w * -2 * 0.05 * stiffness / (2 * 0.05**2 * stiffness - 1e-3 * w**2)
     assert both == pytest.approx(expected, rel=1e-10)
@@ -164,6 +170,8 @@ def test_response_says_what_is_wrong(paper: gl.System, chain: Callable[..., gl.S
         gl.frequency_response(paper, [1.0], ["tau_in"], ["w_in"])["w"]
     with pytest.raises(gl.GearlibError, match=r"w_in is in rad/s; a transmission error is in m"):
         gl.transmission_error_response(paper, [1.0], meshes=["w_in"])
+    with pytest.raises(gl.GearlibError, match=r"meshes is .*; expected names, or a mapping of names to amplitudes"):
+        gl.transmission_error_response(paper, [1.0], meshes=BadMapping())
     frame = gl.frequency_response(paper, [1.0, 2.0], ["tau_in"], ["w_in"]).to_dataframe()
     assert list(frame.columns) == [("w_in", "tau_in", "magnitude"), ("w_in", "tau_in", "phase, deg")]
 
@@ -310,6 +318,19 @@ def test_orders_that_the_samples_cannot_show_are_refused() -> None:
     assert spectrum.orders[-1] == pytest.approx(np.pi / 1.1, abs=0.05)
     with pytest.raises(gl.GearlibError, match=r"order 17 is not in this spectrum of signal, which goes from 0 to 2\.8"):
         spectrum.at(17)
+
+
+@pytest.mark.parametrize("third", [Fraction(1, 3), sympy.Rational(1, 3), np.float32(1 / 3)])
+def test_orders_and_overlaps_may_be_numbers_of_any_kind(third: Any) -> None:
+    run = gl.compile(RunUp(), outputs=["signal", "rotor.phi"]).simulate(t_end=0.5, samples=501)
+    pieces, same = (gl.order_waterfall(run, "signal", "rotor.phi", revolutions=1, overlap=o) for o in (third, float(third)))
+    assert np.array_equal(pieces.amplitudes, same.amplitudes)
+    assert len(pieces.times) > 2
+    spectra = [gl.order_spectrum(run, "signal", "rotor.phi", t_start=t, max_order=60 * t) for t in (third, float(third))]
+    assert np.array_equal(*(s.amplitudes for s in spectra))
+    assert spectra[0].at(third) == spectra[0].at(float(third))
+    with pytest.raises(gl.GearlibError, match=r"order .* is not in this spectrum"):
+        spectra[0].at(300 * third)
 
 
 def test_order_analysis_says_what_is_wrong() -> None:

@@ -15,6 +15,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
 from tests.many_runs.models import Drive
+from tests.stress.misuse import BadMapping
 
 Floats = NDArray[np.float64]
 
@@ -276,6 +277,10 @@ def test_steady_states() -> None:
         found.sensitivity("load.J", "k")
     with pytest.warns(gl.InputWarning, match="in this state"):
         gl.steady_state(compiled(Drive), ["load.w"])
+    with pytest.raises(
+        gl.GearlibError, match=r"inputs is .*; expected a mapping of paths to numbers, functions of time or tables"
+    ):
+        gl.steady_state(compiled(Drive), ["load.w"], inputs=BadMapping())
     driven = gl.steady_state(compiled(Drive), ["load.w"], inputs={"torque.tau": 2.0}, parameters={"brake.d": 0.8})
     assert driven["load.w"] == pytest.approx(2.5)
     assert driven.sensitivity("load.w", "brake.d") == pytest.approx(-2.5 / 0.8)

@@ -420,6 +420,9 @@ def test_the_plot_names_what_it_shows(pair_response: gl.HarmonicBalance) -> None
     ("start", "end", "options", "message"),
     [
         (0.0, 1.0, {"frequency": "w"}, "positive frequencies"),
+        (1e308, 2.0, {"frequency": "w"}, r"start is 1e\+308; expected a frequency from 1e-50 to 1e\+50 rad/s"),
+        (5e-324, 2.0, {"frequency": "w"}, r"start is 5e-324; expected a frequency from"),
+        (1.0, 1e308, {"frequency": "w"}, r"end is 1e\+308; expected a frequency from"),
         (1.0, 2.0, {"frequency": "w", "harmonics": 0}, "harmonics is 0"),
         (1.0, 2.0, {"frequency": "w", "harmonics": 9, "samples": 12}, "whole number from 20 on"),
         (1.0, 2.0, {"frequency": "omega"}, "no parameter 'omega'"),

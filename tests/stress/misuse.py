@@ -411,6 +411,8 @@ def finite(value: Any, deep: int = 3) -> bool:
         return all(finite(v, deep - 1) for v in value.values())
     if isinstance(value, gl.Result):
         return finite(value.time) and finite(value.record().data)
+    if isinstance(value, gl.Fit):  # the covariance of a parameter that the data leaves open is infinite, as documented
+        return finite(value.numbers) and finite(value.residuals) and (finite(value.covariance) or not value.identifiable)
     if deep and is_dataclass(value) and not isinstance(value, type):
         return all(finite(getattr(value, f.name), deep - 1) for f in fields(value) if not f.name.startswith("_"))
     if type(value).__name__ == "StateSpace":
