@@ -171,7 +171,12 @@ def as_path(what: str, path: Any, example: str = "r.mat") -> Path:
     >>> as_path("path", "run/r.mat").suffix
     '.mat'
     """
-    if not isinstance(path, (str, os.PathLike)) or not isinstance(os.fspath(path), str) or not os.fspath(path):
+    try:
+        text = os.fspath(path)
+        valid = isinstance(text, str) and text != "" and b"\0" not in os.fsencode(text)
+    except Exception:  # no path; or characters that no name of a file can have
+        valid = False
+    if not valid:
         raise ArgumentError(f"{what} is {shown(path)}; expected the path of a file, such as {example!r}")
     return Path(path)
 

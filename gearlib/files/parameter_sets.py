@@ -10,12 +10,13 @@ import os
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
-from numbers import Real
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from gearlib.arguments import as_path, by_name, shown
+import numpy as np
+
+from gearlib.arguments import as_path, by_name, is_real, one_name, shown
 from gearlib.errors import ArgumentError, DeclarationError, FileError
 from gearlib.files.contents import by_suffix
 from gearlib.files.replacing import replacing
@@ -60,11 +61,12 @@ def save_parameters(
     """
     target, values = as_path("path", path), by_name("parameters", parameters, EXPECTED)
     for name, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, Real):
+        if not (is_real(value) or isinstance(value, (float, np.floating))):  # infinity and NaN are written, too
             raise ArgumentError(f"parameter {name} is {shown(value)}; expected a number")
         values[name] = float(value)
     known = by_name("units", units, "a mapping of paths to units")
-    text = by_suffix(target, FORMATS)[0](values, {name: str(known.get(name, "")) for name in values})
+    spelled = {name: one_name(f"the unit of {name}", known.get(name, ""), "kg.m2") for name in values}
+    text = by_suffix(target, FORMATS)[0](values, spelled)
     with replacing(target) as beside:
         beside.write_text(text, encoding="utf-8", newline="")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -121,5 +122,13 @@ def test_what_cannot_be_read_or_written(tmp_path: Path) -> None:
         gl.load_parameters(tmp_path / "p.toml")
     with pytest.raises(ArgumentError, match="parameter a is 'x'; expected a number"):
         gl.save_parameters(tmp_path / "p.toml", {"a": "x"})  # type: ignore[dict-item]
+    for huge in (10**400, Fraction(10**400, 3)):
+        with pytest.raises(ArgumentError, match=r"parameter a is .*; expected a number"):
+            gl.save_parameters(tmp_path / "p.toml", {"a": huge})
+    with pytest.raises(ArgumentError, match=r"the unit of a is 3; expected a name, such as 'kg\.m2'"):
+        gl.save_parameters(tmp_path / "p.toml", {"a": 1.0}, {"a": 3})  # type: ignore[dict-item]
+    for name in ("p\0.toml", "\ud800.toml"):
+        with pytest.raises(ArgumentError, match=r"path is .*; expected the path of a file"):
+            gl.save_parameters(name, {"a": 1.0})
     with pytest.raises(ArgumentError, match="the unit 'rpm'"):
         gl.save_parameters(tmp_path / "p.ssv", {"a": 1.0}, {"a": "rpm"})

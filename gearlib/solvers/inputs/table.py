@@ -123,11 +123,11 @@ class Table(Tabulated):
         from gearlib.files.columns import read_columns
 
         source = as_path("path", path)
+        names = (one_name("time", time, "t"), one_name("column", column, "tau"))
         if not column:
             raise ArgumentError(
                 "Table.read: name the column with the values, as in Table.read('torque.csv', time='t', column='tau')"
             )
-        names = (one_name("time", time, "t"), one_name("column", column, "tau"))
         t, y = read_columns(source, names)
         return cls._of(f"{source}: ", t, y, interpolation, outside)
 

@@ -160,6 +160,18 @@ def test_tables_are_read_from_results(suffix: str, plain: gl.System, tmp_path: P
     assert gl.Table.read(tmp_path / f"r{suffix}", column="body.w")(result.time) == pytest.approx(result["body.w"])
 
 
+@pytest.mark.parametrize("column", [None, np.array([1.0, 2.0]), np.array([]), NotImplemented, 3])
+def test_a_column_is_named_by_a_string(column: Any) -> None:
+    with pytest.raises(ArgumentError, match=r"column is .*; expected a name, such as 'tau'"):
+        gl.Table.read("t.csv", column=column)
+
+
+@pytest.mark.parametrize("path", ["t\0.csv", "\ud800.csv"])
+def test_what_names_no_file_is_refused(path: str) -> None:
+    with pytest.raises(ArgumentError, match=r"path is .*; expected the path of a file, such as"):
+        gl.Table.read(path, column="tau")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
