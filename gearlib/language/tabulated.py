@@ -13,10 +13,12 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from gearlib.arguments import shown
 from gearlib.errors import ArgumentError
 from gearlib.language.expressions import no_event
 
 Floats = NDArray[np.float64]
+NO_NUMBERS = (sympy.nan, sympy.zoo, sympy.oo, sympy.S.NegativeInfinity, sympy.I)
 MOST_PIECES = 200  # per expression; each generates code of its own
 
 
@@ -33,9 +35,11 @@ def is_symbolic(value: Any) -> bool:
     return isinstance(value, sympy.Expr)
 
 
-def _refuse_branches(said: str, *arguments: Any) -> None:
-    """Refuse a table whose argument contains branches: substituted into every piece, these would multiply."""
+def _check_arguments(said: str, *arguments: Any) -> None:
+    """Refuse arguments that are not finite and real, or contain branches: substituted into every piece, these would multiply."""
     for x in arguments:
+        if isinstance(x, sympy.Basic) and x.has(*NO_NUMBERS):
+            raise ArgumentError(f"{said} is given {shown(x)}; expected a finite real number, or an expression of such numbers")
         if isinstance(x, sympy.Basic) and x.has(sympy.Piecewise, sympy.Max, sympy.Min, sympy.Abs, sympy.sign):
             raise ArgumentError(
                 f"{said} is given an expression with branches; give this to a variable with an equation of its own, or to a part such as "
@@ -64,7 +68,7 @@ def piecewise_polynomial(said: str, x: Any, knots: Floats, coefficients: Floats,
     >>> [float(law.subs(x, at)) for at in (-1, 0.5, 3)]
     [1.0, 2.0, 5.0]
     """
-    _refuse_branches(said, x)
+    _check_arguments(said, x)
     if len(knots) > MOST_PIECES:
         raise ArgumentError(
             f"{said} has {len(knots)} points; in an equation, at most {MOST_PIECES} are taken. Leave the input unbound and give the "
@@ -107,7 +111,7 @@ def bilinear(said: str, x: Any, y: Any, xs: Floats, ys: Floats, z: Floats, event
     events : bool
         Whether the grid lines raise events.
     """
-    _refuse_branches(said, x, y)
+    _check_arguments(said, x, y)
     cells = (len(xs) + 1) * (len(ys) + 1)
     if cells > 4 * MOST_PIECES:
         raise ArgumentError(

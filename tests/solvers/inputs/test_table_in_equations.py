@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator, RegularGridInterpolator
 
@@ -147,3 +148,11 @@ def test_tables_that_are_refused(make: Any, kind: type[Exception], message: str)
 
     with pytest.raises(kind, match=message):
         gl.compile(Driven())
+
+
+@pytest.mark.parametrize("no_number", [sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I, 1 + sympy.I * sympy.Symbol("x")])
+def test_what_is_no_finite_real_number_is_refused(no_number: Any) -> None:
+    table, area = gl.Table([0.0, 1.0], [0.0, 1.0]), gl.Table2D([0.0, 1.0], [0.0, 1.0], [[0.0, 1.0], [2.0, 3.0]])
+    for call in (lambda: table(no_number), lambda: area(no_number, 0.5), lambda: area(0.5, no_number)):
+        with pytest.raises(ArgumentError, match=r"is given .*; expected a finite real number, or an expression"):
+            call()
