@@ -93,7 +93,9 @@ def _differences(expression: Any) -> list[Any]:
 def _roots(pair: tuple[Any, Any], t0: float, t_end: float) -> list[float]:
     """Zeros of the difference of two expressions of absolute time, in which the zero of time - a is a to the last bit."""
     if isinstance(pair[0], SquareWave) and pair[1] == 0:
-        return _instants(float(pair[0].args[1]), float(pair[0].args[2]), t0, t_end)
+        times = instants(float(pair[0].args[1]), float(pair[0].args[2]), t0, t_end)
+        found: list[float] = times[(times > t0) & (times < t_end)].tolist()
+        return found
     signal = add(parse(pair[0], 0.0), multiply({0j: [-1.0]}, parse(pair[1], 0.0)))
     rates = [rate for rate in signal if rate != 0]
     constant = signal.get(0j, [0.0])
@@ -108,16 +110,24 @@ def _roots(pair: tuple[Any, Any], t0: float, t_end: float) -> list[float]:
     raise OutsideClassError(f"the zeros of {pair[0]} - ({pair[1]}) are not known in closed form")
 
 
-def _instants(period: float, offset: float, t0: float, t_end: float) -> list[float]:
-    """offset + k * period, each rounded separately, so that errors do not accumulate."""
+def instants(period: float, offset: float, t0: float, t_end: float) -> Floats:
+    """offset + k * period in a closed interval, k = 0, 1, ..., each rounded separately, so that errors do not accumulate.
+
+    >>> instants(0.5, 1.0, 0.0, 2.0)
+    array([1. , 1.5, 2. ])
+    """
     if not period > 0.0:
         raise OutsideClassError(f"a period is {period:g} s, which is not positive")
-    first, last = max(math.floor((t0 - offset) / period) - 1, 0), math.ceil((t_end - offset) / period) + 1
-    if last - first > MOST_INSTANTS:
-        raise OutsideClassError(f"there are {last - first} instants, more than {MOST_INSTANTS}")
-    times = offset + period * np.arange(first, max(last, first))
-    found: list[float] = times[(times > t0) & (times < t_end)].tolist()
-    return found
+    begin = max(t0, offset)
+    if begin > t_end:
+        return np.empty(0)
+    many = (t_end - begin) / period  # infinite if it overflows
+    if many > MOST_INSTANTS:
+        raise OutsideClassError(f"there are {many:.6g} instants, more than {MOST_INSTANTS}")
+    first = max(math.floor((begin - offset) / period) - 1, 0)
+    with np.errstate(over="ignore"):  # beyond the interval
+        times = offset + period * np.arange(first, first + math.ceil(many) + 4)
+    return np.asarray(times[(times >= t0) & (times <= t_end)], float)
 
 
 def _polynomial_roots(c: list[float]) -> list[float]:

@@ -54,6 +54,15 @@ def system() -> gl.System:
     return gl.compile(Governed())
 
 
+def test_periods_and_offsets_of_any_size() -> None:
+    for given, calls in (({"period": 1e308}, 1), ({"offset": 1e308}, 0), ({"period": 1e-300, "offset": 3.0}, 0)):
+        LAW.calls.clear()
+        gl.compile(Governed(**given)).simulate(2.0)
+        assert len(LAW.calls) == calls, given
+    with pytest.raises(gl.GearlibError, match=r"period of governor is .* s: from 0 to 2 s there are inf instants, more than"):
+        gl.compile(Governed(period=5e-324)).simulate(2.0)
+
+
 @pytest.mark.parametrize("method", ["auto", "rk8", "ida"])
 def test_a_function_is_called_at_exact_instants_and_its_value_is_held(system: gl.System, method: str) -> None:
     r = system.simulate(2.0, samples=41, method=method, rtol=1e-9)

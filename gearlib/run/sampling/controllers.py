@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -11,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import is_real, shown
-from gearlib.equations.switch_times import MOST_INSTANTS, rounding
+from gearlib.equations.quasipolynomials import OutsideClassError
+from gearlib.equations.switch_times import instants, rounding
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component, parts_below
 from gearlib.language.delayed import Delayed
@@ -34,12 +34,12 @@ class Controller:
 
     def instants(self, t0: float, t1: float) -> list[float]:
         """Its sample instants in a closed interval."""
-        period, offset, same = self.part.period, self.part.offset, rounding(t0, t1)
-        first, last = max(math.floor((t0 - offset) / period) - 1, 0), math.ceil((t1 - offset) / period) + 2
-        if last - first > MOST_INSTANTS:
-            raise ArgumentError(f"{self.path} has {last - first} instants from {t0:g} to {t1:g} s, more than {MOST_INSTANTS}")
-        times = offset + period * np.arange(first, max(last, first))
-        found: list[float] = np.clip(times[(times >= t0 - same) & (times <= t1 + same)], t0, t1).tolist()
+        same = rounding(t0, t1)
+        try:
+            times = instants(self.part.period, self.part.offset, t0 - same, t1 + same)
+        except OutsideClassError as problem:
+            raise ArgumentError(f"period of {self.path} is {self.part.period:g} s: from {t0:g} to {t1:g} s {problem}") from None
+        found: list[float] = np.clip(times, t0, t1).tolist()
         return found
 
     def __call__(self, t: float, values: Floats) -> list[float]:
