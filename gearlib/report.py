@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearlib.arguments import as_path, name_list, shown
+from gearlib.arguments import as_path, by_name, name_list, shown
 from gearlib.drawing.histories import shown_units
 from gearlib.drawing.page import Curve, Section, chart, page, paragraph, picture, preformatted, table
 from gearlib.drawing.quantities import NAMES, axis_label, spelled
@@ -63,10 +63,11 @@ def write_report(
 def _runs(result: Any) -> dict[str, Result]:
     if result is None:
         return {}
-    runs = {"": result} if isinstance(result, Result) else dict(result) if isinstance(result, Mapping) else {"": result}
+    expected = "the result of simulate(), or such results by name"
+    runs = by_name("result", result, expected, "full load") if isinstance(result, Mapping) else {"": result}
     for run in runs.values():
         if not isinstance(run, Result):
-            raise ArgumentError(f"result is {shown(run)}; expected the result of simulate(), or such results by name")
+            raise ArgumentError(f"result is {shown(run)}; expected {expected}")
     return runs
 
 

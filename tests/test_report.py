@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import subprocess
+from collections import UserDict
 from html.parser import HTMLParser
 
 import numpy as np
@@ -145,11 +146,20 @@ def test_a_report_of_little(tmp_path):
     assert charts == []
 
 
+class Failing(UserDict):
+    """A mapping whose keys cannot be listed."""
+
+    def __iter__(self):
+        raise RuntimeError("no keys")
+
+
 def test_wrong_arguments_are_refused(system, runs, tmp_path):
     with pytest.raises(ArgumentError, match=r"name it \.\.\.\.html"):
         system.report(tmp_path / "train.pdf")
     with pytest.raises(ArgumentError, match="result is 3"):
         system.report(tmp_path / "a.html", result=3)
+    with pytest.raises(ArgumentError, match=r"result is .*; expected the result of simulate"):
+        system.report(tmp_path / "a.html", result=Failing())
     with pytest.raises(ArgumentError, match="campbell is 3; expected a Campbell"):
         system.report(tmp_path / "a.html", campbell=3)
     with pytest.raises(NameLookupError):

@@ -39,7 +39,8 @@ MOST_OF_LINEAR, PATIENCE, LEAST_STEPS = 3000.0, 20.0, 1000.0
 
 def check_lanes(lanes: object) -> None:
     """Raise `ArgumentError` for an invalid number of lanes."""
-    if isinstance(lanes, bool) or lanes not in ("auto", 1, LANES):
+    number = isinstance(lanes, int | np.integer) and not isinstance(lanes, bool)
+    if not (number and lanes in (1, LANES)) and not (isinstance(lanes, str) and lanes == "auto"):
         raise ArgumentError(f"lanes is {shown(lanes)}; expected 'auto', 1 or {LANES}")
 
 

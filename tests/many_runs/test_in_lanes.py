@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -248,7 +249,7 @@ def test_events_and_few_runs_are_carried_out_one_by_one(drive: gl.System) -> Non
     assert drive.sweep({"J": J[:7]}, 1.0, **OPTIONS).stats["why"] == "there are fewer than 8 runs"
 
 
-@pytest.mark.parametrize("lanes", [0, 2, 4, 16, True, 8.5, "all", None])
+@pytest.mark.parametrize("lanes", [0, 2, 4, 16, True, 8.5, "all", None, np.array([8, 8]), np.array(["auto"]), Decimal("sNaN")])
 def test_other_lanes_are_refused(drive: gl.System, lanes: Any) -> None:
     with pytest.raises(ArgumentError, match=r"lanes is .*; expected 'auto', 1 or 8"):
         drive.sweep({"J": J}, 1.0, lanes=lanes, **OPTIONS)
