@@ -38,7 +38,7 @@ def connection_sets(links: Iterable[Sequence[int]]) -> list[list[int]]:
     return sorted(sorted(s) for s in nx.connected_components(graph))
 
 
-def without_cancelling(members: SignedSum, aliases: Aliases) -> SignedSum:
+def without_opposites(members: SignedSum, aliases: Aliases) -> SignedSum:
     """A sum without flows that are zero, and without those that are equal and opposite."""
     totals: dict[int, int] = {}
     for v, sign in members:

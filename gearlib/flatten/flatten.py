@@ -22,7 +22,7 @@ from gearlib.flatten.connections import (
     series_of_parallels,
     split_sum,
     sum_template,
-    without_cancelling,
+    without_opposites,
 )
 from gearlib.flatten.instances import walk
 from gearlib.flatten.model import (
@@ -289,7 +289,7 @@ def _short_sums(
     if any(len(members) > MOST_ADDENDS for members in sums):
         left, right, sign = np.array([*equalities, *_equal_flows(sums)], np.int64).reshape(-1, 3).T
         aliases = unite(n_variables, left, right, sign, np.ones(n_variables, np.int64))
-        sums = [s if len(s) <= MOST_ADDENDS else without_cancelling(s, aliases) for s in sums]
+        sums = [s if len(s) <= MOST_ADDENDS else without_opposites(s, aliases) for s in sums]
     for members in sums:
         pieces, n_variables = split_sum(members, n_variables)
         short += pieces

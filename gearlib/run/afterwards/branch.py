@@ -101,9 +101,8 @@ class _Tracking:
         before = inside - BEFORE * max(abs(begin), abs(end))
         self.jumps = set(inside.tolist())
         self.places = np.unique(np.concatenate([np.linspace(begin, end, POINTS + 1), before[before > begin], inside]))
-        self.known: dict[
-            float, tuple[tuple[Floats, Floats, Floats], int]
-        ] = {}  # path at known times, with the index of the time in its batch
+        # Path at known times, with the index of the time in its batch
+        self.known: dict[float, tuple[tuple[Floats, Floats, Floats], int]] = {}
         self.delta: dict[float, float] = {}
         self._look(self.places, self.span / POINTS, end)
 

@@ -84,12 +84,10 @@ class Alternating:
 
 
 def _alternated(run: Run, callbacks: Callbacks, why: str) -> Solution:
-    from gearlib.solvers.rungekutta.rungekutta import RungeKutta
-    from gearlib.solvers.taylor.taylor import Taylor
-
     start = problem_of(run, callbacks, jacobian=False)
     series = _series(run, start)
     if series is not None:
+        from gearlib.solvers.taylor.taylor import Taylor
 
         def expanded(legs: list[Leg]) -> tuple[Driver, Taylor]:
             stepper = Taylor(series)
@@ -97,6 +95,8 @@ def _alternated(run: Run, callbacks: Callbacks, why: str) -> Solution:
 
         with suppress(SolverError):  # where a series ends, Runge-Kutta may go on, or says why not
             return _in_turns(run, callbacks, start, expanded, why)
+    from gearlib.solvers.rungekutta.rungekutta import RungeKutta
+
     orders = OrderChoice(run, callbacks, order_of(start))
 
     def explicit(legs: list[Leg]) -> tuple[Driver, RungeKutta]:

@@ -22,10 +22,8 @@ Floats = NDArray[np.float64]
 FEWEST, MOST = 32, 16384  # points of a history in a piece
 SHARE = 0.3  # of the relative tolerance: the error of the interpolation
 APART = 1e-10  # of a piece: how far from a jump the history is read, on both sides
-JUMP, KINK = (
-    1e-8,
-    1e-3,
-)  # steps of a signal, and of its slope times the length of a table, beside its largest value: below, it is smooth
+# Steps of a signal, and of its slope times the length of a table, relative to its largest value: below these it counts as smooth
+JUMP, KINK = 1e-8, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
