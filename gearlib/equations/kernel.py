@@ -161,8 +161,11 @@ def _kernel(template: Template, expression: Any) -> Kernel:
         if symbol in used:
             table[symbol] = sympy.Symbol(f"p{i}", real=True)
             parameters.append(i)
-    modes = [*map(relation_symbol, range(len(template.relations))), *(sympy.Symbol(n, real=True) for n in template.discretes)]
-    for i, symbol in enumerate(modes):
+    discrete = [
+        *map(relation_symbol, range(len(template.relations))),
+        *(sympy.Symbol(n, real=True) for n in template.discretes),
+    ]
+    for i, symbol in enumerate(discrete):
         if symbol in used:
             table[symbol] = sympy.Symbol(f"r{i}", real=True)
             relations.append(i)

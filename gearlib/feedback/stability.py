@@ -141,14 +141,14 @@ class StabilityReport:
 
     @cached_property
     def conditions(self) -> tuple[str, ...]:
-        return () if self._modes is None else self._modes.conditions
+        return () if self._discrete is None else self._discrete.conditions
 
     @cached_property
     def at_zero(self) -> str:
-        return "" if self._modes is None else _at_zero(self._modes)
+        return "" if self._discrete is None else _at_zero(self._discrete)
 
     @cached_property
-    def _modes(self) -> Modes | None:
+    def _discrete(self) -> Modes | None:
         return None if self.find_modes is None else self.find_modes()
 
     @property

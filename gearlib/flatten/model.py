@@ -483,17 +483,17 @@ class FlatModel:
         return int(self.first_relations[-1])
 
     @cached_property
-    def n_modes(self) -> int:
+    def n_discrete(self) -> int:
         """Number of relations and discrete values (see `FlatModel`)."""
         return self.n_relations + (2 * len(self.discretes) + 1 if len(self.discretes) else 0)
 
-    def initial_modes(self, starts: Floats | None = None) -> Floats:
+    def initial_discrete(self, starts: Floats | None = None) -> Floats:
         """The discrete state before anything is evaluated: relations false, discrete variables at their start values or those given."""
-        modes = np.zeros(self.n_modes)
+        discrete = np.zeros(self.n_discrete)
         n, d = self.n_relations, len(self.discretes)
-        modes[n : n + d] = modes[n + d : n + 2 * d] = self.discrete_starts if starts is None else starts
-        modes[n + 2 * d :] = 1.0  # initial()
-        return modes
+        discrete[n : n + d] = discrete[n + d : n + 2 * d] = self.discrete_starts if starts is None else starts
+        discrete[n + 2 * d :] = 1.0  # initial()
+        return discrete
 
     def owner(self, group: int, row: int) -> str:
         """Path of the component that an equation comes from."""

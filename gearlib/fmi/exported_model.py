@@ -45,7 +45,7 @@ class Output:
         Derivative order.
     slot : int
         Index among the values of the observed program; -1 for a discrete variable, or one that is identically zero.
-    mode : int
+    discrete : int
         Index in the discrete state; -1 for a continuous variable.
     sign : int
     """
@@ -54,7 +54,7 @@ class Output:
     variable: int
     order: int
     slot: int
-    mode: int
+    discrete: int
     sign: int
 
 
@@ -122,7 +122,7 @@ class ExportedModel:
     @cached_property
     def all_relations(self) -> Relations | None:
         """Update rules of the discrete state, for the states and the outputs."""
-        if not self.scene.n_modes:
+        if not self.scene.n_discrete:
             return None
         found = relations_of(self.scene.structure, self.observed, self.scene.wanted)
         return found if len(found.used) or found.discretes or found.reinits else None

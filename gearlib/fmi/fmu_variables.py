@@ -94,7 +94,7 @@ def fmu_variables(exported: ExportedModel, n_indicators: int) -> FmuVariables:
     outputs = [v.reference for v in found if v.causality == "output"]
     for k, output in enumerate(exported.outputs):
         of = (exported.model.declaration(output.variable) if output.variable >= 0 else None) or Variable()
-        kind = "continuous" if output.mode < 0 else "discrete"
+        kind = "continuous" if output.discrete < 0 else "discrete"
         unit, text = differentiated_unit(of.unit, output.order), _described(of.description, output.order)
         found.append(FmuVariable(_spelled(output.name), at + k, "output", kind, "calculated", unit, text))
         outputs.append(at + k)

@@ -71,7 +71,7 @@ def model_source(exported: ExportedModel) -> ModelSource:
     """Generate the functions of an exported model."""
     scene, model, relations, observed = exported.scene, exported.model, exported.relations, exported.observed
     names = model.parameters.names
-    shared = Shared(len(names), scene.n_modes, len(scene.program.inputs))
+    shared = Shared(len(names), scene.n_discrete, len(scene.program.inputs))
     texts: list[str] = []
     bodies: list[Body] = []
 
@@ -123,7 +123,7 @@ def model_source(exported: ExportedModel) -> ModelSource:
         base += len(packed[-1])
     data = np.zeros(end)
     data[: len(names)] = exported.numbers
-    data[shared.relations : shared.inputs] = model.initial_modes()
+    data[shared.relations : shared.inputs] = model.initial_discrete()
     data[shared.inputs : shared.inputs + len(exported.input_starts)] = exported.input_starts
     source = "\n\n".join([HEADER.rstrip(), SOLVE.strip(), SPARSE_SOLVE.strip(), INVERT.strip(), *texts])
     index = np.concatenate([np.array(bases, np.int64), *packed])

@@ -1,12 +1,12 @@
 """Elimination of held states from linear models: states fixed by a locked element, such as the slip of a locked clutch.
 
-A locked friction element imposes ``der(v) = 0``, and its torque takes whatever value maintains that. The slip v is a state in every
-mode, and would add a pole at 0 to the linear model that is not a motion: in this mode nothing can move it. Where ``v = c x`` with ``c A
-= 0`` and ``c B = 0``, the subspace ``c x = 0`` is invariant, and the model restricted to it is that of the train with the element
-replaced by a rigid connection. The same holds for combinations of positions whose rate is a held speed.
+A locked friction element imposes ``der(v) = 0``, and its torque takes whatever value maintains that. The slip v is a state whether it
+slides or sticks, and would add a pole at 0 to the linear model that is not a motion: while it sticks, nothing can move it. Where
+``v = c x`` with ``c A = 0`` and ``c B = 0``, the subspace ``c x = 0`` is invariant, and the model restricted to it is that of the train
+with the element replaced by a rigid connection. The same holds for combinations of positions whose rate is a held speed.
 
 A held speed differs from one that merely stays constant (a coasting rotor has a true pole at 0) by a reaction: an unknown that occurs
-in the equation in another mode, but not in this one, and that responds when the equation is perturbed.
+in the equation in another discrete state, but not in this one, and that responds when the equation is perturbed.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ class Remaining:
 
 
 def remaining(
-    structure: Structure, prepared: Prepared, t: float, slots: Floats, flags: Floats, A: Any, B: Any = None
+    structure: Structure, prepared: Prepared, t: float, slots: Floats, discrete: Floats, A: Any, B: Any = None
 ) -> Remaining | None:
-    """The states remaining after elimination of those held by the modes at a point; None if none is held.
+    """The states remaining after elimination of those held by the discrete state at a point; None if none is held.
 
     Parameters
     ----------
@@ -53,18 +53,18 @@ def remaining(
     prepared : Prepared
         The program that computes the rates of the states.
     t : float
-    slots, flags : arrays
-        Values of the program's slots, and modes, at the point.
+    slots, discrete : arrays
+        Values of the program's slots, and discrete state, at the point.
     A, B : arrays or sparse matrices
         Derivatives of the rates with respect to the states and the inputs.
     """
-    speeds = _held_speeds(prepared, t, slots, flags)
+    speeds = _held_speeds(prepared, t, slots, discrete)
     if not speeds:
         return None
     n = A.shape[0]
     A = A.tocsr() if hasattr(A, "tocsr") else np.asarray(A)
     rates = A if B is None or not B.shape[1] else _beside(A, B)
-    held = _functionals(structure, prepared, t, slots, flags, speeds)
+    held = _functionals(structure, prepared, t, slots, discrete, speeds)
     held = held[[_vanishes(row, rates) for row in held]]
     if not len(held):
         return None
@@ -85,8 +85,8 @@ def _beside(A: Any, B: Any) -> Any:
     return np.hstack([A, np.asarray(B)])
 
 
-def _held_speeds(prepared: Prepared, t: float, slots: Floats, flags: Floats) -> list[Node]:
-    """Nodes v for which an equation imposes ``der(v) = 0`` in this mode, maintained by a reaction."""
+def _held_speeds(prepared: Prepared, t: float, slots: Floats, discrete: Floats) -> list[Node]:
+    """Nodes v for which an equation imposes ``der(v) = 0`` in this discrete state, maintained by a reaction."""
     blocks = [s for s in prepared.program.steps if isinstance(s, Newton)]
     if not blocks:
         return []
@@ -95,14 +95,14 @@ def _held_speeds(prepared: Prepared, t: float, slots: Floats, flags: Floats) -> 
     for step in blocks:
         changing = [b for b in step.residuals if b.relations.shape[1]]
         if changing:
-            found += _held_in(step, changing, nodes, prepared, t, slots, flags)
+            found += _held_in(step, changing, nodes, prepared, t, slots, discrete)
     return list(dict.fromkeys(found))
 
 
 def _held_in(
-    step: Newton, changing: list[Any], nodes: dict[int, Node], prepared: Prepared, t: float, slots: Floats, flags: Floats
+    step: Newton, changing: list[Any], nodes: dict[int, Node], prepared: Prepared, t: float, slots: Floats, discrete: Floats
 ) -> list[Node]:
-    at = At(prepared, np.array([t]), slots[:, None], flags[:, None])
+    at = At(prepared, np.array([t]), slots[:, None], discrete[:, None])
     place = {int(slot): i for i, slot in enumerate(step.unknowns)}
     found = []
     answers: Floats | None = None
@@ -135,7 +135,7 @@ def _answers(matrix: Floats) -> Floats:
 
 
 def _functionals(
-    structure: Structure, prepared: Prepared, t: float, slots: Floats, flags: Floats, speeds: list[Node]
+    structure: Structure, prepared: Prepared, t: float, slots: Floats, discrete: Floats, speeds: list[Node]
 ) -> Floats:
     """Rows c with ``v = c x``; a speed that needs states outside the program is omitted."""
     states = prepared.program.states
@@ -150,8 +150,8 @@ def _functionals(
             n, m = len(states), len(program.inputs)
             inputs = np.zeros(m)
             inputs[: len(prepared.program.inputs)] = slots[n : n + len(prepared.program.inputs)][:m]
-            values = evaluate(ready, np.array([t]), slots[:n, None], inputs[:, None], flags[:, None])[:, 0]
-            d = derivatives(ready, t, values, flags, range(n), wanted=program.output_slots)
+            values = evaluate(ready, np.array([t]), slots[:n, None], inputs[:, None], discrete[:, None])[:, 0]
+            d = derivatives(ready, t, values, discrete, range(n), wanted=program.output_slots)
             rows += list(d.toarray() if hasattr(d, "toarray") else d)
     return np.array(rows).reshape(-1, len(states))
 

@@ -125,12 +125,12 @@ def linearize(
     wanted = [*(program.slots[v, k + 1] for v, k in states), *(program.slots.get(t, 0) for t in targets)]
     seeds, added = (*range(len(states)), *signals.seeds), tuple((slot, i, 1.0) for i, slot in enumerate(signals.added))
     at = LinearizedProgram(scene, prepared, point, seeds, added, tuple(wanted))
-    slots, flags = at.slots, at.flags
+    slots, discrete = at.slots, at.discrete
     n, sign_out = len(states), np.array(signs, float)
-    _refuse_undetermined(scene, program, undetermined(prepared, point.t, slots, flags))
+    _refuse_undetermined(scene, program, undetermined(prepared, point.t, slots, discrete))
     whole = signals.matrices(at.derivatives, n, sign_out)
     A, B, C, names = whole.A, whole.B, whole.C, tuple(node_name(model, s) for s in states)
-    left = remaining(structure, prepared, point.t, slots, flags, A, B)
+    left = remaining(structure, prepared, point.t, slots, discrete, A, B)
     if left is not None:
         A, B, C = A[left.keep] @ left.basis, B[left.keep], C @ left.basis
         names = tuple(names[i] for i in left.keep)

@@ -47,8 +47,8 @@ class LinearizedProgram:
 
     @cached_property
     def _at(self) -> At:
-        slots, flags = slots_at(self.scene, self.prepared.parameters, self.prepared, self.point)
-        return At(self.prepared, np.array([self.point.t]), slots[:, None], flags[:, None])
+        slots, discrete = slots_at(self.scene, self.prepared.parameters, self.prepared, self.point)
+        return At(self.prepared, np.array([self.point.t]), slots[:, None], discrete[:, None])
 
     @property
     def slots(self) -> Floats:
@@ -56,7 +56,7 @@ class LinearizedProgram:
         return self._at.slots[:, 0]
 
     @property
-    def flags(self) -> Floats:
+    def discrete(self) -> Floats:
         """Relations and discrete variables at the point."""
         return self._at.relations[:, 0]
 
@@ -65,7 +65,7 @@ class LinearizedProgram:
         """Derivatives of the slots, shape (wanted, seeds + added seeds); sparse where a dense array would be large."""
         if not self.prepared.program.n_slots:  # nothing to compute
             return np.zeros((len(self.wanted or ()), self._width))
-        return derivatives(self.prepared, self.point.t, self.slots, self.flags, self.seeds, self.added, self.wanted)
+        return derivatives(self.prepared, self.point.t, self.slots, self.discrete, self.seeds, self.added, self.wanted)
 
     @property
     def _width(self) -> int:
@@ -108,7 +108,7 @@ class LinearizedProgram:
         program, found = self.prepared.program, moved.find_states()
         states = np.array([found[node] for node in program.states]).reshape(-1, count)
         entering = [(program.n_slots + p, k, weight) for p, k, weight in moved.parameters]
-        slopes = derivatives(self.prepared, self.point.t, self.slots, self.flags, range(len(states)), entering)
+        slopes = derivatives(self.prepared, self.point.t, self.slots, self.discrete, range(len(states)), entering)
         return np.asarray(slopes[:, : len(states)] @ states) + _full(slopes[:, len(states) :])
 
 

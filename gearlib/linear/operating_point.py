@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 class Point:
     """An operating point: time, and a value of every known state of the structure.
 
-    ``modes`` holds the relations and discrete variables of a program where a run determines them; otherwise they are those of a start.
+    ``discrete`` holds the relations and discrete variables of a program where a run determines them; otherwise they are those of a start.
     ``change`` returns the derivatives of parameters and states with respect to some parameters, by path: (parameter, seed, weight), and
     a function that returns the derivative of each state of the structure, shape (seeds,).
     """
@@ -36,7 +36,7 @@ class Point:
     states: dict[tuple[int, int], float]
     inputs: Floats
     guess: Floats
-    modes: Callable[[Program], Floats] | None = None
+    discrete: Callable[[Program], Floats] | None = None
     change: Callable[[Sequence[str]], PointChange] | None = None
 
 
@@ -110,7 +110,7 @@ def _moment(
         rows = translation.parameter_changes(names, numbers, parameters)
         return PointChange(rows, lambda: {s: np.zeros(len(names)) for s in states})
 
-    return scene, numbers, Point(t, known, inputs, guess, lambda program: part.modes_at(program, t), change)
+    return scene, numbers, Point(t, known, inputs, guess, lambda program: part.discrete_at(program, t), change)
 
 
 def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point) -> tuple[Floats, Floats]:
@@ -119,14 +119,14 @@ def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point)
     x = np.array([point.states.get(s, 0.0) for s in scene.states])
     u = np.concatenate([point.inputs, np.zeros(len(program.inputs) - len(point.inputs))])
     now = np.array([point.t])
-    if point.modes is not None:
-        flags = point.modes(program)[:, None]
-    elif not scene.n_modes:  # avoids building the scene's own program, which a linear train does not need here
-        flags = np.zeros((0, 1))
+    if point.discrete is not None:
+        discrete = point.discrete(program)[:, None]
+    elif not scene.n_discrete:  # avoids building the scene's own program, which a linear train does not need here
+        discrete = np.zeros((0, 1))
     else:
-        flags = scene.modes(scene.numbers(parameters), now, x[:, None], u[:, None], start=point.guess)
+        discrete = scene.discrete(scene.numbers(parameters), now, x[:, None], u[:, None], start=point.guess)
     guess = scene.guess(program, point.guess)
-    return evaluate(prepared, now, x[:, None], u[:, None], flags, guess)[:, 0], flags[:, 0]
+    return evaluate(prepared, now, x[:, None], u[:, None], discrete, guess)[:, 0], discrete[:, 0]
 
 
 def fitting(translation: Translation, at: Any = None, parameters: Mapping[str, float] | None = None) -> Translation:

@@ -57,8 +57,8 @@ def why_one_by_one(translation: Translation, request: Request) -> str | None:
         return "the runs go on from another one"
     if translation.substituted or translation.controllers or translation.structure.switching:
         return "the model has sampled controllers, or equations that other parameters change"
-    if not scene.states or scene.n_modes:
-        return "there are events" if scene.n_modes else "there are no states"
+    if not scene.states or scene.n_discrete:
+        return "there are events" if scene.n_discrete else "there are no states"
     if scene.model.bounded:
         return "variables have least values that are to be watched"
     return None

@@ -77,7 +77,7 @@ class CompiledProgram:
     Attributes
     ----------
     program : Program
-    n_parameters, n_modes : int
+    n_parameters, n_discrete : int
         Sizes in the whole model.
     plan : DerivativePlan, optional
         Derivatives to compute as well.
@@ -85,13 +85,13 @@ class CompiledProgram:
 
     program: Program
     n_parameters: int
-    n_modes: int
+    n_discrete: int
     plan: DerivativePlan | None = None
 
     @cached_property
     def _code(self) -> tuple[NativeFunction, int, Integers]:
         """The function, the size of its data block, and its index block."""
-        program, shared = self.program, Shared(self.n_parameters, self.n_modes, len(self.program.inputs))
+        program, shared = self.program, Shared(self.n_parameters, self.n_discrete, len(self.program.inputs))
         layout = lay_out(program, shared, shared.size, np.arange(program.n_slots))
         if self.plan is None:
             body = looped(program, layout)

@@ -61,7 +61,7 @@ def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: 
         statement = f"fired[{{extra}}] = {holds} if data[r + {{target}}] != 0.0 else {fails}"
         loop(body, phase.batch, statement, extra=np.searchsorted(numbers, phase.batch.targets))
     sides = body.lines
-    noted = _note(body, model.n_modes, layout.size + body.n_coefficients) if notes else []
+    noted = _note(body, model.n_discrete, layout.size + body.n_coefficients) if notes else []
     old = _old_signs(body, guards)
     body.lines = [
         "result, moved = 0, 1",
@@ -97,7 +97,7 @@ def _started(model: FlatModel) -> list[str]:
 
 
 def settle_body(relations: Relations, layout: Layout, model: FlatModel) -> Body:
-    """Body of the event iteration at the start of a run, for relations and discrete variables as `modes_at_start` finds them.
+    """Body of the event iteration at the start of a run, for relations and discrete variables as `discrete_at_start` finds them.
 
     Only the final discrete state must admit a solution of the equations: on the way, a moving friction element may be tried as stuck.
     What does not settle here may settle in the event iteration of the run.
@@ -146,9 +146,9 @@ def _passes(body: Body, relations: Relations, model: FlatModel, numbers: Integer
     ]  # fmt: skip
 
 
-def _note(body: Body, n_modes: int, steps: int) -> list[str]:
+def _note(body: Body, n_discrete: int, steps: int) -> list[str]:
     return [
-        f"h = {body.array([n_modes, steps])}",
+        f"h = {body.array([n_discrete, steps])}",
         "q, e = index[h], index[h + 1]",
         "data[e] = outer + 1.0",
         f"if outer < {MOST_STEPS}:",

@@ -34,7 +34,7 @@ class Shared:
     """Common head of ``data``: parameters, discrete state (relations, discrete variables), inputs."""
 
     n_parameters: int
-    n_modes: int
+    n_discrete: int
     n_inputs: int
 
     @property
@@ -43,7 +43,7 @@ class Shared:
 
     @property
     def inputs(self) -> int:
-        return self.n_parameters + self.n_modes
+        return self.n_parameters + self.n_discrete
 
     @property
     def size(self) -> int:
@@ -54,13 +54,13 @@ class Shared:
 class KeptMatrix:
     """Where the solution matrix of a block is kept whose matrix only events change, or its factors, and what it depends on.
 
-    At ``place`` stand whether there is one (1; 2 where equations depend on each other), the modes that it was computed for, and its
-    entries: a row per unknown that anything uses, a column per equation that is not zero where all unknowns are. With ``factors``, the
-    sparse ones take the place of the entries, where a solution by them costs less than a product.
+    At ``place`` stand whether there is one (1; 2 where equations depend on each other), the discrete state that it was computed for,
+    and its entries: a row per unknown that anything uses, a column per equation that is not zero where all unknowns are. With
+    ``factors``, the sparse ones take the place of the entries, where a solution by them costs less than a product.
     """
 
     place: int
-    modes: Integers  # entries of the discrete state that the block's matrix depends on
+    discrete: Integers  # entries of the discrete state that the block's matrix depends on
     needed: Integers  # unknowns
     rests: tuple[Batch, ...]  # equations that are not zero where all unknowns are; targets: rows
     known: Integers  # their rows
@@ -69,12 +69,12 @@ class KeptMatrix:
     @property
     def entries(self) -> int:
         """Where its entries or factors begin."""
-        return self.place + 1 + len(self.modes)
+        return self.place + 1 + len(self.discrete)
 
     @property
     def size(self) -> int:
         stored = len(self.needed) * len(self.known) if self.factors is None else factors_size(self.factors)
-        return 1 + len(self.modes) + stored
+        return 1 + len(self.discrete) + stored
 
     @property
     def by_rows(self) -> bool:
@@ -150,7 +150,7 @@ def lay_out(program: Program, shared: Shared, base: int, also: Integers | None =
             if hold and step.switched and (n <= MOST_HELD or order is not None):
                 rests = step.rests
                 known = np.unique(np.concatenate([np.empty(0, np.int64), *(b.targets for b in rests)]))
-                kept = KeptMatrix(at, step.modes, np.flatnonzero(used[step.unknowns]), rests, known, None)
+                kept = KeptMatrix(at, step.discrete, np.flatnonzero(used[step.unknowns]), rests, known, None)
                 making = 0.0 if order is None else min(len(kept.needed), len(known)) * substitution(order)
                 if order is not None and kept.operations + making / SERVES > CHECKED + substitution(order):
                     kept = replace(kept, factors=order)

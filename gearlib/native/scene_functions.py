@@ -112,7 +112,7 @@ def compile_scene(
     changed : sequence of (parameter, direction), optional
         Entries of the parameter table that directions change, where these change no discrete variables.
     """
-    shared = Shared(len(model.parameters.names), model.n_modes, len(program.inputs))
+    shared = Shared(len(model.parameters.names), model.n_discrete, len(program.inputs))
     vectors: TangentVectors | None = None
     layout = lay_out(program, shared, shared.size, None if tangents is None else tangents.multiplied, hold=True)
     if tangents is None:
@@ -150,7 +150,7 @@ def compile_scene(
         body = update_body(relations, layout, model, guards, tangents is not None)
         noted = end = layout.size + body.n_coefficients
         if tangents is not None:
-            end += 1 + MOST_STEPS * (model.n_modes + len(program.states))
+            end += 1 + MOST_STEPS * (model.n_discrete + len(program.states))
         update = compile_function("update", function("update", ["x", "fired", "data", "index"], body, UPDATE), body, layout)
     packed: list[Integers] = []
     bases, base = [], 5

@@ -370,7 +370,7 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool, held: KeptMa
     if held is not None:
         turns = f"0 if data[p] == 1.0 else {turns}"
         body.lines += [
-            f"p, o = {body.array([held.place])}, {body.array([len(held.modes), *held.modes])}",
+            f"p, o = {body.array([held.place])}, {body.array([len(held.discrete), *held.discrete])}",
             "p = index[p]",
             "for k in range(index[o]):",
             "    if data[p + 1 + k] != data[r + index[o + 1 + k]]:",
@@ -443,7 +443,7 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool, held: KeptMa
             "        data[p] = 2.0",
             f"        if {determinant} > -1e299:",
             "            data[p] = 1.0",
-            f"            g, o{', c' if known else ''} = p + 1 + {len(held.modes)}, {needed}{known}",
+            f"            g, o{', c' if known else ''} = p + 1 + {len(held.discrete)}, {needed}{known}",
             *(f"            {line}" for line in stored),
             "            break",
         ]
@@ -479,7 +479,7 @@ def entries_of(batch: Batch, order: EliminationOrder | None) -> Batch:
 def _factors(body: Body, held: KeptMatrix, step: Newton) -> None:
     """All unknowns, by sparse factors that are kept between events."""
     body.lines += [
-        f"g = p + 1 + {len(held.modes)}",
+        f"g = p + 1 + {len(held.discrete)}",
         "if data[p] == 0.0:",
         "    for k in range(factors - a):",
         "        data[a + k] = 0.0",
@@ -504,7 +504,7 @@ def _product(body: Body, held: KeptMatrix, step: Newton) -> list[str]:
     _rests(body, held, step)
     targets = step.unknowns[held.needed]
     body.lines += [
-        f"g, o, c = p + 1 + {len(held.modes)}, {body.array([len(targets), *targets])}, index[h + 4]",
+        f"g, o, c = p + 1 + {len(held.discrete)}, {body.array([len(targets), *targets])}, index[h + 4]",
         "for i in range(index[o]):",
         "    s = 0.0",
         "    for k in range(c):",

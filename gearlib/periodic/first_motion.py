@@ -223,10 +223,10 @@ def _check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None
     """Check that the rates vary over a period, and repeat after it."""
     phase = 2 * np.pi * np.arange(16) / 16 + 0.1234567  # irregular points, at which nothing is likely to switch
     x = means[:, None] + driven.growth[:, None] * phase
-    once, slopes = driven.linear_rates(phase, x, driven.modes(phase, x))
+    once, slopes = driven.linear_rates(phase, x, driven.discrete(phase, x))
     terms = np.abs(slopes).max(axis=0) @ np.abs(x).max(axis=1)  # balanced forces leave rounding errors
     x = x + 2 * np.pi * driven.growth[:, None]
-    again = driven.rates(phase + 2 * np.pi, x, driven.modes(phase + 2 * np.pi, x))
+    again = driven.rates(phase + 2 * np.pi, x, driven.discrete(phase + 2 * np.pi, x))
     size = np.abs(once).max(axis=1)
     nominal = driven.scene.nominal
     size = np.maximum(size, 1e-9 * nominal * float((size / nominal).max()) + 1e-300)  # tolerance for rounding

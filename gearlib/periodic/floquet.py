@@ -24,19 +24,19 @@ def monodromy(driven: Driven, coefficients: Floats, found: Moments, cuts: Cuts |
     https://doi.org/10.1007/978-3-540-44398-8.
     """
     n = coefficients.shape[1]
-    begins, widths, modes, last = [], [], [], []
-    for begin, end, flags in found.pieces:
+    begins, widths, pieces, last = [], [], [], []
+    for begin, end, discrete in found.pieces:
         panels = max(1, int(np.ceil((end - begin) / (4 * np.pi / samples))))
         width = (end - begin) / panels
         begins.append(begin + width * np.arange(panels))
         widths.append(np.full(panels, width))
-        modes.append(np.repeat(flags[:, None], panels, axis=1))
+        pieces.append(np.repeat(discrete[:, None], panels, axis=1))
         last.append(panels)
-    starts, length, flags = np.concatenate(begins), np.concatenate(widths), np.concatenate(modes, axis=1)
+    starts, length, discrete = np.concatenate(begins), np.concatenate(widths), np.concatenate(pieces, axis=1)
     offset = length * np.sqrt(3) / 6
     phase = np.concatenate([starts + length / 2 - offset, starts + length / 2 + offset])
     x = driven.states(phase, coefficients)
-    _, slopes = driven.linear_rates(phase, x, np.tile(flags, (1, 2)))
+    _, slopes = driven.linear_rates(phase, x, np.tile(discrete, (1, 2)))
     first, second = slopes[: len(starts)], slopes[len(starts) :]
     h = (length / driven.omega)[:, None, None]
     exponent = h / 2 * (first + second) - np.sqrt(3) / 12 * h**2 * (first @ second - second @ first)

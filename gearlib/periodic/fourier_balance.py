@@ -83,7 +83,7 @@ class HarmonicEquations:
         cuts = jumps(driven, c, found, self._step(c))
         basis = fourier(found.phase, self.harmonics)
         back = self._back(found.weights, basis)
-        f, slopes = driven.linear_rates(found.phase, driven.states(found.phase, c), found.modes)
+        f, slopes = driven.linear_rates(found.phase, driven.states(found.phase, c), found.discrete)
         mean = back @ (f / self.scale[:, None]).T
         derivative = turn(self.harmonics)
         rest = derivative @ z.reshape(mean.shape) - mean / omega
@@ -123,7 +123,7 @@ class HarmonicEquations:
         h = 1e-6 * omega
         basis = fourier(found.phase, self.harmonics)
         x = self.driven(omega).states(found.phase, c)
-        slope = (self.driven(omega + h).rates(found.phase, x, found.modes) - rates) / (h * self.scale[:, None])
+        slope = (self.driven(omega + h).rates(found.phase, x, found.discrete) - rates) / (h * self.scale[:, None])
         result: Floats = self._back(found.weights, basis) @ slope.T
         return result
 
@@ -166,7 +166,7 @@ class HarmonicEquations:
         many = 2 * self.harmonics + 8
         found = moments(driven, c, max(self.samples + self.samples // 2 + 1, 8 * many))
         basis = fourier(found.phase, many)
-        f, slopes = driven.linear_rates(found.phase, driven.states(found.phase, c), found.modes)
+        f, slopes = driven.linear_rates(found.phase, driven.states(found.phase, c), found.discrete)
         padded = np.zeros((2 * many + 1, len(self.scale)))
         padded[: len(c)] = c / self.scale
         rest = turn(many) @ padded - self._back(found.weights, basis) @ (f / self.scale[:, None]).T / omega
@@ -207,7 +207,7 @@ def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats)
     x = means[:, None] + np.where(random.random((n, count)) < 0.5, -1, 1) * size
     phase = random.uniform(0, 2 * np.pi, count)
     with np.errstate(all="ignore"):
-        _, slopes = driven.linear_rates(phase, x, driven.modes(phase, x))
+        _, slopes = driven.linear_rates(phase, x, driven.discrete(phase, x))
     slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))] * scale / scale[:, None] / driven.omega
     if not len(slopes):
         return Rigid(np.empty((n, 0)), np.empty((0, n)), np.empty((n, 0)), means)

@@ -214,7 +214,7 @@ def _result(task: Forced, scene: Scene, balance: HarmonicEquations, path: Path, 
         x = driven.states(phase, balance.coefficients(z))
         if prepared is None or task.frequency is not None:
             prepared = prepare(program, structure, driven.numbers.parameters)
-        slots = evaluate(prepared, phase / omega, x, driven.inputs(phase, float(omega)), driven.modes(phase, x))
+        slots = evaluate(prepared, phase / omega, x, driven.inputs(phase, float(omega)), driven.discrete(phase, x))
         if task.turning and not coefficients:
             _check_repeating(names, slots[rows], driven, x, prepared, rows)
         coefficients.append(back @ (signs[:, None] * slots[rows]).T)
@@ -238,7 +238,7 @@ def _check_repeating(
     """Refuse outputs that grow with the mesh phase."""
     phase = 2 * np.pi * (1 + np.arange(x.shape[1]) / x.shape[1])
     later = x + 2 * np.pi * driven.growth[:, None]
-    slots = evaluate(prepared, phase / driven.omega, later, driven.inputs(phase, driven.omega), driven.modes(phase, later))
+    slots = evaluate(prepared, phase / driven.omega, later, driven.inputs(phase, driven.omega), driven.discrete(phase, later))
     grown = np.abs(slots[rows] - once).max(axis=1)
     bad = np.flatnonzero(grown > 1e-6 * np.maximum(np.abs(once).max(axis=1), 1e-300))
     if len(bad):

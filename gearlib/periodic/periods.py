@@ -57,30 +57,30 @@ class Driven:
         result: Floats = repeating.T + self.growth[:, None] * phase
         return result
 
-    def modes(self, phase: Floats, x: Floats) -> Floats:
-        return self.scene.modes(self.numbers, phase / self.omega, x, self.inputs(phase, self.omega))
+    def discrete(self, phase: Floats, x: Floats) -> Floats:
+        return self.scene.discrete(self.numbers, phase / self.omega, x, self.inputs(phase, self.omega))
 
-    def rates(self, phase: Floats, x: Floats, modes: Floats) -> Floats:
+    def rates(self, phase: Floats, x: Floats, discrete: Floats) -> Floats:
         """Derivatives of the states, shape (states, phases)."""
-        slots = evaluate(self.numbers, phase / self.omega, x, self.inputs(phase, self.omega), modes)
+        slots = evaluate(self.numbers, phase / self.omega, x, self.inputs(phase, self.omega), discrete)
         result: Floats = slots[self.scene.program.output_slots]
         return result
 
-    def linear_rates(self, phase: Floats, x: Floats, modes: Floats) -> tuple[Floats, Floats]:
+    def linear_rates(self, phase: Floats, x: Floats, discrete: Floats) -> tuple[Floats, Floats]:
         """Rates, and their derivatives with respect to the states, shape (phases, states, states)."""
-        slots, slopes = self.evaluator.derivatives(phase / self.omega, x, self.inputs(phase, self.omega), modes)
+        slots, slopes = self.evaluator.derivatives(phase / self.omega, x, self.inputs(phase, self.omega), discrete)
         return slots[self.scene.program.output_slots], slopes
 
-    def roots(self, phase: Floats, x: Floats, modes: Floats) -> Floats:
-        """Expressions that the relations compare with zero, by relation number, shape (modes, phases)."""
+    def roots(self, phase: Floats, x: Floats, discrete: Floats) -> Floats:
+        """Expressions that the relations compare with zero, by relation number, shape (n_discrete, phases)."""
         relations, prepared = self.scene.relations, self.numbers.relations
-        result = np.zeros((self.scene.n_modes, len(phase)))
+        result = np.zeros((self.scene.n_discrete, len(phase)))
         if relations is None or prepared is None:
             return result
         t = phase / self.omega
-        slots = evaluate(prepared, t, x, self.inputs(phase, self.omega), modes)
+        slots = evaluate(prepared, t, x, self.inputs(phase, self.omega), discrete)
         for batch in relations.batches:
-            result[batch.targets] = batch_values(batch, t, slots, prepared.parameters, modes)
+            result[batch.targets] = batch_values(batch, t, slots, prepared.parameters, discrete)
         return result
 
 
@@ -92,10 +92,10 @@ class Moments:
     ----------
     phase, weights : arrays (moments,)
         The weights sum to 1.
-    modes : array (modes, moments)
+    discrete : array (n_discrete, moments)
     cuts : array (pieces,)
         Phases at which something switches.
-    before, after : arrays (modes, pieces)
+    before, after : arrays (n_discrete, pieces)
         Flags on either side of a cut.
     relation : array (pieces,)
         Relation that switches there.
@@ -103,7 +103,7 @@ class Moments:
 
     phase: Floats
     weights: Floats
-    modes: Floats
+    discrete: Floats
     cuts: Floats
     before: Floats
     after: Floats
@@ -111,9 +111,9 @@ class Moments:
 
     @property
     def pieces(self) -> list[tuple[float, float, Floats]]:
-        """Begin, end and flags of each piece."""
+        """Begin, end and discrete state of each piece."""
         if not len(self.cuts):
-            return [(0.0, 2 * np.pi, self.modes[:, 0])]
+            return [(0.0, 2 * np.pi, self.discrete[:, 0])]
         ends = [*self.cuts[1:], self.cuts[0] + 2 * np.pi]
         return [(float(a), float(b), self.after[:, i]) for i, (a, b) in enumerate(zip(self.cuts, ends, strict=True))]
 
@@ -122,17 +122,17 @@ def moments(driven: Driven, coefficients: Floats, samples: int) -> Moments:
     """Collocation points for the rates along a Fourier series: ``samples`` or slightly more."""
     grid = 2 * np.pi * np.arange(samples) / samples
     x = driven.states(grid, coefficients)
-    flags = driven.modes(grid, x)
-    following = np.roll(flags, -1, axis=1)
-    switches = np.flatnonzero((flags != following).any(axis=0))
+    discrete = driven.discrete(grid, x)
+    following = np.roll(discrete, -1, axis=1)
+    switches = np.flatnonzero((discrete != following).any(axis=0))
     if not len(switches):
-        none = np.empty((len(flags), 0))
-        return Moments(grid, np.full(samples, 1 / samples), flags, np.empty(0), none, none, np.empty(0, np.int64))
-    values = driven.roots(grid, x, flags)
-    found = [_crossing(values, np.flatnonzero(flags[:, k] != following[:, k]), int(k)) for k in switches]
+        none = np.empty((len(discrete), 0))
+        return Moments(grid, np.full(samples, 1 / samples), discrete, np.empty(0), none, none, np.empty(0, np.int64))
+    values = driven.roots(grid, x, discrete)
+    found = [_crossing(values, np.flatnonzero(discrete[:, k] != following[:, k]), int(k)) for k in switches]
     step = 2 * np.pi / samples
     cuts = np.array([(k + share) * step for k, (share, _) in zip(switches, found, strict=True)])
-    phases, weights, modes = [], [], []
+    phases, weights, pieces = [], [], []
     for i, k in enumerate(switches):
         begin, end = cuts[i], cuts[i + 1] if i + 1 < len(cuts) else cuts[0] + 2 * np.pi
         panels = max(1, int(np.ceil((end - begin) / (GAUSS * step))))
@@ -140,9 +140,9 @@ def moments(driven: Driven, coefficients: Floats, samples: int) -> Moments:
         middle = begin + width * (np.arange(panels) + 0.5)
         phases.append((middle[:, None] + width / 2 * GAUSS_NODES).ravel())
         weights.append(np.tile(GAUSS_WEIGHTS * width / (4 * np.pi), panels))
-        modes.append(np.repeat(following[:, [k]], panels * GAUSS, axis=1))
+        pieces.append(np.repeat(following[:, [k]], panels * GAUSS, axis=1))
     relation = np.array([r for _, r in found], np.int64)
-    return Moments(np.concatenate(phases), np.concatenate(weights), np.concatenate(modes, axis=1), cuts, flags[:, switches],
+    return Moments(np.concatenate(phases), np.concatenate(weights), np.concatenate(pieces, axis=1), cuts, discrete[:, switches],
                    following[:, switches], relation)  # fmt: skip
 
 
@@ -205,13 +205,13 @@ def jumps(driven: Driven, coefficients: Floats, found: Moments, scale: Floats) -
     some = np.flatnonzero((np.abs(jump) > JUMP * size).any(axis=1))
     if not len(some):
         return None
-    phase, modes, relation = found.cuts[some], found.before[:, some], found.relation[some]
+    phase, discrete, relation = found.cuts[some], found.before[:, some], found.relation[some]
     count, n = len(some), len(scale)
     rows = np.arange(count)
 
     def crossing(p: Floats, states: Floats) -> Floats:
         copies = len(p) // count
-        values = driven.roots(p, states, np.tile(modes, (1, copies)))
+        values = driven.roots(p, states, np.tile(discrete, (1, copies)))
         chosen: Floats = values[np.tile(relation, copies), np.arange(len(p))]
         return chosen.reshape(copies, count)
 

@@ -90,14 +90,14 @@ class Builder:
         return Program(self.states, self.inputs, slots, n_slots, steps, outputs, checks, residuals)
 
     def places(self, used: Integers) -> list[Place]:
-        """The kernels to evaluate at events, where some modes are used."""
-        model, n_relations, n_discrete = self.model, self.model.n_relations, len(self.model.discretes)
+        """The kernels to evaluate at events, where some entries of the discrete state are used."""
+        model, n_relations, n_variables = self.model, self.model.n_relations, len(self.model.discretes)
         found: list[Place] = []
         for relation in used[used < n_relations].tolist():
             g = int(np.searchsorted(model.first_relations, relation, side="right")) - 1
             i, j = divmod(relation - int(model.first_relations[g]), len(self.groups[g].template.relations))
             found.append((relation_kernel(self.groups[g].template, j), g, i, 0, relation, 1))
-        discrete = {int(m - n_relations) % n_discrete for m in used if n_relations <= m < n_relations + 2 * n_discrete}
+        variables = {int(m - n_relations) % n_variables for m in used if n_relations <= m < n_relations + 2 * n_variables}
         position = {node: i for i, node in enumerate(self.states)}
         for u, update in enumerate(model.updates):
             g = len(model.groups) + u
@@ -106,7 +106,7 @@ class Builder:
                 node = (int(model.representative[target]), 0) if update.reinit else (-1, 0)
                 if update.reinit and node in position:
                     found.append((kernel, g, i, 2, position[node], int(model.sign[target])))
-                elif not update.reinit and target in discrete:
+                elif not update.reinit and target in variables:
                     found.append((kernel, g, i, 1, n_relations + target, 1))
         return found
 
@@ -118,12 +118,12 @@ class Builder:
         named = [(where[columns[c][0]], columns[c][1]) for c in kernel.columns]
         return [(int(group.variables[i, c]), order) for c, order in named if group.signs[i, c]]
 
-    def modes(self, kernel: Kernel, g: int, i: int) -> Integers:
+    def discrete(self, kernel: Kernel, g: int, i: int) -> Integers:
         """Relations and discrete values that a kernel reads in one row."""
-        modes: Integers = self._modes(kernel, g, np.array([i]))[0]
-        return modes
+        discrete: Integers = self._discrete(kernel, g, np.array([i]))[0]
+        return discrete
 
-    def _modes(self, kernel: Kernel, g: int, rows: Integers) -> Integers:
+    def _discrete(self, kernel: Kernel, g: int, rows: Integers) -> Integers:
         group, template = self.groups[g], kernel.template
         n = len(template.relations)
         result = np.empty((len(rows), len(kernel.relations)), np.int64)
@@ -272,5 +272,5 @@ class Builder:
         parameters = group.parameters[rows][:, [own[template.parameters[p]] for p in kernel.parameters]]
         continuous = g < len(self.model.groups)
         equations = self.model.first_equations[g] + rows if continuous else -1 - group.owners[rows]
-        relations = self._modes(kernel, g, rows)
+        relations = self._discrete(kernel, g, rows)
         return Batch(kernel, equations, targets, signs, arguments, argument_signs, parameters, relations)

@@ -27,7 +27,7 @@ from gearlib.program.program import Batch, Linear, Newton, Program, Step
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Entering = tuple[int, int]  # slot, or n_slots + parameter, or `TIME`, or the code made by `mode`; seed
+Entering = tuple[int, int]  # slot, or n_slots + parameter, or `TIME`, or the code made by `discrete_entry`; seed
 TIME = -1
 _NONE = np.empty(0, np.int64)
 
@@ -143,7 +143,7 @@ class DerivativePlan:
         return np.concatenate([_NONE, *(slots for s in sums for slots in s.multiplied if slots is not None)])
 
 
-def mode(number: int) -> int:
+def discrete_entry(number: int) -> int:
     """Code of a seed that enters at an entry of the discrete state."""
     return TIME - 1 - number
 
@@ -162,8 +162,8 @@ def derivative_plan(
     ----------
     program : Program
     entering : sequence of (slot, seed)
-        Where seeds enter, each pair once; ``n_slots + p`` denotes entry p of the parameter table, `mode` of a number an entry of the
-        discrete state, `TIME` time.
+        Where seeds enter, each pair once; ``n_slots + p`` denotes entry p of the parameter table, `discrete_entry` of a number an
+        entry of the discrete state, `TIME` time.
     wanted : iterable of int, optional
         Slots to differentiate, by default all. Those that depend on no seed are left out.
     n_seeds : int, optional
@@ -223,24 +223,24 @@ def _places(program: Program, slots: Sequence[int]) -> Places:
     if not any(entered):
         return n, n, n, entered
     batches = list(_batches(program.steps))
-    modes = 1 + max([n - 1, *slots, *(n + int(b.parameters.max(initial=-1)) for b in batches)])
+    discrete = 1 + max([n - 1, *slots, *(n + int(b.parameters.max(initial=-1)) for b in batches)])
     most = max([-1, *(TIME - 1 - s for s in slots), *(int(b.relations.max(initial=-1)) for b in batches)])
-    return n, modes, modes + 1 + most, entered
+    return n, discrete, discrete + 1 + most, entered
 
 
 def _place(places: Places, slot: int) -> int:
     """Place of a slot, or of the constant that a code denotes."""
-    _, modes, time, _ = places
-    return slot if slot >= 0 else time if slot == TIME else modes + TIME - 1 - slot
+    _, discrete, time, _ = places
+    return slot if slot >= 0 else time if slot == TIME else discrete + TIME - 1 - slot
 
 
 def _held(places: Places, batch: Batch) -> Iterator[tuple[Integers, Callable[[], Batch]]]:
     """Constants of a batch at which seeds may enter: place per row, and the derivatives with respect to it."""
-    parameters, modes, time, entered = places
+    parameters, discrete, time, entered = places
     for q in range(batch.parameters.shape[1] if entered[0] else 0):
         yield parameters + batch.parameters[:, q], partial(batch.parameter_derivative, q)
     for q in range(batch.relations.shape[1] if entered[1] else 0):
-        yield modes + batch.relations[:, q], partial(batch.mode_derivative, q)
+        yield discrete + batch.relations[:, q], partial(batch.discrete_derivative, q)
     if entered[2] and batch.kernel.on_time:
         yield np.full(len(batch), time), batch.time_derivative
 

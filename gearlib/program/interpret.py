@@ -58,9 +58,9 @@ def batch_values(batch: Batch, t: Floats | float, slots: Floats, parameters: Flo
     """The kernel's values, shape (instances, times)."""
     arguments = [slots[places] if signs is None else slots[places] * signs for places, signs in batch.columns]
     constants = [parameters[places] for places in batch.parameter_columns]
-    flags = [relations[batch.relations[:, r]] for r in range(batch.relations.shape[1])]
+    discrete = [relations[batch.relations[:, r]] for r in range(batch.relations.shape[1])]
     with np.errstate(all="ignore"):
-        value = np.asarray(batch.kernel.function(t, *arguments, *constants, *flags), float)
+        value = np.asarray(batch.kernel.function(t, *arguments, *constants, *discrete), float)
     return value if batch.sign_column is None else value * batch.sign_column
 
 
@@ -336,12 +336,12 @@ def _iterate(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relatio
     n, left, iteration = len(step.unknowns), np.arange(len(t)), 0
 
     def equations(z: Floats) -> tuple[Floats, Correction]:
-        here, flags, now = slots[:, left], relations[:, left], t[left]
+        here, discrete, now = slots[:, left], relations[:, left], t[left]
         here[step.unknowns] = z[:, left]
         order = step.order if n > MOST_DENSE else None
         if order is not None:
             batches = [replace(b, targets=order.entries(b.targets)) for b in step.jacobian]
-            entries = assemble(batches, now, here, prepared.parameters, flags, len(order.places))
+            entries = assemble(batches, now, here, prepared.parameters, discrete, len(order.places))
 
             def sparse_correction(residual: Floats) -> Floats:
                 change = np.zeros_like(z)
@@ -352,8 +352,8 @@ def _iterate(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relatio
                     )
                 return change
 
-            return assemble(step.residuals, now, here, prepared.parameters, flags, n), sparse_correction
-        matrix = assemble(step.jacobian, now, here, prepared.parameters, flags, n * n).T.reshape(-1, n, n)
+            return assemble(step.residuals, now, here, prepared.parameters, discrete, n), sparse_correction
+        matrix = assemble(step.jacobian, now, here, prepared.parameters, discrete, n * n).T.reshape(-1, n, n)
 
         def correction(residual: Floats) -> Floats:
             change = np.zeros_like(z)
@@ -366,7 +366,7 @@ def _iterate(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relatio
                 change[:, left[0]] = _singular_step(step, prepared.structure, matrix[0], residual[:, 0], *own)
             return change
 
-        return assemble(step.residuals, now, here, prepared.parameters, flags, n), correction
+        return assemble(step.residuals, now, here, prepared.parameters, discrete, n), correction
 
     def settled(z: Floats, change: Floats, _: Floats) -> bool:
         nonlocal left, iteration

@@ -154,9 +154,9 @@ class _Carried:
         kernel, slope = batch.kernel, batch.derivative(argument)
         arguments = [points[:, kernel.columns.index(c)] for c in slope.kernel.columns]
         constants = [self._prepared.parameters[slope.parameters[:, [p]]] for p in range(slope.parameters.shape[1])]
-        modes = [flags[:, kernel.relations.index(r)] for r in slope.kernel.relations]
+        relations = [flags[:, kernel.relations.index(r)] for r in slope.kernel.relations]
         with np.errstate(all="ignore"):
-            return np.asarray(slope.kernel.function(0.0, *arguments, *constants, *modes), float)
+            return np.asarray(slope.kernel.function(0.0, *arguments, *constants, *relations), float)
 
 
 def _without_rounding(change: Floats, terms: Floats) -> Floats:

@@ -69,7 +69,7 @@ class Batch:
         """Partial derivatives with respect to the parameter-table entries of one parameter."""
         return self.part(derivative_of(self.kernel, f"p{self.kernel.parameters[parameter]}"), self.signs)
 
-    def mode_derivative(self, relation: int) -> Batch:
+    def discrete_derivative(self, relation: int) -> Batch:
         """Partial derivatives with respect to the discrete-state entries of one relation or discrete variable."""
         return self.part(derivative_of(self.kernel, f"r{self.kernel.relations[relation]}"), self.signs)
 
@@ -164,7 +164,7 @@ class Newton:
         return self.linear and not any(b.kernel.columns or b.kernel.on_time for b in self.jacobian)
 
     @cached_property
-    def modes(self) -> Integers:
+    def discrete(self) -> Integers:
         """Entries of the discrete state that the matrix depends on."""
         return np.unique(np.concatenate([np.empty(0, np.int64), *(b.relations.ravel() for b in self.jacobian)]))
 

@@ -23,8 +23,8 @@ Integers = NDArray[np.int64]
 class Relations:
     """Update rules of the discrete state, and the program that they need.
 
-    Modes are numbered through the whole model: relations, then discrete values (see `gearlib.flatten.model.FlatModel`). Each batch
-    holds one kernel; its targets are modes, or states for ``reinits``.
+    The discrete state is numbered through the whole model: relations, then discrete values (see `gearlib.flatten.model.FlatModel`). Each
+    batch holds one kernel; its targets are entries of the discrete state, or states for ``reinits``.
     """
 
     program: Program
@@ -44,13 +44,13 @@ def relations_of(structure: Structure, program: Program, wanted: Sequence[int] =
     """Relations and discrete variables that a program, or an output, depends on, transitively."""
     model = structure.model
     builder = Builder(structure, (), program.states)
-    used = np.union1d(used_modes(program), model.n_relations + np.array(wanted, np.int64))
+    used = np.union1d(used_discrete(program), model.n_relations + np.array(wanted, np.int64))
     while True:
         places = builder.places(used)
         nodes = sorted({n for p in places for n in builder.nodes(*p[:3])})
         helper = build(structure, nodes, program.states, dynamic=False)
-        found = [builder.modes(*p[:3]) for p in places]
-        more = np.unique(np.concatenate([used, used_modes(helper), *found]).astype(np.int64))
+        found = [builder.discrete(*p[:3]) for p in places]
+        more = np.unique(np.concatenate([used, used_discrete(helper), *found]).astype(np.int64))
         if len(more) == len(used):
             break
         used = more
@@ -64,12 +64,12 @@ def update_rules(builder: Builder, program: Program, places: Sequence[Place], re
     for kernel, g, i, kind, target, sign in places:
         kinds[kind][kernel, g, 0].append((i, target, sign))
     batches = [tuple(builder.batch(kernel, g, k, rows) for (kernel, g, k), rows in kind.items()) for kind in kinds]
-    moving = {p[4] for p in places if p[3] == 0 and (builder.nodes(*p[:3]) or len(builder.modes(*p[:3])))}
+    moving = {p[4] for p in places if p[3] == 0 and (builder.nodes(*p[:3]) or len(builder.discrete(*p[:3])))}
     on_time = np.array([int(r) not in moving for r in relations], bool)
     return Relations(program, batches[0], batches[1], batches[2], relations, on_time)
 
 
-def used_modes(program: Program) -> Integers:
+def used_discrete(program: Program) -> Integers:
     """Relations and discrete values that a program depends on."""
     parts = [np.empty(0, np.int64)]
     for step in program.steps:

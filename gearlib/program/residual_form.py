@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import difference_kernel, residual_kernel
 from gearlib.program.build import Builder, Found, Place, build
 from gearlib.program.program import Batch, Program
-from gearlib.program.relations import Relations, relations_of, slot_table, update_rules, used_modes
+from gearlib.program.relations import Relations, relations_of, slot_table, update_rules, used_discrete
 from gearlib.reduce.reduction import Structure
 from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import reach
@@ -76,7 +76,7 @@ def torn_form(structure: Structure, program: Program, relations: Relations | Non
 
 
 def index_reduced_form(
-    structure: Structure, states: tuple[Node, ...], outputs: Sequence[Node], wanted: Sequence[int], with_modes: bool
+    structure: Structure, states: tuple[Node, ...], outputs: Sequence[Node], wanted: Sequence[int], with_discrete: bool
 ) -> ResidualForm:
     """The index-reduced equations: every unknown that a scene needs, and the equation matched to it.
 
@@ -89,7 +89,7 @@ def index_reduced_form(
         Nodes to include among the unknowns.
     wanted : sequence of int
         Discrete variables that are outputs.
-    with_modes : bool
+    with_discrete : bool
         Whether there is a discrete state.
     """
     builder, model = Builder(structure, (), states), structure.model
@@ -97,15 +97,15 @@ def index_reduced_form(
     used = model.n_relations + np.array(wanted, np.int64)
     while True:
         program = _residuals(structure, builder, states, targets)
-        used = np.unique(np.concatenate([used, used_modes(program)]))
+        used = np.unique(np.concatenate([used, used_discrete(program)]))
         places = builder.places(used)
-        used = np.unique(np.concatenate([used, *(builder.modes(*p[:3]) for p in places)]).astype(np.int64))
+        used = np.unique(np.concatenate([used, *(builder.discrete(*p[:3]) for p in places)]).astype(np.int64))
         more = {n for p in places for n in builder.nodes(*p[:3])} - program.slots.keys()
         if not more and len(builder.places(used)) == len(places):
             break
         targets.update(dict.fromkeys(sorted(more)))
     n = len(program.states) - len(states)
-    relations = _relations(builder, program, places, used) if with_modes else None
+    relations = _relations(builder, program, places, used) if with_discrete else None
     return ResidualForm(program.states[:n], len(states), program, relations, implicit=True)
 
 

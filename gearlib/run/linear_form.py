@@ -142,7 +142,7 @@ class LinearForms:
         n, m = len(program.states), len(program.inputs)
         points = At(
             Prepared(program, scene.structure, parameters, tuple(solutions)),
-            np.zeros(runs), np.zeros((program.n_slots, runs)), np.zeros((scene.n_modes, runs)),
+            np.zeros(runs), np.zeros((program.n_slots, runs)), np.zeros((scene.n_discrete, runs)),
         )  # fmt: skip
         full = np.zeros((runs, n, n + m + len(plan.added)))
         full[:, table.rows, table.seeds] = entries(table, points).T
@@ -204,7 +204,7 @@ def _matrices(scene: Scene, numbers: Prepared, plan: LinearPlan, mix: Floats) ->
         full = np.zeros((n, n + len(mix)))
         full[table.rows, table.seeds] = written
         return full[:, :n], full[:, n:] @ mix
-    nowhere = At(numbers, np.zeros(1), np.zeros((program.n_slots, 1)), np.zeros((scene.n_modes, 1)))
+    nowhere = At(numbers, np.zeros(1), np.zeros((program.n_slots, 1)), np.zeros((scene.n_discrete, 1)))
     values = entries(table, nowhere)[:, 0]
     if not np.isfinite(values).all():
         raise not_finite(scene, numbers)

@@ -459,7 +459,7 @@ class SimulatedResult(Result):
 
     def __reduce__(self) -> tuple[Any, ...]:
         parts = [
-            (p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess, p.begin, p.tangents, p.events)
+            (p.scene.states, p.time, p.states, p.discrete, p.parameters, p.signals, p.guess, p.begin, p.tangents, p.events)
             for p in self._segments
         ]
         if any(self.translation.with_states(p.scene.states) is not p.scene for p in self._segments):
@@ -472,7 +472,7 @@ class SimulatedResult(Result):
                 f"result[{shown(name)}]: expected one name, such as result['load.w']; to_dataframe(names) takes several"
             )
         if name in self.scene.model.discretes:
-            return self._joined(part.discrete(name) for part in self._segments)
+            return self._joined(part.discrete_variable(name) for part in self._segments)
         node, sign = self.scene.named(name)
         if sign == 0:
             return np.zeros_like(self.time)
@@ -565,7 +565,7 @@ class SimulatedResult(Result):
         for name in [*names, *self.scene.model.discretes]:
             with suppress(NameLookupError):
                 if name in self.scene.model.discretes:
-                    self._segments[0].discrete(name)
+                    self._segments[0].discrete_variable(name)
                 else:
                     self.scene.named(name)
                 kept.append(name)
@@ -675,7 +675,7 @@ class SimulatedResult(Result):
         if scene.program.iterated:  # on the solution branch of this run
             for v in scene.program.undifferentiated[0].tolist():
                 guess[v] = self.history_of((v, 0))[sample]
-        return Start(states, guess, (), part.modes_at(scene.program, t) if scene.n_modes else None)
+        return Start(states, guess, (), part.discrete_at(scene.program, t) if scene.n_discrete else None)
 
     def _finer(self, times: Floats) -> Segment:
         """The run with other samples: integrated again to its end, with the same steps."""

@@ -133,8 +133,8 @@ class Scene:
         return tuple(v for (v, k), slot in self.program.slots.items() if k == 0 and slot in unknowns)
 
     @cached_property
-    def n_modes(self) -> int:
-        return self.model.n_modes
+    def n_discrete(self) -> int:
+        return self.model.n_discrete
 
     @cached_property
     def feeding(self) -> Integers | None:
@@ -148,7 +148,7 @@ class Scene:
     @cached_property
     def relations(self) -> Relations | None:
         """Update rules of the discrete state, if there is one."""
-        if not self.n_modes:
+        if not self.n_discrete:
             return None
         found = relations_of(self.structure, self.program, self.wanted)
         return found if len(found.used) or found.discretes or found.reinits else None
@@ -183,7 +183,7 @@ class Scene:
     @cached_property
     def shared(self) -> Shared:
         """Common head of the data of native code."""
-        return Shared(len(self.model.parameters.names), self.n_modes, len(self.program.inputs))
+        return Shared(len(self.model.parameters.names), self.n_discrete, len(self.program.inputs))
 
     @cached_property
     def layout(self) -> Layout:
@@ -281,7 +281,7 @@ class Scene:
         if key not in self._compiled:
             from gearlib.native.evaluator import CompiledProgram
 
-            self._compiled[key] = CompiledProgram(prepared.program, len(self.model.parameters.names), self.n_modes, plan)
+            self._compiled[key] = CompiledProgram(prepared.program, len(self.model.parameters.names), self.n_discrete, plan)
         return self._compiled[key].evaluator(prepared)
 
     def compiled_program(self, prepared: Prepared) -> Prepared:
@@ -308,23 +308,24 @@ class Scene:
             return False
         return True
 
-    def modes(
+    def discrete(
         self, numbers: Prepared, t: Floats, states: Floats, inputs: Floats, discretes: Floats | None = None,
         start: Floats | None = None,
     ) -> Floats:  # fmt: skip
-        """Relations and discrete variables at some times, each time independently, shape (modes, times).
+        """Relations and discrete variables at some times, each time independently, shape (n_discrete, times).
 
         Discrete variables are those of a run started at that time, from the given values or the model's. ``start``: values of variables
         at which iterations start.
         """
         if self.relations is None or numbers.relations is None:
-            return np.zeros((self.n_modes, len(t)))
+            return np.zeros((self.n_discrete, len(t)))
         guess = None if start is None else self.guess(self.relations.program, start)
-        return modes_at_start(self.model, self.relations, numbers.relations, t, states, inputs, discretes, guess)
+        return discrete_at_start(self.model, self.relations, numbers.relations, t, states, inputs, discretes, guess)
 
     def data(
-        self, native: NativeScene, numbers: Prepared, inputs: Floats, flags: Floats, start: Floats, slots: Floats | None = None
-    ) -> Floats:
+        self, native: NativeScene, numbers: Prepared, inputs: Floats, discrete: Floats, start: Floats,
+        slots: Floats | None = None,
+    ) -> Floats:  # fmt: skip
         """The data block of a run; iterations start at values of variables, or at slots of the main program where it continues."""
         guess = self.guess(self.program, start) if slots is None else slots
 
@@ -336,7 +337,7 @@ class Scene:
                 others[program.slots[node]] = guess[self.program.slots[node]]
             return others
 
-        return data_block(native, numbers, inputs, flags, guesses)
+        return data_block(native, numbers, inputs, discrete, guesses)
 
     def guess(self, program: Program, start: Floats) -> Floats:
         """Initial guess of Newton's iterations."""
@@ -352,7 +353,7 @@ def guess_of(program: Program, start: Floats) -> Floats:
 
 
 def data_block(
-    native: NativeScene, numbers: Prepared, inputs: Floats, flags: Floats, guess: Callable[[Program], Floats]
+    native: NativeScene, numbers: Prepared, inputs: Floats, discrete: Floats, guess: Callable[[Program], Floats]
 ) -> Floats:  # fmt: skip
     """The data block of native functions; ``guess`` returns the slots at which a program's iterations start."""
     shared, relations = native.shared, numbers.relations
@@ -367,8 +368,8 @@ def data_block(
         if native.size <= MOST_FILLED and not any(part.body.coefficients for part, _ in native.parts(numbers, relations)):
             native.filled[:] = [(solutions, data.copy())]
     data[: shared.n_parameters] = numbers.parameters
-    if shared.n_modes:
-        data[shared.relations : shared.relations + shared.n_modes] = flags
+    if shared.n_discrete:
+        data[shared.relations : shared.relations + shared.n_discrete] = discrete
     if shared.n_inputs:
         data[shared.inputs : shared.inputs + shared.n_inputs] = inputs
     guesses: dict[Program, Floats] = {}
@@ -389,37 +390,37 @@ def relation_names(structure: Structure, relations: Relations | None) -> dict[in
     return owner
 
 
-def modes_at_start(
+def discrete_at_start(
     model: FlatModel, relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats,
     discretes: Floats | None = None, guess: Floats | None = None,
 ) -> Floats:  # fmt: skip
-    """Relations and discrete variables of a run that starts at a time, shape (modes, times)."""
+    """Relations and discrete variables of a run that starts at a time, shape (n_discrete, times)."""
     n, d = model.n_relations, len(model.discretes)
-    modes = np.repeat(model.initial_modes(discretes)[:, None], len(t), axis=1)
+    discrete = np.repeat(model.initial_discrete(discretes)[:, None], len(t), axis=1)
     for _ in range(100):
         for _ in range(100):
-            # only the final modes must admit a solution: on the way, a moving friction element may be tried as stuck
-            new = settle_once(relations, prepared, t, states, inputs, modes, guess, forgiving=True)
-            settled, modes = bool((new == modes).all()), new
+            # only the final discrete state must admit a solution: on the way, a moving friction element may be tried as stuck
+            new = settle_once(relations, prepared, t, states, inputs, discrete, guess, forgiving=True)
+            settled, discrete = bool((new == discrete).all()), new
             if settled:
                 break
-        before = modes[n + d : n + 2 * d].copy()
-        modes[n + d : n + 2 * d] = modes[n : n + d]
+        before = discrete[n + d : n + 2 * d].copy()
+        discrete[n + d : n + 2 * d] = discrete[n : n + d]
         if d:
-            modes[n + 2 * d] = 0.0
-        if not settled or (before == modes[n + d : n + 2 * d]).all():
+            discrete[n + 2 * d] = 0.0
+        if not settled or (before == discrete[n + d : n + 2 * d]).all():
             break  # the run's own event iteration may settle the rest, or name it
     if any(isinstance(step, Newton) for step in prepared.program.steps):
-        settle_once(relations, prepared, t, states, inputs, modes, guess)
-    return modes
+        settle_once(relations, prepared, t, states, inputs, discrete, guess)
+    return discrete
 
 
 def settle_once(
-    relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, modes: Floats,
+    relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, discrete: Floats,
     guess: Floats | None = None, forgiving: bool = False,
 ) -> Floats:  # fmt: skip
     """One pass of the event iteration."""
-    new = modes.copy()
+    new = discrete.copy()
     slots = np.zeros((prepared.program.n_slots, len(t)))
     for phase in relations.event_iteration.passed:
         match phase:

@@ -33,12 +33,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """States and modes at the samples; other variables are computed from them on demand."""
+    """States and discrete state at the samples; other variables are computed from them on demand."""
 
     scene: Scene
     time: Floats
     states: Floats  # (samples, states)
-    modes: Floats  # (samples, modes)
+    discrete: Floats  # (samples, n_discrete)
     parameters: Floats
     signals: Sequence[Any]
     guess: Floats
@@ -59,7 +59,7 @@ class Segment:
         begun: Callable[[Scene], Start] | None = None,
     ) -> Segment:  # fmt: skip
         """The solution of a run from one of its samples on; ``finer`` integrates the run again with other samples."""
-        time, states, modes = run.times[first : len(solution.x)], solution.x[first:], solution.modes[first:]
+        time, states, discrete = run.times[first : len(solution.x)], solution.x[first:], solution.discrete[first:]
         known = {node: history[first:] for node, history in solution.algebraic.items()}
         tangents = None
         if run.tangents is not None and solution.tangents is not None:
@@ -70,7 +70,7 @@ class Segment:
             tangents = TangentHistory(run.tangents.directions, solution.tangents[first:], moving, discretes)
         happened = finer is not None or (run.handed or run.scene).relations is not None  # else the corners of tables only
         return cls(
-            run.scene, time, states, modes, run.numbers.parameters, run.signals, run.start.guess, float(run.times[0]), tangents,
+            run.scene, time, states, discrete, run.numbers.parameters, run.signals, run.start.guess, float(run.times[0]), tangents,
             known, events=solution.event_times if happened else np.empty(0), finer=None if finer is None else partial(finer, run),
             trace=solution.trace, begun=begun,
         )  # fmt: skip
@@ -97,9 +97,9 @@ class Segment:
         if node not in self.varied:
             program, slots = next((c for c in self.computed if node in c[0].slots), None) or self._compute(node)
             prepared = prepare(program, self.scene.structure, self.parameters)
-            modes = self._modes_for(program, self._inputs(program))
+            discrete = self._discrete_for(program, self._inputs(program))
             wanted = np.array([program.slots[node]])
-            found = self.tangents.of_slots(prepared, wanted, self.time, slots, modes)
+            found = self.tangents.of_slots(prepared, wanted, self.time, slots, discrete)
             self.varied[node] = found[:, 0]
         return self.varied[node]
 
@@ -114,17 +114,17 @@ class Segment:
                 RuntimeWarning, stacklevel=5,
             )  # fmt: skip
 
-    def discrete(self, name: str) -> Floats:
+    def discrete_variable(self, name: str) -> Floats:
         """History of a discrete variable."""
         scene, model = self.scene, self.scene.model
         used, place = scene.relations, model.n_relations + model.discretes.index(name)
         if used is None or not any(place in b.targets for b in used.discretes):
             raise NameLookupError(f"the discrete variable {name} was not needed in this run; name it in outputs=[...]")
-        return self.modes[:, place].copy()
+        return self.discrete[:, place].copy()
 
-    def modes_at(self, program: Program, t: float) -> Floats:
-        """The modes of a program at the last sample before a time."""
-        return self._modes_for(program, self._inputs(program))[:, int(np.searchsorted(self.time, t, side="right")) - 1]
+    def discrete_at(self, program: Program, t: float) -> Floats:
+        """The discrete state of a program at the last sample before a time."""
+        return self._discrete_for(program, self._inputs(program))[:, int(np.searchsorted(self.time, t, side="right")) - 1]
 
     def _inputs(self, program: Program) -> Floats:
         return values(self.signals, self.time, len(program.inputs))
@@ -138,9 +138,9 @@ class Segment:
             refuse_jumps(scene.structure, program, self.parameters, float(self.time[0]), float(self.time[-1]))
         prepared = prepare(program, scene.structure, self.parameters)
         inputs = self._inputs(program)
-        modes = self._modes_for(program, inputs)
+        discrete = self._discrete_for(program, inputs)
         guess = self._followed(prepared) if program.iterated else None
-        self.computed.append((program, evaluate(prepared, self.time, self.states.T, inputs, modes, guess)))
+        self.computed.append((program, evaluate(prepared, self.time, self.states.T, inputs, discrete, guess)))
         return self.computed[-1]
 
     def _followed(self, prepared: Prepared, settle: Settle | None = None) -> Floats:
@@ -162,9 +162,9 @@ class Segment:
             def path(times: Floats) -> tuple[Floats, Floats, Floats]:
                 part = replace(finer(times), finer=None, branches=self.branches)
                 inputs = part._inputs(program)
-                modes = part.modes.T if settle is not None else part._modes_for(program, inputs)
+                discrete = part.discrete.T if settle is not None else part._discrete_for(program, inputs)
                 chosen = np.searchsorted(part.time, times)
-                return part.states.T[:, chosen], inputs[:, chosen], modes[:, chosen]
+                return part.states.T[:, chosen], inputs[:, chosen], discrete[:, chosen]
 
             from gearlib.run.afterwards.branch import follow
 
@@ -176,12 +176,12 @@ class Segment:
         guess[unknowns] = branch.guess(nodes, self.time)
         return guess
 
-    def _modes_for(self, program: Program, inputs: Floats) -> Floats:
-        """The modes at all samples; relations that the run did not need are evaluated here."""
+    def _discrete_for(self, program: Program, inputs: Floats) -> Floats:
+        """The discrete state at all samples; relations that the run did not need are evaluated here."""
         scene, model = self.scene, self.scene.model
-        modes = self.modes.T
-        if not scene.n_modes:
-            return modes
+        discrete = self.discrete.T
+        if not scene.n_discrete:
+            return discrete
         found = relations_of(scene.structure, program)
         tracked = np.empty(0, np.int64) if scene.relations is None else scene.relations.used
         needed = {int(m) for b in found.discretes for m in b.targets}
@@ -191,25 +191,25 @@ class Segment:
             raise NameLookupError(f"the discrete variables {names} were not needed in this run; name them in outputs=[...]")
         new = np.setdiff1d(found.used, tracked)
         if not len(new):
-            return modes
+            return discrete
         prepared = prepare(found.program, scene.structure, self.parameters)
         settle = partial(_settled, scene, found, prepared, new)
         guess = self._followed(prepared, settle) if found.program.iterated else None
-        return settle(self.time, self.states.T, inputs, modes, guess)
+        return settle(self.time, self.states.T, inputs, discrete, guess)
 
 
 def _settled(
     scene: Scene, found: Relations, prepared: Prepared, new: NDArray[np.int64], t: Floats, states: Floats, inputs: Floats,
-    modes: Floats, guess: Floats | None,
+    discrete: Floats, guess: Floats | None,
 ) -> Floats:  # fmt: skip
-    """The modes after iterating some relations to a fixed point."""
+    """The discrete state after iterating some relations to a fixed point."""
     for _ in range(100):
-        passed = settle_once(found, prepared, t, states, inputs, modes, guess)
-        restless = passed[new] != modes[new]
+        passed = settle_once(found, prepared, t, states, inputs, discrete, guess)
+        restless = passed[new] != discrete[new]
         if not restless.any():
-            return modes
-        modes = modes.copy()
-        modes[new] = passed[new]
+            return discrete
+        discrete = discrete.copy()
+        discrete[new] = passed[new]
     unsettled = set(new[restless.any(axis=1)].tolist())
     owners = dict.fromkeys(
         owner_of(scene.structure, int(e))

@@ -60,7 +60,7 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
 
     def begun(begin: Start) -> Run:
         return Run(
-            scene, numbers, begin, signals, grid, request.rtol, absolute, begin.modes, request.max_step, form=request.form,
+            scene, numbers, begin, signals, grid, request.rtol, absolute, begin.discrete, request.max_step, form=request.form,
             backend=request.backend, traced=traced,
         )  # fmt: skip
 

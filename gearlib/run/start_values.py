@@ -19,7 +19,7 @@ from gearlib.program.program import Program
 from gearlib.program.relations import Relations, relations_of
 from gearlib.reduce.coefficients import start_guess
 from gearlib.reduce.reduction import Structure
-from gearlib.run.scene import Scene, modes_at_start, node_name
+from gearlib.run.scene import Scene, discrete_at_start, node_name
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
@@ -36,7 +36,7 @@ class Start:
     states: Floats  # of the scene
     guess: Floats  # of every representative variable, for iterations
     free: tuple[str, ...]  # states that nothing fixes
-    modes: Floats | None = None  # relations and discrete variables, where these do not follow from the model and the states
+    discrete: Floats | None = None  # relations and discrete variables, where these do not follow from the model and the states
     steady: bool = False  # whether the states are steady
     changes: Floats | None = None  # derivatives of the states with respect to parameters, (states, seeds), if requested
 
@@ -246,21 +246,21 @@ class _Constraints:
     def of(cls, structure: Structure, others: Sequence[Node]) -> _Constraints:
         n, program = len(structure.states), build(structure, others, structure.states, dynamic=False)
         plan = derivative_plan(program, [(i, i) for i in range(n)], program.output_slots, n)
-        relations = relations_of(structure, program) if structure.model.n_modes else None
+        relations = relations_of(structure, program) if structure.model.n_discrete else None
         used = relations is not None and (len(relations.used) > 0 or bool(relations.discretes))
         return cls(Scene(structure, structure.states), program, plan, relations if used else None)
 
-    def modes(
+    def discrete(
         self, parameters: Floats, t: Floats, inputs: Floats, guess: Floats, discretes: Floats | None
     ) -> Callable[[Floats], Floats]:  # fmt: skip
-        """The modes of the program at a start, as a function of the states."""
+        """The discrete state of the program at a start, as a function of the states."""
         model, relations = self.here.model, self.relations
         if relations is None:
-            none = np.zeros((model.n_modes, 1))
+            none = np.zeros((model.n_discrete, 1))
             return lambda x: none
         prepared = prepare(relations.program, self.here.structure, parameters)
         start = self.here.guess(relations.program, guess)
-        return lambda x: modes_at_start(model, relations, prepared, t, x[:, None], inputs, discretes, start)
+        return lambda x: discrete_at_start(model, relations, prepared, t, x[:, None], inputs, discretes, start)
 
 
 def _satisfy(
@@ -282,15 +282,15 @@ def _satisfy(
     start = here.guess(program, guess)
     slots_of = program.output_slots
     u, now = inputs[:, None], np.array([t])
-    settle = constraints.modes(parameters, now, u, guess, discretes)
-    flags = settle(x)
+    settle = constraints.discrete(parameters, now, u, guess, discretes)
+    discrete = settle(x)
 
     def gradients(slots: Floats) -> Floats:
-        gradient: Floats = dense(plan, entries(plan, At(prepared, now, slots, flags)))[0]
+        gradient: Floats = dense(plan, entries(plan, At(prepared, now, slots, discrete)))[0]
         return gradient
 
     if own:
-        rows = gradients(evaluate(prepared, now, x[:, None], u, flags, start))
+        rows = gradients(evaluate(prepared, now, x[:, None], u, discrete, start))
         for row, (v, _) in zip(rows, others, strict=True):
             needed = np.flatnonzero(row).tolist() if v in own else []
             if len(needed) == 1 and needed[0] not in free and structure.states[needed[0]][0] not in own:
@@ -304,11 +304,11 @@ def _satisfy(
     slots, found, gradient, wrong = (np.empty(0) for _ in range(4))
 
     def equations(free_states: Floats) -> tuple[Floats, Correction]:
-        nonlocal slots, flags, found, gradient, wrong, moved
+        nonlocal slots, discrete, found, gradient, wrong, moved
         if (x[free] != free_states).any():
             x[free] = free_states
-            flags = settle(x)
-        slots = evaluate(prepared, now, x[:, None], u, flags, start)
+            discrete = settle(x)
+        slots = evaluate(prepared, now, x[:, None], u, discrete, start)
         found, gradient = slots[slots_of, 0], gradients(slots)
         if not moved and free:
             moved = {free[i] for i in _independent(gradient[:, free] * scale)}
@@ -342,7 +342,7 @@ def _satisfy(
         entering = [(program.n_slots + p, k) for p, k, _ in change.seeds]
         by_seeds = derivative_plan(program, entering, slots_of, change.states.shape[1])
         weights = np.array([weight for *_, weight in change.seeds])
-        found_moves = dense(by_seeds, entries(by_seeds, At(prepared, now, slots, flags), weights))[0]
+        found_moves = dense(by_seeds, entries(by_seeds, At(prepared, now, slots, discrete), weights))[0]
         ahead = gradient @ change.states + found_moves - change.given[[v for v, _ in others]]
         change.states[free] += _basic_solution(gradient[:, free] * scale, -ahead) * scale[:, None]
     return moved

@@ -85,18 +85,18 @@ def _following(run: Run, left: Solution, switched: Switched) -> Run:
     for (v, k), slot in program.slots.items():
         if k < len(known):
             known[k, v] = slots[slot, 0]
-    later, modes = np.concatenate([t, run.times[run.times > left.t_last]]), held if scene.n_modes else None
+    later, discrete = np.concatenate([t, run.times[run.times > left.t_last]]), held if scene.n_discrete else None
     again = choose_again(structure, run.numbers.parameters, left.t_last, known)
     if again is None:  # the same states with smaller pivots
         start = replace(run.start, states=x, guess=known[0])
-        return replace(run, start=start, times=later, modes=modes, slots=here)
+        return replace(run, start=start, times=later, discrete=discrete, slots=here)
     states = needed_states(again, scene.states)
     outputs = tuple(n for n in scene.outputs if n not in states)
     other = switched.setdefault(states, Scene(again, states, scene.wanted, outputs))
     start = Start(np.array([known[k, v] for v, k in states]), known[0], ())
     return replace(
         run, scene=other, numbers=other.numbers(run.numbers.parameters), start=start, times=later,
-        atol=_tolerances(run, other), modes=modes, slots=None,
+        atol=_tolerances(run, other), discrete=discrete, slots=None,
     )  # fmt: skip
 
 

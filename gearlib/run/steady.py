@@ -134,16 +134,16 @@ class Search:
         f, gradient, noise = self.equations(x)
         return np.where(np.abs(f) <= noise, 0.0, f), gradient
 
-    def modes(self, x: Floats) -> Floats:
-        """Relations and discrete variables of a run that starts at x, shape (modes, 1)."""
-        return self.scene.modes(self.numbers, np.array([self.t]), x[:, None], self.inputs[:, None], start=self.begin.guess)
+    def discrete(self, x: Floats) -> Floats:
+        """Relations and discrete variables of a run that starts at x, shape (n_discrete, 1)."""
+        return self.scene.discrete(self.numbers, np.array([self.t]), x[:, None], self.inputs[:, None], start=self.begin.guess)
 
     def at(self, x: Floats) -> At:
         """The program linearised at x."""
         scene, now, column, inputs = self.scene, np.array([self.t]), x[:, None], self.inputs[:, None]
-        flags = self.modes(x)
+        discrete = self.discrete(x)
         guess = scene.guess(scene.program, self.begin.guess)
-        return At(self.numbers, now, evaluate(self.numbers, now, column, inputs, flags, guess), flags)
+        return At(self.numbers, now, evaluate(self.numbers, now, column, inputs, discrete, guess), discrete)
 
     def equations(self, x: Floats) -> tuple[Floats, Floats, Floats]:
         """Scaled rates, their derivatives, and a bound on the rounding error from all terms in their equations."""
@@ -354,17 +354,17 @@ def _continued(search: Search, x: Floats, stable: bool) -> End:
 def _run_to_rest(search: Search, end: End) -> End:
     """Fallback where steps across events do not converge (friction that comes to rest): simulations of growing length."""
     scene, left = search.scene, np.inf
-    modes: Floats | None = None
+    discrete: Floats | None = None
     for seconds in RUNS:
         begin = replace(search.begin, states=end.x)
         span = np.array([search.t, search.t + seconds])
         signals = tuple(search.inputs[: len(scene.model.inputs)].tolist())
         try:
-            outcome = integrate(Run(scene, search.numbers, begin, signals, span, 1e-6, None, modes), Implicit())
+            outcome = integrate(Run(scene, search.numbers, begin, signals, span, 1e-6, None, discrete), Implicit())
             if outcome.status == "left":
                 return end
-            modes = outcome.modes[-1]
-            x, held = _sticking(search, outcome.x[-1], modes)
+            discrete = outcome.discrete[-1]
+            x, held = _sticking(search, outcome.x[-1], discrete)
             end = _closed(replace(search, held=held), x)
             if (
                 held is not None and not end.steady
@@ -381,7 +381,7 @@ def _run_to_rest(search: Search, end: End) -> End:
     return end
 
 
-def _sticking(search: Search, x: Floats, modes: Floats) -> tuple[Floats, Floats | None]:
+def _sticking(search: Search, x: Floats, discrete: Floats) -> tuple[Floats, Floats | None]:
     """States of a run moved to where all relations hold that hold in the run, and the directions in which these would change.
 
     What locks during a run keeps a slip of the size of the solver's tolerance, with which it would start as sliding.
@@ -390,28 +390,28 @@ def _sticking(search: Search, x: Floats, modes: Floats) -> tuple[Floats, Floats 
     assert relations is not None, "something came to rest"
     now, prepared, states = np.array([search.t]), search.numbers.relations, scene.model.discrete_starts
     assert prepared is not None
-    first = np.zeros(scene.n_modes)  # as a run starts: nothing sticks yet, so that speeds count
+    first = np.zeros(scene.n_discrete)  # as a run starts: nothing sticks yet, so that speeds count
     if len(states):
         at = scene.model.n_relations
         first[at : at + 2 * len(states)], first[-1] = np.tile(states, 2), 1.0
     guess, before = scene.guess(relations.program, search.begin.guess), x
     rows: list[Floats] = []
     for _ in range(5):
-        fresh = search.modes(x)[:, 0]
+        fresh = search.discrete(x)[:, 0]
         steps = 1e-6 * np.maximum(search.scale, np.abs(x))
         beside = np.column_stack([x, x[:, None] + np.diag(steps)])
-        many, inputs, flags = (np.repeat(a[:, None], n + 1, axis=1) for a in (now, search.inputs, first))
-        slots = evaluate(prepared, many[0], beside, inputs, flags, guess, forgiving=True)
+        many, inputs, starting = (np.repeat(a[:, None], n + 1, axis=1) for a in (now, search.inputs, first))
+        slots = evaluate(prepared, many[0], beside, inputs, starting, guess, forgiving=True)
         gaps: list[float] = []
         rows = []
         for phase in relations.event_iteration.event_functions:
-            values = batch_values(phase.batch, many[0], slots, search.numbers.parameters, flags)
+            values = batch_values(phase.batch, many[0], slots, search.numbers.parameters, starting)
             slopes = (values[:, 1:] - values[:, :1]) / steps * search.scale
             for k, relation in enumerate(phase.batch.targets.tolist()):
-                differs = fresh[relation] != modes[relation]
+                differs = fresh[relation] != discrete[relation]
                 if not np.abs(slopes[k]).max(initial=0.0) > 0 or not (differs or abs(values[k, 0]) <= 2 * MARGIN):
                     continue
-                above = (phase.comparison in (">", ">=")) == bool(modes[relation])
+                above = (phase.comparison in (">", ">=")) == bool(discrete[relation])
                 rows.append(slopes[k])
                 gaps.append(float((MARGIN if above else -MARGIN) - values[k, 0]) if differs else 0.0)
         if not np.any(gaps):
@@ -465,9 +465,9 @@ def _closed(search: Search, x: Floats) -> End:
     free = not linear.hold(f, noise)
     if free or not small.all() or search.hidden(noise):
         return End(x, False, free)
-    modes, at_end = (search.modes(y)[:, 0] for y in (x, found.x))
-    if search.held is None and (modes != at_end).any():  # the last step, of the size of rounding, has set off what sticks
-        back, held = _sticking(search, found.x, modes)
+    discrete, at_end = (search.discrete(y)[:, 0] for y in (x, found.x))
+    if search.held is None and (discrete != at_end).any():  # the last step, of the size of rounding, has set off what sticks
+        back, held = _sticking(search, found.x, discrete)
         if held is not None:
             return _closed(replace(search, held=held), back)
     forbidden = _forbidden(search, found.x)

@@ -498,7 +498,7 @@ class Translation:
         return [FunctionInput(name, s) if function else s for name, s, function in zip(names, signals, plain, strict=True)]
 
     def start(
-        self, scene: Scene, parameters: Floats, t: float, start: Any, signals: Sequence[Any], discrete: bool = False,
+        self, scene: Scene, parameters: Floats, t: float, start: Any, signals: Sequence[Any], accepts_discrete: bool = False,
         seeds: Sequence[Seed] | None = None, own_seeds: Sequence[Seed] = (),
     ) -> Start:  # fmt: skip
         """Start values of a scene.
@@ -513,7 +513,7 @@ class Translation:
             Start values by path; or the steady state.
         signals : sequence
             As `input_signals` returns them.
-        discrete : bool
+        accepts_discrete : bool
             Whether start values of discrete variables are accepted as well.
         seeds, own_seeds : sequences of (parameter or variable, seed, weight), optional
             Derivatives of the parameters with respect to seeds, and start values that are seeds, as for `start_values`; gives
@@ -532,7 +532,7 @@ class Translation:
             )
         if start is not None and isinstance(start, Mapping):
             for name, value in by_name("start", start, "a mapping of paths to start values").items():
-                if discrete and name in known:
+                if accepts_discrete and name in known:
                     discretes = self.model.discrete_starts.copy() if discretes is None else discretes
                     discretes[known.index(name)] = real(f"start of {name}", value)
                 else:
@@ -549,8 +549,8 @@ class Translation:
         if discretes is None:
             return begin
         numbers = scene.prepared(parameters)
-        modes = scene.modes(numbers, np.array([t]), begin.states[:, None], inputs[:, None], discretes, begin.guess)
-        return replace(begin, modes=modes[:, 0])
+        discrete = scene.discrete(numbers, np.array([t]), begin.states[:, None], inputs[:, None], discretes, begin.guess)
+        return replace(begin, discrete=discrete[:, 0])
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _translated_again, (packed((self.component, self.outputs)), self.substituted, self.rounds, self.decisive)

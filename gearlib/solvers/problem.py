@@ -17,7 +17,7 @@ A return value of 0 means success, a positive one requests a smaller step, a neg
 start, at each time event and at each located root, with ``fired[k]`` the direction (+1, -1) in which root k crossed zero (0: it did
 not); it may set ``fired[k]`` to 2 or -2, the side that the event function starts from (otherwise its sign counts). It returns 0 if
 nothing changed, 1 if the right-hand side did, 2 if ``x`` did as well, and stores the values of relations and discrete variables in
-``data[modes]``.
+``data[discrete]``.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class Problem:
     n_roots: int = 0
     update: Native | None = None
     # Discrete state, the part of data that events change; recorded with every sample
-    modes: slice = field(default_factory=lambda: slice(0, 0))
+    discrete: slice = field(default_factory=lambda: slice(0, 0))
     time_events: Floats = field(default_factory=lambda: np.empty(0))  # known times, stepped to exactly
     longest_step: float = float("inf")  # s
     longest_expanded_step: float = float("inf")  # s, of a method that expands sinusoids of time in series
@@ -173,7 +173,7 @@ class Solution:
 
     t: Floats  # (samples,)
     x: Floats  # (samples, states)
-    modes: Floats  # (samples, modes)
+    discrete: Floats  # (samples, n_discrete)
     status: str  # "done" | "interrupted" | "stiff" (explicit run that met stiffness) | "left" (undefined any further): stopped at t_last
     t_last: float
     x_last: Floats

@@ -64,11 +64,13 @@ def drifting(model: FlatModel, parameters: Floats, motion: Motion) -> list[str]:
     for g, c in _places(model):
         group = _groups(model)[g]
         relation, kernel = group.template.relations[c], relation_kernel(group.template, c)
-        value, later, last = (apply(model, kernel, g, group, parameters, a + k * b, b, motion.modes) for k in (0.0, 1.0, 2.0))
+        value, later, last = (
+            apply(model, kernel, g, group, parameters, a + k * b, b, motion.discrete) for k in (0.0, 1.0, 2.0)
+        )
         growth = later - value
         with np.errstate(invalid="ignore"):
             evenly = np.abs(last - later - growth) <= STEADY * np.abs(growth)
-        away = (growth > 0.0) != (motion.modes[_flags(model, g, c)] != relation.negated)
+        away = (growth > 0.0) != (motion.discrete[_values_at(model, g, c)] != relation.negated)
         wrong = np.isfinite(growth) & (growth != 0.0) & evenly & away
         found += [model.instances[i].path for i in group.owners[wrong].tolist() if i >= 0]
     return list(dict.fromkeys(found))
@@ -103,8 +105,8 @@ def _compared(model: FlatModel, g: int, c: int) -> list[int]:
     return [v for name in names for v in group.variables[:, group.template.locals.index(name)].tolist()]
 
 
-def _flags(model: FlatModel, g: int, c: int) -> NDArray[np.int64]:
-    """Indices of the flags of a relation among the modes."""
+def _values_at(model: FlatModel, g: int, c: int) -> NDArray[np.int64]:
+    """Indices of the values of a relation in the discrete state."""
     group = _groups(model)[g]
     places: NDArray[np.int64] = model.first_relations[g] + np.arange(len(group)) * len(group.template.relations) + c
     return places

@@ -91,7 +91,7 @@ def _elastic(model: FlatModel, parameters: Floats, motion: Motion) -> tuple[Any,
         slopes, places = [], []
         for c, (name, _) in enumerate(template.columns):
             j = template.locals.index(name)
-            p = apply(model, partial_kernel(template, c), g, group, parameters, motion.constants, motion.rates, motion.modes)
+            p = apply(model, partial_kernel(template, c), g, group, parameters, motion.constants, motion.rates, motion.discrete)
             slopes.append(np.where(np.isfinite(p), p, 0.0) * group.signs[:, j])
             places.append(group.variables[:, j])
         for unit, lengths in CONJUGATE.items():

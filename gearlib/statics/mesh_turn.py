@@ -55,12 +55,12 @@ def argument(group: EquationGroup, name: str, order: int, a: Floats, b: Floats) 
 
 
 def apply(
-    model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats
+    model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, discrete: Floats
 ) -> Floats:
-    """Values of a group's kernel at t = 0, with the flags of events unchanged."""
+    """Values of a group's kernel at t = 0, with the discrete state unchanged."""
     return group.values(
         kernel, 0.0, lambda name, order: argument(group, name, order, a, b), parameters,
-        lambda c: _flag(model, kernel.template, g, group, c, modes),
+        lambda c: _discrete_value(model, kernel.template, g, group, c, discrete),
     )  # fmt: skip
 
 
@@ -70,16 +70,18 @@ def generic(a: Floats) -> Floats:
 
 
 def mean(
-    model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats,
+    model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, discrete: Floats,
     over: Turn | None,
 ) -> Floats:  # fmt: skip
     """Mean of a kernel over a period; a linear equation holds for the means."""
     if over is None or group.template.linear or not _depends(kernel, group, over):
-        return apply(model, kernel, g, group, parameters, a, b, modes)
-    return np.asarray(_through(model, kernel, g, group, parameters, a, b, modes, over).mean(axis=1), float)
+        return apply(model, kernel, g, group, parameters, a, b, discrete)
+    return np.asarray(_through(model, kernel, g, group, parameters, a, b, discrete, over).mean(axis=1), float)
 
 
-def repeating_columns(model: FlatModel, parameters: Floats, a: Floats, b: Floats, modes: Floats) -> dict[int, tuple[int, ...]]:
+def repeating_columns(
+    model: FlatModel, parameters: Floats, a: Floats, b: Floats, discrete: Floats
+) -> dict[int, tuple[int, ...]]:
     """Columns, by group of equations, in which these are periodic: phases of meshes, which grow while the equations repeat.
 
     The other variables get arbitrary values, so that none of them hides a dependence on the phase.
@@ -90,7 +92,7 @@ def repeating_columns(model: FlatModel, parameters: Floats, a: Floats, b: Floats
         template = group.template
         if template.linear:
             continue
-        columns = tuple(c for c in _bounded(template) if _repeats(model, g, group, c, parameters, elsewhere, b, modes))
+        columns = tuple(c for c in _bounded(template) if _repeats(model, g, group, c, parameters, elsewhere, b, discrete))
         if columns:
             found[g] = columns
     return found
@@ -107,7 +109,7 @@ def _bounded(template: Template) -> tuple[int, ...]:
 
 
 def _repeats(
-    model: FlatModel, g: int, group: EquationGroup, c: int, parameters: Floats, a: Floats, b: Floats, modes: Floats
+    model: FlatModel, g: int, group: EquationGroup, c: int, parameters: Floats, a: Floats, b: Floats, discrete: Floats
 ) -> bool:
     name, _ = group.template.columns[c]
     places, kernel, values = (
@@ -118,7 +120,7 @@ def _repeats(
     for turned in (0.0, 2 * np.pi, 1.0, 1.0 + 2 * np.pi):
         x = a.copy()
         x[places] += turned
-        values.append(apply(model, kernel, g, group, parameters, x, b, modes))
+        values.append(apply(model, kernel, g, group, parameters, x, b, discrete))
     varies, repeats = (
         max(float(np.abs(values[i] - values[k]).max()) for i, k in pairs) for pairs in (((2, 0),), ((1, 0), (3, 2)))
     )
@@ -126,7 +128,7 @@ def _repeats(
 
 
 def turn(
-    model: FlatModel, parameters: Floats, repeating: Mapping[int, Sequence[int]], a: Floats, b: Floats, modes: Floats
+    model: FlatModel, parameters: Floats, repeating: Mapping[int, Sequence[int]], a: Floats, b: Floats, discrete: Floats
 ) -> Turn | None:
     """Variation of phase-dependent variables over a common period; each value has the same mean as in the motion."""
     n = model.n_variables
@@ -152,7 +154,7 @@ def turn(
             group = model.groups[g]
             j = _local(group.template, c)
             v = group.variables[rows, j]
-            rest = _through(model, residual_kernel(group.template), g, group, parameters, a, b, modes, over)[rows]
+            rest = _through(model, residual_kernel(group.template), g, group, parameters, a, b, discrete, over)[rows]
             slope = float(partial_kernel(group.template, c).number or 1.0)
             change = -(rest - rest.mean(axis=1, keepdims=True)) / slope * group.signs[rows, j][:, None]
             place[v] = len(over.values) + np.arange(len(v))
@@ -228,7 +230,7 @@ def _depends(kernel: Kernel, group: EquationGroup, over: Turn) -> bool:
 
 
 def _through(
-    model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats,
+    model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, discrete: Floats,
     over: Turn,
 ) -> Floats:  # fmt: skip
     """Values of a kernel over a period, shape (equations, points), with phase-dependent conditions evaluated at each point."""
@@ -241,19 +243,19 @@ def _through(
         compared = relation_kernel(template, c) if c < len(template.relations) else None
         if compared is not None and _depends(compared, group, over):
             relation = template.relations[c]
-            value = _through(model, compared, g, group, parameters, a, b, modes, over)
+            value = _through(model, compared, g, group, parameters, a, b, discrete, over)
             value = -value if relation.negated else value
             flags.append((value > 0 if relation.strict else value >= 0).astype(float))
         else:
-            flags.append(_flag(model, template, g, group, c, modes)[:, None])
+            flags.append(_discrete_value(model, template, g, group, c, discrete)[:, None])
     with np.errstate(all="ignore"):
         value = kernel.function(0.0, *(np.broadcast_to(x, shape) for x in (*arguments, *constants, *flags)))
     return np.broadcast_to(np.asarray(value, float), shape)
 
 
-def _flag(model: FlatModel, template: Template, g: int, group: EquationGroup, c: int, modes: Floats) -> Floats:
+def _discrete_value(model: FlatModel, template: Template, g: int, group: EquationGroup, c: int, discrete: Floats) -> Floats:
     """Value of a relation (or, beyond these, a discrete variable) of a group."""
     n = len(template.relations)
     if c < n:
-        return np.asarray(modes[model.first_relations[g] + np.arange(len(group)) * n + c], float)
-    return np.asarray(modes[model.n_relations + group.discretes[:, c - n]], float)
+        return np.asarray(discrete[model.first_relations[g] + np.arange(len(group)) * n + c], float)
+    return np.asarray(discrete[model.n_relations + group.discretes[:, c - n]], float)

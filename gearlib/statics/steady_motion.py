@@ -58,7 +58,7 @@ class Motion:
     residual: Floats  # of each row, relative
     factors: Factors
     owner: Callable[[int], str]
-    modes: Floats  # flags of events
+    discrete: Floats
 
 
 class MatrixAssembly:
@@ -82,7 +82,7 @@ class MatrixAssembly:
 
 
 def assemble(
-    model: FlatModel, parameters: Floats, given: Sequence[Given], a: Floats, b: Floats, modes: Floats
+    model: FlatModel, parameters: Floats, given: Sequence[Given], a: Floats, b: Floats, discrete: Floats
 ) -> MotionEquations:
     """Equations of a steady motion, linearised about ``a + b t``. Bindings to functions of time count as zero."""
     n = model.n_variables
@@ -90,14 +90,14 @@ def assemble(
     rest: list[Floats] = []
     kinematic: list[NDArray[np.bool_]] = []
     writers: list[tuple[int, Integers]] = []  # group, and the row in it of each line
-    repeating = repeating_columns(model, parameters, a, b, modes)
-    over = turn(model, parameters, repeating, a, b, modes)
+    repeating = repeating_columns(model, parameters, a, b, discrete)
+    over = turn(model, parameters, repeating, a, b, discrete)
     replaced = np.array([g.variable for g in given if g.order == VALUE], np.int64)
     for g, group in enumerate(model.groups):
         keep = np.arange(len(group))
         if group.template.binds:
             keep = np.flatnonzero(~np.isin(group.variables[:, group.template.locals.index("bound")], replaced))
-        value, torques = _group(model, entries, g, keep, parameters, a, b, modes, repeating.get(g, ()), over)
+        value, torques = _group(model, entries, g, keep, parameters, a, b, discrete, repeating.get(g, ()), over)
         rest.append(value)
         kinematic += [~torques, np.ones(len(keep), bool)]
         writers += [(g, keep), (g, keep)]
@@ -124,7 +124,7 @@ def assemble(
 
 
 def _group(
-    model: FlatModel, entries: MatrixAssembly, g: int, keep: Integers, parameters: Floats, a: Floats, b: Floats, modes: Floats,
+    model: FlatModel, entries: MatrixAssembly, g: int, keep: Integers, parameters: Floats, a: Floats, b: Floats, discrete: Floats,
     repeating: Sequence[int], over: Turn | None,
 ) -> tuple[Floats, NDArray[np.bool_]]:  # fmt: skip
     """Rows of one group: constant parts, then growing parts. Returns the residuals, and the mask of rows with torques."""
@@ -135,7 +135,7 @@ def _group(
     for c, (name, order) in enumerate(template.columns):
         j = template.locals.index(name)
         v = group.variables[:, j]
-        slope = mean(model, partial_kernel(template, c), g, group, parameters, a, b, modes, over)
+        slope = mean(model, partial_kernel(template, c), g, group, parameters, a, b, discrete, over)
         p = np.where(np.isfinite(slope), slope * group.signs[:, j], 0.0)
         if not template.linear:
             p = np.where(model.potential[v] & (order == 0), 0.0, p)  # frozen at the angle
@@ -148,7 +148,7 @@ def _group(
                 deflected = a.copy()
                 deflected[v] = generic(a)[v]
                 elsewhere = (
-                    apply(model, partial_kernel(template, c), g, group, parameters, deflected, b, modes) * group.signs[:, j]
+                    apply(model, partial_kernel(template, c), g, group, parameters, deflected, b, discrete) * group.signs[:, j]
                 )
                 hardens = (p == 0) & np.isfinite(elsewhere) & ~model.potential[v]
                 p = np.where(hardens, elsewhere, p)  # a spring without stiffness at rest: its deflection may not grow, either
@@ -163,7 +163,7 @@ def _group(
         value = argument(group, "bound", 0, a, b)
         entries.put(rows, group.variables[keep, j], group.signs[keep, j])
     else:
-        value = mean(model, residual_kernel(template), g, group, parameters, a, b, modes, over)
+        value = mean(model, residual_kernel(template), g, group, parameters, a, b, discrete, over)
     entries.count += 2 * count
     return np.concatenate([value[keep], growth[keep]]), torques[keep]
 
@@ -200,19 +200,19 @@ def guesses(model: FlatModel, parameters: Floats) -> list[Given]:
 def speeds_near(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Sequence[Given]) -> Floats:
     """Consistent speeds, as close as possible to the wanted ones."""
     zero = np.zeros(model.n_variables)
-    rows = assemble(model, parameters, [*given, *near], zero, zero, model.initial_modes())
+    rows = assemble(model, parameters, [*given, *near], zero, zero, model.initial_discrete())
     return -factorise(rows.matrix[np.flatnonzero(rows.kinematic)]).solve(rows.residual[rows.kinematic])
 
 
 def motion_from(model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floats) -> Motion:
-    """Newton's method for the unknowns, inside an iteration for the flags of events (such as the driving side of a lossy gear)."""
+    """Newton's method for the unknowns, inside an iteration for the discrete state (such as the driving side of a lossy gear)."""
     n = model.n_variables
-    modes = settled_modes(model, parameters, x[:n], x[n:]) if x.any() else model.initial_modes()
+    discrete = settled_discrete(model, parameters, x[:n], x[n:]) if x.any() else model.initial_discrete()
     last: Factors | None = None
 
     def equations(x: Floats) -> tuple[Floats, Correction]:
         nonlocal last
-        rows = assemble(model, parameters, given, x[:n], x[n:], modes)
+        rows = assemble(model, parameters, given, x[:n], x[n:], discrete)
         last = _factors(rows.matrix, last)
         return rows.residual, last.solve
 
@@ -222,14 +222,14 @@ def motion_from(model: FlatModel, parameters: Floats, given: Sequence[Given], x:
 
     for _ in range(40):
         x = newton(equations, x, settled, 30).x
-        new = settled_modes(model, parameters, x[:n], x[n:])
-        if (new == modes).all():
+        new = settled_discrete(model, parameters, x[:n], x[n:])
+        if (new == discrete).all():
             break
-        modes = new
-    rows = assemble(model, parameters, given, x[:n], x[n:], modes)
+        discrete = new
+    rows = assemble(model, parameters, given, x[:n], x[n:], discrete)
     factors = _factors(rows.matrix, last)
     contradiction = factors.contradiction(rows.residual, x)
-    return Motion(x[:n], x[n:], factors.undetermined, contradiction, factors, rows.owner, modes)
+    return Motion(x[:n], x[n:], factors.undetermined, contradiction, factors, rows.owner, discrete)
 
 
 def _factors(matrix: Any, last: Factors | None) -> Factors:
@@ -245,10 +245,10 @@ def kinematics(
     model: FlatModel, parameters: Floats, wanted: Integers, given: Sequence[Given] = ()
 ) -> tuple[MotionEquations, Factors, Integers]:
     """The equations between speeds alone, independent of torques: the rows on which the wanted unknowns depend."""
-    rows = _kinematic_rows(model, parameters, given, model.initial_modes())
+    rows = _kinematic_rows(model, parameters, given, model.initial_discrete())
     found = _connected(rows, wanted)
     if model.n_relations:  # backlash is taken up: a mesh inside its gap turns its wheels as soon as it has crossed it
-        touching = model.initial_modes()
+        touching = model.initial_discrete()
         touching[: model.n_relations] = 1.0
         rows_closed = _kinematic_rows(model, parameters, given, touching)
         closed = _connected(rows_closed, wanted)
@@ -257,16 +257,16 @@ def kinematics(
     return rows, *found
 
 
-def _kinematic_rows(model: FlatModel, parameters: Floats, given: Sequence[Given], modes: Floats) -> MotionEquations:
+def _kinematic_rows(model: FlatModel, parameters: Floats, given: Sequence[Given], discrete: Floats) -> MotionEquations:
     """The kinematic equations, linearised about the values that follow without torques (a stiffness, for instance)."""
     n = model.n_variables
     x = np.zeros(2 * n)
-    rows = assemble(model, parameters, given, x[:n], x[n:], modes)
+    rows = assemble(model, parameters, given, x[:n], x[n:], discrete)
     for _ in range(3 if any(not group.template.linear for group in model.groups) else 0):
         still = np.flatnonzero(rows.kinematic)
         x = x - factorise(rows.matrix[still]).solve(rows.residual[still])
         x[n:] = 0.0
-        rows = assemble(model, parameters, given, x[:n], x[n:], modes)
+        rows = assemble(model, parameters, given, x[:n], x[n:], discrete)
     return replace(rows, residual=rows.residual - rows.matrix @ x)  # residual at zero unknowns
 
 
@@ -285,34 +285,34 @@ def _connected(rows: MotionEquations, wanted: Integers) -> tuple[Factors, Intege
     return factorise(matrix[chosen]), np.flatnonzero(rows.kinematic)[chosen]
 
 
-def settled_modes(model: FlatModel, parameters: Floats, a: Floats, b: Floats) -> Floats:
+def settled_discrete(model: FlatModel, parameters: Floats, a: Floats, b: Floats) -> Floats:
     """Relations and discrete variables of a run that starts in this motion."""
-    modes = model.initial_modes()
+    discrete = model.initial_discrete()
     groups = [*model.groups, *(u.equations for u in model.updates)]
     first, d = model.n_relations, len(model.discretes)
     for _ in range(50):
         for _ in range(50):
-            before = modes.copy()
+            before = discrete.copy()
             for g, group in enumerate(groups):
                 for c, relation in enumerate(group.template.relations):
-                    value = apply(model, relation_kernel(group.template, c), g, group, parameters, a, b, modes)
+                    value = apply(model, relation_kernel(group.template, c), g, group, parameters, a, b, discrete)
                     value = -value if relation.negated else value
                     flags = value > 0 if relation.strict else value >= 0
-                    modes[model.first_relations[g] + np.arange(len(group)) * len(group.template.relations) + c] = flags
+                    discrete[model.first_relations[g] + np.arange(len(group)) * len(group.template.relations) + c] = flags
             for u, update in enumerate(model.updates):
                 if not update.reinit:
                     g, kernel = len(model.groups) + u, residual_kernel(update.equations.template)
-                    modes[first + update.targets] = apply(model, kernel, g, update.equations, parameters, a, b, modes)
-            if (before == modes).all():
+                    discrete[first + update.targets] = apply(model, kernel, g, update.equations, parameters, a, b, discrete)
+            if (before == discrete).all():
                 break
         if not d:
             break
-        old = modes[first + d : first + 2 * d].copy()
-        modes[first + d : first + 2 * d] = modes[first : first + d]
-        modes[first + 2 * d] = 0.0
-        if (old == modes[first : first + d]).all():
+        old = discrete[first + d : first + 2 * d].copy()
+        discrete[first + d : first + 2 * d] = discrete[first : first + d]
+        discrete[first + 2 * d] = 0.0
+        if (old == discrete[first : first + d]).all():
             break
-    return modes
+    return discrete
 
 
 def refuse_contradiction(motion: Motion, given: Sequence[Given]) -> None:

@@ -61,10 +61,10 @@ class Family:
     pairs: tuple[tuple[int, int, float], ...]
 
 
-def families(structure: Structure, prepared: Prepared, slots: Floats, flags: Floats, t: float) -> list[Family]:
+def families(structure: Structure, prepared: Prepared, slots: Floats, discrete: Floats, t: float) -> list[Family]:
     """Linearised equations of every component with mechanical connectors and no parts, grouped by pattern."""
     model = structure.model
-    rows = _rows(structure, prepared, slots, flags, t)
+    rows = _rows(structure, prepared, slots, discrete, t)
     found: dict[Any, list[tuple[int, list[int], list[int], list[tuple[int, int, int, float]]]]] = defaultdict(list)
     kinds: dict[Any, tuple[tuple[int, int, float], ...]] = {}
     for number, entries in rows.items():
@@ -99,7 +99,7 @@ def _family(members: Any, pairs: tuple[tuple[int, int, float], ...]) -> Family:
 
 
 def _rows(
-    structure: Structure, prepared: Prepared, slots: Floats, flags: Floats, t: float
+    structure: Structure, prepared: Prepared, slots: Floats, discrete: Floats, t: float
 ) -> dict[int, list[tuple[int, int, int, float]]]:
     """Per instance, the entries (row, variable, order, value) of its linearised equations."""
     model, program = structure.model, prepared.program
@@ -123,7 +123,7 @@ def _rows(
         for c, (j, order) in enumerate(group.template.local_columns):
             kernel = partial_kernel(group.template, c)
             batch = builder.batch(kernel, g, 0, [(i, i, 1) for i in range(len(group))])
-            value = batch_values(batch, np.array([t]), slots[:, None], prepared.parameters, flags[:, None])
+            value = batch_values(batch, np.array([t]), slots[:, None], prepared.parameters, discrete[:, None])
             value = np.broadcast_to(value, (len(group), 1))[:, 0].tolist()
             for i, owner in enumerate(owners):
                 if owner >= 0 and signs[i][j]:

@@ -490,7 +490,7 @@ def modes(
     prepared = prepare(program, structure, numbers)
     rates = [program.slots[v, k + 1] for v, k in states]
     linearized = LinearizedProgram(scene, prepared, point, tuple(range(len(states))))
-    slots, flags, d = linearized.slots, linearized.flags, linearized.derivatives
+    slots, discrete, d = linearized.slots, linearized.discrete, linearized.derivatives
     A = whole = d[rates]
     n_variables = structure.model.n_variables
     orders = np.full(n_variables, -1)
@@ -499,7 +499,7 @@ def modes(
         if (v, k) in program.slots:
             orders[v], pick[v] = k, program.slots[v, k]
     rows, kept = d[pick], states
-    left = remaining(structure, prepared, point.t, slots, flags, A)
+    left = remaining(structure, prepared, point.t, slots, discrete, A)
     if left is not None:
         A, rows, kept = A[left.keep] @ left.basis, rows @ left.basis, tuple(states[i] for i in left.keep)
     angles = any(k == 0 and structure.model.potential[v] for v, k in states)
@@ -523,7 +523,7 @@ def modes(
         tuple(node_name(structure.model, s) for s in kept), spectrum.free.shape[1], spectrum.preloads, spectrum.decays,
         tuple(described(structure, kept[i]) for i in unused), _gaps(structure, kept, A, free, unused, words.open),
         words.said, structure.model, rows, orders,
-        lambda: families(structure, prepared, slots, flags, point.t), not alone, find_changes, translation.component,
+        lambda: families(structure, prepared, slots, discrete, point.t), not alone, find_changes, translation.component,
     )  # fmt: skip
 
 

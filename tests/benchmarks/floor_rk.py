@@ -98,7 +98,7 @@ def backlash() -> Problem:
     return Problem(
         native(backlash_rhs), np.array([50e-6, 0.0, 800.0, 400.0]), np.zeros(1), np.zeros(1, dtype=np.int64),
         np.ones(4, dtype=np.bool_), np.array([1e-5, 1.0, 100.0, 100.0]), roots=native(backlash_roots), n_roots=2,
-        update=native(backlash_update, True), modes=slice(0, 1),
+        update=native(backlash_update, True), discrete=slice(0, 1),
     )  # fmt: skip
 
 

@@ -409,7 +409,7 @@ def test_functions_of_models_do_what_their_source_says(n: int, friction: bool) -
     native = system.translation.scene.native_with_jacobian
     rng = np.random.default_rng(n)
     data, x = rng.uniform(0.5, 1.5, native.size), rng.normal(size=len(system.translation.scene.states))
-    data[native.shared.relations :][: native.shared.n_modes] = 0.0
+    data[native.shared.relations :][: native.shared.n_discrete] = 0.0
     for name in ("rhs", "jac", "roots", "update"):
         function = getattr(native, name)
         if function is None:

@@ -40,8 +40,8 @@ def points(system: gl.System, seed: int) -> tuple[Any, ...]:
     t = rng.uniform(0.1, 2.0, POINTS)
     x = scene.nominal[:, None] * rng.uniform(-1.0, 1.0, (len(scene.states), POINTS))
     u = rng.normal(size=(len(scene.program.inputs), POINTS))
-    flags = scene.modes(plain, t, x, u)
-    np.testing.assert_array_equal(scene.modes(compiled, t, x, u), flags)
+    flags = scene.discrete(plain, t, x, u)
+    np.testing.assert_array_equal(scene.discrete(compiled, t, x, u), flags)
     return scene, plain, compiled, evaluator, (t, x, u, flags)
 
 

@@ -38,7 +38,7 @@ def test_sides_are_the_signs_of_the_event_functions(x: float, y: float) -> None:
     assert native.roots is not None
     assert native.update is not None
     numbers = scene.prepared(system.translation.parameter_values({}))
-    flags = np.zeros(scene.n_modes)
+    flags = np.zeros(scene.n_discrete)
     data = scene.data(native, numbers, np.zeros(0), flags, np.zeros(scene.model.n_variables))
     functions, fired = np.empty(4), np.zeros(4, np.int32)
     assert MODEL(native.roots.address)(
@@ -48,5 +48,5 @@ def test_sides_are_the_signs_of_the_event_functions(x: float, y: float) -> None:
     assert status >= 0
     assert fired.tolist() == (2 * np.sign(functions)).tolist()
     assert sorted(np.abs(functions)) == pytest.approx(sorted([abs(x - 1), abs(x + 1), abs(y + 1), abs(y - 1)]))
-    held = data[native.shared.relations :][: native.shared.n_modes]
+    held = data[native.shared.relations :][: native.shared.n_discrete]
     assert sorted(held) == sorted([x > 1, x >= -1, y < -1, y <= 1])

@@ -91,7 +91,7 @@ def check_rates(system: gl.System, turns: int = 60) -> None:
     (block,) = [s for s in program.steps if isinstance(s, Newton)]
     assert block.switched
     numbers = scene.prepared(system.translation.parameter_values({}))
-    flags = scene.modes(numbers, np.zeros(1), np.zeros((len(scene.states), 1)), np.full((len(program.inputs), 1), 0.5))[:, 0]
+    flags = scene.discrete(numbers, np.zeros(1), np.zeros((len(scene.states), 1)), np.full((len(program.inputs), 1), 0.5))[:, 0]
     data = scene.data(scene.native, numbers, np.zeros(len(program.inputs)), flags, np.zeros(model.n_variables))
     shared, rhs = scene.native.shared, MODEL(scene.native.rhs.address)
     agreed = 0
@@ -100,7 +100,7 @@ def check_rates(system: gl.System, turns: int = 60) -> None:
     for turn in range(turns):
         now = patterns[int(rng.integers(len(patterns)))] if turn % 3 == 0 else now  # each is met again, after others
         x, u = rng.normal(size=len(scene.states)), rng.random(len(program.inputs))
-        data[shared.relations :][: shared.n_modes] = now
+        data[shared.relations :][: shared.n_discrete] = now
         data[shared.inputs :][: shared.n_inputs] = u
         rates = np.empty(len(scene.states))
         status = rhs(0.1, x.ctypes.data, rates.ctypes.data, data.ctypes.data, scene.native.index.ctypes.data)
@@ -145,7 +145,7 @@ def test_an_evaluation_of_a_star_costs_what_its_branches_cost() -> None:
     costs = []
     for branches in (30, 120):
         program = star(branches).translation.scene.program
-        shared = Shared(len(star(branches).translation.model.parameters.names), star(branches).translation.scene.n_modes, 0)
+        shared = Shared(len(star(branches).translation.model.parameters.names), star(branches).translation.scene.n_discrete, 0)
         costs += [operations(program, lay_out(program, shared, shared.size, hold=hold)) for hold in (True, False)]
     assert costs[2] < 4.5 * costs[0]
     assert costs[3] < 4.5 * costs[1]

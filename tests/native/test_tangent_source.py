@@ -80,7 +80,7 @@ def agree(system: gl.System, names: list[str]) -> None:
     assert loops.native.vectors is None
     sizes = np.append(scene.nominal, np.outer(scene.nominal, 1.0 / varied.sizes).ravel())
     for _ in range(3):
-        x, flags = rng.normal(size=len(sizes)) * sizes, rng.integers(0, 2, scene.n_modes).astype(float)
+        x, flags = rng.normal(size=len(sizes)) * sizes, rng.integers(0, 2, scene.n_discrete).astype(float)
         found, right = (rates(code, system, varied, x, flags) for code in (vectors, loops))
         assert np.allclose(found, right, rtol=1e-11, atol=1e-11 * np.abs(right).min(initial=1.0, where=right != 0.0))
 

@@ -380,17 +380,17 @@ def test_derivatives_at_many_times_are_those_at_one() -> None:
     random = np.random.default_rng(4)
     x = random.standard_normal((len(scene.states), 5)) * np.array([[1e-4 if "q" in s else 1.0] for s in system.states])
     t = np.linspace(0, 1e-3, 5)
-    flags = scene.modes(numbers, t, x, np.empty((0, 5)))
+    flags = scene.discrete(numbers, t, x, np.empty((0, 5)))
     program = numbers.program
     for i in range(5):
         point = Point(
             float(t[i]), dict(zip(scene.states, x[:, i].tolist(), strict=True)), np.empty(0), np.zeros(scene.model.n_variables)
         )
-        slots, modes = slots_at(scene, numbers.parameters, numbers, point)
-        assert (modes == flags[:, i]).all()
-        expected = derivatives(numbers, float(t[i]), slots, modes, range(len(x)))[program.output_slots]
+        slots, discrete = slots_at(scene, numbers.parameters, numbers, point)
+        assert (discrete == flags[:, i]).all()
+        expected = derivatives(numbers, float(t[i]), slots, discrete, range(len(x)))[program.output_slots]
         plan = state_plan(program)
-        found = dense(plan, entries(plan, At(numbers, t[[i]], slots[:, None], modes[:, None])))[0]
+        found = dense(plan, entries(plan, At(numbers, t[[i]], slots[:, None], discrete[:, None])))[0]
         assert found == pytest.approx(expected, rel=1e-13, abs=1e-13)
 
 

@@ -78,9 +78,11 @@ def check(system: gl.System, values: dict[str, float], seed: int, most: int = 12
     n, m, t = len(program.states), len(program.inputs), float(rng.uniform(0.1, 2.0))
     x = scene.nominal * rng.uniform(-1.0, 1.0, n)
     u = rng.normal(size=m)
-    flags = (rng.random(scene.n_modes) < 0.5).astype(float) if not any(isinstance(s, Newton) for s in program.steps) else None
+    flags = (
+        (rng.random(scene.n_discrete) < 0.5).astype(float) if not any(isinstance(s, Newton) for s in program.steps) else None
+    )
     if flags is None:
-        flags = scene.modes(scene.numbers(parameters), np.array([t]), x[:, None], u[:, None])[:, 0]
+        flags = scene.discrete(scene.numbers(parameters), np.array([t]), x[:, None], u[:, None])[:, 0]
     guess = scene.guess(program, np.zeros(system.translation.model.n_variables))
     slots = evaluate(prepared, np.array([t]), x[:, None], u[:, None], flags[:, None], guess)[:, 0]
     used = {int(p) for s in program.steps for b in _batches(s) for p in b.parameters.ravel()}
@@ -184,7 +186,7 @@ def test_many_times_are_as_many_points() -> None:
         program, rng = scene.program, np.random.default_rng(3)
         n, m, times = len(program.states), len(program.inputs), 5
         t, x, u = rng.uniform(0, 1, times), rng.normal(size=(n, times)), rng.normal(size=(m, times))
-        flags = scene.modes(numbers, t, x, u)
+        flags = scene.discrete(numbers, t, x, u)
         slots = evaluate(numbers, t, x, u, flags)
         plan = state_plan(program)
         found = dense(plan, entries(plan, At(numbers, t, slots, flags)))
@@ -234,7 +236,7 @@ def test_native_code_is_printed_from_the_same_plan(number: int, loops: bool, mon
     program, rng = scene.program, np.random.default_rng(number)
     n, m, t = len(program.states), len(program.inputs), 0.3
     x, u = scene.nominal * rng.uniform(-1, 1, n), rng.normal(size=m)
-    flags = scene.modes(numbers, np.array([t]), x[:, None], u[:, None])
+    flags = scene.discrete(numbers, np.array([t]), x[:, None], u[:, None])
     slots = evaluate(numbers, np.array([t]), x[:, None], u[:, None], flags)
     used = sorted({int(p) for s in program.steps for b in _batches(s) for p in b.parameters.ravel()})
     seeds = [*range(n + m), *(program.n_slots + p for p in used)]

@@ -45,7 +45,7 @@ def native_settled(scene: Any, numbers: Any, t: float, x: Floats, flags: Floats)
     fired = np.zeros(max(len(scene.root_names), 1), np.int32)
     states = x.copy()
     result = UPDATE(native.update.address)(t, *(a.ctypes.data for a in (states, fired, data, native.index)))
-    return result, data[native.shared.relations :][: native.shared.n_modes]
+    return result, data[native.shared.relations :][: native.shared.n_discrete]
 
 
 def agree(system: gl.System, seed: int) -> None:
@@ -56,7 +56,7 @@ def agree(system: gl.System, seed: int) -> None:
     for _ in range(6):
         t, x = rng.uniform(0.1, 2.0), scene.nominal * rng.uniform(-2.0, 2.0, len(scene.states))
         at = np.array([t]), x[:, None], np.zeros((len(scene.program.inputs), 1))
-        settled = scene.modes(numbers, *at)
+        settled = scene.discrete(numbers, *at)
         if (settle_once(scene.relations, numbers.relations, *at, settled) != settled).any():
             continue  # nothing fits there
         result, found = native_settled(scene, numbers, t, x, settled[:, 0])

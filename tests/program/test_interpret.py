@@ -64,7 +64,7 @@ def test_many_times_are_as_many_points_on_random_trains_that_switch(seed: int) -
     numbers, rng, times = scene.numbers(scene.model.parameters.evaluate({})), np.random.default_rng(seed), 8
     t, x = rng.uniform(0, 2, times), scene.nominal[:, None] * rng.uniform(-1, 1, (len(scene.states), times))
     u = np.zeros((len(scene.program.inputs), times))
-    flags = scene.modes(numbers, t, x, u)
+    flags = scene.discrete(numbers, t, x, u)
     together = evaluate(numbers, t, x, u, flags, forgiving=True)
     for i in range(times):
         k = slice(i, i + 1)

@@ -59,7 +59,7 @@ def check(system: gl.System, values: dict[str, float], seed: int, most: int = 4)
     n, m, t = len(program.states), len(program.inputs), float(rng.uniform(0.1, 2.0))
     x, u = scene.nominal * rng.uniform(-1.0, 1.0, n), rng.normal(size=m)
     now = np.array([t])
-    flags = scene.modes(scene.numbers(parameters), now, x[:, None], u[:, None])[:, 0]
+    flags = scene.discrete(scene.numbers(parameters), now, x[:, None], u[:, None])[:, 0]
     guess = scene.guess(program, np.zeros(system.translation.model.n_variables))
     slots = evaluate(prepared, now, x[:, None], u[:, None], flags[:, None], guess)[:, 0]
     used = {int(p) for s in program.steps for b in _batches(s) for p in b.parameters.ravel()}

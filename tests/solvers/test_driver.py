@@ -53,7 +53,9 @@ def ball() -> Problem:
             return 2
         return 0
 
-    return problem(rhs, [1.0, 0.0], roots=roots, n_roots=1, update=update, modes=slice(0, 1), time_events=np.array([0.1, 0.2]))
+    return problem(
+        rhs, [1.0, 0.0], roots=roots, n_roots=1, update=update, discrete=slice(0, 1), time_events=np.array([0.1, 0.2])
+    )
 
 
 FIRST = math.sqrt(0.2)  # s, of the first bounce
@@ -70,8 +72,8 @@ def test_events_samples_and_log(name: str) -> None:
     assert found.event_times[apart] == pytest.approx([0.1, 0.2, FIRST], abs=1e-7)
     assert found.x[:4, 0] == pytest.approx(1.0 - 5.0 * times[:4] ** 2, abs=1e-7)
     assert found.x[5, 0] == pytest.approx(0.5 * 10.0 * FIRST * flight - 5.0 * flight**2, abs=1e-6)
-    assert found.modes[:, 0].tolist()[:4] == [0.0] * 4
-    assert found.modes[-1, 0] == 1.0
+    assert found.discrete[:, 0].tolist()[:4] == [0.0] * 4
+    assert found.discrete[-1, 0] == 1.0
     assert found.data[0] == 1.0
 
 

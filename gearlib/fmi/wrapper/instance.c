@@ -161,8 +161,8 @@ int ready(Instance *m) {
     if (m->prepared && (m->begun || has_started(m))) return FINE;
     moved(m);
     if (!has_started(m)) { /* nothing is remembered of earlier evaluations */
-        memcpy(m->data + model.n_table, model.data + model.n_table, (size_t)(model.modes_at - model.n_table) * sizeof(double));
-        memcpy(m->data + model.modes_at, model.data + model.modes_at, (size_t)model.n_modes * sizeof(double));
+        memcpy(m->data + model.n_table, model.data + model.n_table, (size_t)(model.discrete_at - model.n_table) * sizeof(double));
+        memcpy(m->data + model.discrete_at, model.data + model.discrete_at, (size_t)model.n_discrete * sizeof(double));
         int64_t rest = model.inputs_at + model.all_inputs;
         memcpy(m->data + rest, model.data + rest, (size_t)(model.n_data - rest) * sizeof(double));
     }
@@ -303,9 +303,9 @@ static int get_value(Instance *m, uint32_t reference, double *value) {
         return FINE;
     }
     if ((k -= model.n_states) < model.n_outputs) {
-        if (model.output_modes[k] >= 0) {
+        if (model.output_discrete[k] >= 0) {
             if ((code = ready(m))) return code;
-            *value = m->data[model.modes_at + model.output_modes[k]];
+            *value = m->data[model.discrete_at + model.output_discrete[k]];
         } else if (model.output_slots[k] >= 0) {
             if ((code = take_observed(m))) return code;
             *value = model.output_signs[k] * m->observed[model.output_slots[k]];

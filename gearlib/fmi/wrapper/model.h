@@ -13,7 +13,7 @@ typedef struct {
     int64_t n_equations;       /* states of the model; an FMU has one at least */
     int64_t n_table;           /* entries of data that are parameters of any kind */
     int64_t inputs_at, all_inputs; /* where the inputs stand in data, and how many there are */
-    int64_t modes_at, n_modes; /* the same for the discrete state */
+    int64_t discrete_at, n_discrete; /* the same for the discrete state */
     int64_t n_data, n_observed, n_entries;
     int has_events, has_derivatives;
     const int64_t *parameter_places; /* in data */
@@ -23,7 +23,7 @@ typedef struct {
     const int64_t *input_places;
     const uint8_t *start_settable; /* whether a state's start value is its own */
     const double *nominal;
-    const int64_t *output_slots, *output_modes; /* -1 where it is the other one, or always zero */
+    const int64_t *output_slots, *output_discrete; /* -1 where it is the other one, or always zero */
     const double *output_signs;
     const int64_t *columns, *rows; /* pattern of the derivatives, compressed columns; rows: derivatives, then what is observed */
     const char *const *checks;     /* what prepare and begin find wrong */

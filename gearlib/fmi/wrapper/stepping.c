@@ -88,7 +88,7 @@ void point_record(Instance *m) {
     r->index = ADDRESS(model.index);
     r->x = ADDRESS(m->x);
     r->fired = ADDRESS(part.fired);
-    r->times = r->out = r->modes = ADDRESS(part.stops);
+    r->times = r->out = r->discrete = ADDRESS(part.stops);
     r->stops = ADDRESS(part.stops);
     r->log_t = ADDRESS(part.log_t);
     r->log_root = ADDRESS(part.log_root);
@@ -116,8 +116,8 @@ static void get_ready(Instance *m) {
         part.atol[i] = i < model.n_states ? m->tolerance * model.nominal[i] : 1.0;
     r->n = model.n_states;
     r->n_roots = model.n_indicators;
-    r->n_modes = model.n_modes;
-    r->first_mode = model.modes_at;
+    r->n_discrete = model.n_discrete;
+    r->first_discrete_value = model.discrete_at;
     r->capacity = capacity();
     r->budget = BUDGET;
     r->origin = late;

@@ -48,7 +48,7 @@ def integrated_beside(part: Segment, scene: Scene, start: Floats, rtol: float) -
     """Histories of a scene with additional states that starts at ``start``, shape (samples, states); None: the run must be repeated."""
     added = tuple(s for s in scene.states if s not in part.scene.place_of)
     levels = _levels(scene, added)
-    if part.trace is None or levels is None or not _known_modes(part.scene, scene, levels):
+    if part.trace is None or levels is None or not _known_discrete(part.scene, scene, levels):
         return None
     if any(is_function(signal) for signal in part.signals) or part.trace.times[0] > part.time[0]:
         return None
@@ -85,7 +85,7 @@ def _levels(scene: Scene, added: Sequence[Node]) -> list[Level] | None:
     return found
 
 
-def _known_modes(own: Scene, scene: Scene, levels: Sequence[Level]) -> bool:
+def _known_discrete(own: Scene, scene: Scene, levels: Sequence[Level]) -> bool:
     """Whether the run has tracked all relations in the derivatives, and these need no iteration."""
     if scene.relations is not None:
         theirs, ours = scene.relations, own.relations
@@ -141,15 +141,15 @@ class _Beside:
             states[:, self.kept[trace.columns]] = trace.at(t.ravel(), steps, *samples)[method is COARSE]
             found[first + 1 : last + 1] = found[first]
             for level in self.levels:
-                for state, rates in zip(level, self._rates(level, t.ravel(), states, trace.modes[steps]), strict=True):
+                for state, rates in zip(level, self._rates(level, t.ravel(), states, trace.discrete[steps]), strict=True):
                     place, slope = self.scene.place_of[state], rates.reshape(t.shape)
                     at = found[first, place] + np.concatenate([[0.0], np.cumsum(h * (slope @ method.weights))])
                     found[first + 1 : last + 1, place] = at[m::m]
                     states[:, place] = (at[:-1, None] + h[:, None] * (slope @ method.up_to.T)).ravel()
         return found
 
-    def _rates(self, level: Level, t: Floats, states: Floats, modes: Floats) -> list[Floats]:
+    def _rates(self, level: Level, t: Floats, states: Floats, discrete: Floats) -> list[Floats]:
         """The derivatives of some additional states at some times."""
         part = self.part
-        here = Segment(self.scene, t, states, modes, part.parameters, part.signals, part.guess, part.begin)
+        here = Segment(self.scene, t, states, discrete, part.parameters, part.signals, part.guess, part.begin)
         return [here.history((v, k + 1)) for v, k in level]

@@ -19,8 +19,10 @@ from gearlib.program.interpret import Prepared, evaluate
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
-Path = Callable[[Floats], tuple[Floats, Floats, Floats]]  # times -> states, inputs, modes, each (number, times)
-Settle = Callable[[Floats, Floats, Floats, Floats, Floats | None], Floats]  # times, states, inputs, modes, guess -> modes
+Path = Callable[[Floats], tuple[Floats, Floats, Floats]]  # times -> states, inputs, discrete state, each (number, times)
+Settle = Callable[
+    [Floats, Floats, Floats, Floats, Floats | None], Floats
+]  # times, states, inputs, discrete state, guess -> discrete state
 
 POINTS, LONGEST = 2048, 32  # number of candidate step ends, and how many of them one step may pass
 SLOPE = 1 / 64  # of the distance between two candidates: the interval over which a slope is taken
@@ -75,7 +77,7 @@ def follow(
     guess : array, shape (slots,)
         Start of the iterations at the beginning.
     settle : callable, optional
-        Finds the modes that are not part of the path since they depend on the unknowns.
+        Finds the discrete state that is not part of the path since it depends on the unknowns.
 
     Raises
     ------
@@ -118,10 +120,10 @@ class _Tracking:
         guess = self.start.copy()
         guess[self.unknowns] = z
         along, i = self.known[t]
-        x, u, modes = (given[:, i : i + 1] for given in along)
+        x, u, discrete = (given[:, i : i + 1] for given in along)
         if self.settle is not None:
-            modes = self.settle(np.array([t]), x, u, modes, guess)
-        solved: Floats = evaluate(self.prepared, np.array([t]), x, u, modes, guess)[self.unknowns, 0]
+            discrete = self.settle(np.array([t]), x, u, discrete, guess)
+        solved: Floats = evaluate(self.prepared, np.array([t]), x, u, discrete, guess)[self.unknowns, 0]
         return solved
 
     def _slope(self, t: float, z: Floats) -> Floats:

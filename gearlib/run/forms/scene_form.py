@@ -20,7 +20,7 @@ from gearlib.program.program import Program
 from gearlib.program.relations import Relations, relations_of
 from gearlib.program.residual_form import ResidualForm, index_reduced_form, torn_form
 from gearlib.recent import recent
-from gearlib.run.scene import Scene, data_block, guess_of, modes_at_start, node_name, relation_names
+from gearlib.run.scene import Scene, data_block, discrete_at_start, guess_of, node_name, relation_names
 from gearlib.run.start_values import Start
 from gearlib.run.time_switches import TimeSwitches, time_switches
 from gearlib.structure.incidence import Node
@@ -110,9 +110,9 @@ class SceneForm:
 
         return recent(self._prepared, parameters.tobytes(), found)
 
-    def data(self, parameters: Floats, inputs: Floats, flags: Floats, start: Floats) -> Floats:
+    def data(self, parameters: Floats, inputs: Floats, discrete: Floats, start: Floats) -> Floats:
         """The data block of a run; remaining Newton iterations start from values of variables."""
-        return data_block(self.native_with_jacobian, self.numbers(parameters), inputs, flags, lambda p: guess_of(p, start))
+        return data_block(self.native_with_jacobian, self.numbers(parameters), inputs, discrete, lambda p: guess_of(p, start))
 
     @cached_property
     def _start_relations(self) -> Relations | None:
@@ -122,17 +122,19 @@ class SceneForm:
             return scene.relations
         return relations_of(scene.structure, build(scene.structure, scene.outputs, scene.states, dynamic=True), scene.wanted)
 
-    def modes(self, parameters: Floats, t: float, start: Start, inputs: Floats) -> Floats:
+    def discrete(self, parameters: Floats, t: float, start: Start, inputs: Floats) -> Floats:
         """Relations and discrete variables at the start."""
         scene, relations = self.scene, self._start_relations
         if relations is None:
-            return np.zeros(scene.n_modes)
+            return np.zeros(scene.n_discrete)
         prepared = prepare(relations.program, scene.structure, parameters)
         guess = guess_of(relations.program, start.guess)
         at, states = np.array([t]), start.states[:, None]
-        return modes_at_start(scene.model, relations, prepared, at, states, inputs[:, None], guess=guess)[:, 0]
+        return discrete_at_start(scene.model, relations, prepared, at, states, inputs[:, None], guess=guess)[:, 0]
 
-    def first(self, numbers: Prepared, t: float, start: Start, inputs: Floats, modes: Floats, slots: Floats | None) -> Floats:
+    def first(
+        self, numbers: Prepared, t: float, start: Start, inputs: Floats, discrete: Floats, slots: Floats | None
+    ) -> Floats:
         """The unknowns from which IDA computes consistent initial values.
 
         Where equations are nonlinear, the algebraic unknowns come from the scene's own program, which determines the solution branch.
@@ -143,7 +145,7 @@ class SceneForm:
             Of the scene.
         t : float
         start : Start
-        inputs, modes : array
+        inputs, discrete : array
         slots : array, optional
             Of the scene's program, where a run continues.
         """
@@ -152,7 +154,7 @@ class SceneForm:
         if slots is None and program.iterated:
             at = np.array([t])
             found = evaluate(
-                numbers, at, start.states[:, None], inputs[: len(program.inputs), None], modes[:, None],
+                numbers, at, start.states[:, None], inputs[: len(program.inputs), None], discrete[:, None],
                 guess_of(program, start.guess), forgiving=True,
             )  # fmt: skip
             slots = found[:, 0]
@@ -185,7 +187,7 @@ def scene_form(scene: Scene, kind: str) -> SceneForm:
         if kind == "torn":
             equations = torn_form(scene.structure, scene.program, scene.relations, scene.wanted)
         else:
-            equations = index_reduced_form(scene.structure, scene.states, scene.outputs, scene.wanted, bool(scene.n_modes))
+            equations = index_reduced_form(scene.structure, scene.states, scene.outputs, scene.wanted, bool(scene.n_discrete))
         scene.forms[kind] = SceneForm(scene, equations)
     found: SceneForm = scene.forms[kind]
     return found

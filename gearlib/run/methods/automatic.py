@@ -222,7 +222,7 @@ def continued(run: Run, before: Driver) -> Run:
     start = replace(run.start, states=before.x[:n].copy())
     if tangents is not None:
         tangents = replace(tangents, start=before.x[n:].reshape(tangents.start.shape).copy())
-    return replace(run, start=start, modes=held, slots=slots, tangents=tangents)
+    return replace(run, start=start, discrete=held, slots=slots, tangents=tangents)
 
 
 def _joined(run: Run, legs: Sequence[Leg], why: str) -> Solution:

@@ -104,10 +104,10 @@ def exponential_solution(run: Run, stepper: Exponential, why: str) -> Solution:
         problem = _problem(run, stepper.linear)
     found = finished(run, integrate(Driver(problem, stepper)), Exact.name, why)
     scene = run.scene
-    if not scene.n_modes:
+    if not scene.n_discrete:
         return found
     inputs = values(run.signals, run.times, len(scene.program.inputs))
-    return replace(found, modes=scene.modes(run.numbers, run.times, found.x.T, inputs).T)
+    return replace(found, discrete=scene.discrete(run.numbers, run.times, found.x.T, inputs).T)
 
 
 def too_many_corners(run: Run, stepper: Exponential) -> str | None:

@@ -44,14 +44,14 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
     native: NativeScene = code.native if code else scene.native_with_jacobian if jacobian else scene.native
     program = scene.program
     inputs = values(run.signals, run.times[:1], len(program.inputs))[:, 0]
-    modes = run.modes
-    if modes is None:
-        modes = first_modes(run, native, inputs)
-    data = scene.data(native, run.numbers, inputs, modes, run.start.guess, run.slots)
+    discrete = run.discrete
+    if discrete is None:
+        discrete = first_discrete(run, native, inputs)
+    data = scene.data(native, run.numbers, inputs, discrete, run.start.guess, run.slots)
     if code is not None and tangents is not None:
         if run.slots is None:  # the run begins here
             tangents.noted.clear()
-        code.fill(data, tangents.directions, run.numbers, tangents.discretes(code.modes))
+        code.fill(data, tangents.directions, run.numbers, tangents.discretes(code.discrete))
         atol = None if run.atol is None else np.append(run.atol, tangents.spread(run.atol))
         nominal = np.append(scene.nominal, tangents.spread(scene.nominal))
         x0 = np.append(run.start.states, tangents.start)
@@ -67,8 +67,8 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
     return _wired(run, callbacks, scene, native, data, run.start.states, run.atol)
 
 
-def first_modes(run: Run, native: NativeScene, inputs: Floats) -> Floats:
-    """Relations and discrete variables in which a run begins, shape (modes,): by the compiled event iteration where it settles.
+def first_discrete(run: Run, native: NativeScene, inputs: Floats) -> Floats:
+    """Relations and discrete variables in which a run begins, shape (n_discrete,): by the compiled event iteration where it settles.
 
     That does not re-initialise states, and comes to its end, where it sets the sides of all event functions, only if all equations on
     the way have a solution: friction that moves may be tried as stuck. The interpreter does all else.
@@ -76,23 +76,23 @@ def first_modes(run: Run, native: NativeScene, inputs: Floats) -> Floats:
     scene, start, t = run.scene, run.start, float(run.times[0])
     relations = scene.relations
     if relations is None:
-        return np.zeros(scene.n_modes)
+        return np.zeros(scene.n_discrete)
     if native.update is not None and scene.searched and not relations.reinits:
-        data = scene.data(native, run.numbers, inputs, scene.model.initial_modes(), start.guess)
+        data = scene.data(native, run.numbers, inputs, scene.model.initial_discrete(), start.guess)
         x, fired = start.states.copy(), np.zeros(len(relations.used), np.int32)
         update = _MODEL(native.update.address)
         if update(t, x.ctypes.data, fired.ctypes.data, data.ctypes.data, native.index.ctypes.data) >= 0 and fired[0]:
-            return data[native.shared.relations :][: native.shared.n_modes].copy()
-    return scene.modes(run.numbers, run.times[:1], start.states[:, None], inputs[:, None], start=start.guess)[:, 0]
+            return data[native.shared.relations :][: native.shared.n_discrete].copy()
+    return scene.discrete(run.numbers, run.times[:1], start.states[:, None], inputs[:, None], start=start.guess)[:, 0]
 
 
 def _handed_problem(run: Run, callbacks: Callbacks, form: SceneForm) -> Problem:
     """The problem in a form that leaves algebraic unknowns to IDA."""
     parameters, t0 = run.numbers.parameters, float(run.times[0])
     inputs = values(run.signals, run.times[:1], len(form.program.inputs))[:, 0]
-    modes = form.modes(parameters, t0, run.start, inputs) if run.modes is None else run.modes
-    data = form.data(parameters, inputs, modes, run.start.guess)
-    x0 = form.first(run.numbers, t0, run.start, inputs, modes, run.slots)
+    discrete = form.discrete(parameters, t0, run.start, inputs) if run.discrete is None else run.discrete
+    data = form.data(parameters, inputs, discrete, run.start.guess)
+    x0 = form.first(run.numbers, t0, run.start, inputs, discrete, run.slots)
     atol = None if run.atol is None else np.concatenate([run.atol, run.rtol * form.nominal[len(run.atol) :]])
     return _wired(run, callbacks, form, form.native_with_jacobian, data, x0, atol)
 
@@ -112,7 +112,7 @@ def _common(scene: Scene | SceneForm, native: NativeScene) -> Problem:
         jac_indptr=None if pattern is None else pattern.indptr, jac_indices=None if pattern is None else pattern.indices,
         matrix_plans={} if pattern is None else pattern.plans,
         roots=native.roots if n_roots else None, n_roots=n_roots, update=native.update,
-        modes=slice(native.shared.relations, native.shared.relations + native.shared.n_modes),
+        discrete=slice(native.shared.relations, native.shared.relations + native.shared.n_discrete),
         state_names=scene.state_names, root_names=scene.root_names, implicit=form is not None and form.implicit,
         effort=_effort(scene, native, 0, 0), series=partial(getattr, scene, "series"),
         max_steps=MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, may_leave=any(s.constrained for s in iterated),
@@ -161,10 +161,10 @@ def _culprit(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str
     """Description of the expression that cannot be evaluated where a run ended."""
     from gearlib.run.refusals.blame import culprit
 
-    modes = data[shared.relations :][: shared.n_modes].copy()
+    discrete = data[shared.relations :][: shared.n_discrete].copy()
     inputs = values(run.signals, np.array([t]), shared.n_inputs)[:, 0]
     span = float(run.times[-1] - run.times[0])
-    return culprit(run.scene, run.numbers, t, span, x[: len(run.scene.states)], inputs, modes)
+    return culprit(run.scene, run.numbers, t, span, x[: len(run.scene.states)], inputs, discrete)
 
 
 def _unsettled(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str:
@@ -172,10 +172,10 @@ def _unsettled(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> s
     scene, n = run.scene, run.scene.model.n_relations
     if scene.relations is None or run.numbers.relations is None:
         return ""
-    modes = data[shared.relations :][: shared.n_modes, None]
+    discrete = data[shared.relations :][: shared.n_discrete, None]
     inputs = data[shared.inputs :][: shared.n_inputs, None]
-    new = settle_once(scene.relations, run.numbers.relations, np.array([t]), x[: len(scene.states), None], inputs, modes)
-    places = np.flatnonzero((new != modes)[:, 0]).tolist()
+    new = settle_once(scene.relations, run.numbers.relations, np.array([t]), x[: len(scene.states), None], inputs, discrete)
+    places = np.flatnonzero((new != discrete)[:, 0]).tolist()
     names = [scene.model.discretes[i - n] for i in places if i >= n]
     return ", ".join(names) or "; ".join(dict.fromkeys(scene.relation_names[i] for i in places))
 
@@ -192,7 +192,7 @@ def time_events(run: Run) -> Floats:
 
 
 def memory(run: Run, data: Floats) -> tuple[Floats, Floats]:
-    """Slots and modes where a run ended: its branch of nonlinear equations and the modes of friction are carried on."""
+    """Slots and discrete state where a run ended: its branch of nonlinear equations, and what sticks, are carried on."""
     scene, program = run.scene, run.scene.program
     shared, layout = scene.shared, scene.layout
     if run.tangents is not None and scene.states:
@@ -200,7 +200,7 @@ def memory(run: Run, data: Floats) -> tuple[Floats, Floats]:
 
         layout = tangent_code(scene, run.tangents.directions, False).native.rhs.layout
     slots = data[layout.slots :][: program.n_slots]
-    return slots.copy(), data[shared.relations :][: shared.n_modes].copy()
+    return slots.copy(), data[shared.relations :][: shared.n_discrete].copy()
 
 
 def named_events(run: Run, solution: Solution) -> list[tuple[float, str]]:

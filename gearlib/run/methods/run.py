@@ -39,7 +39,7 @@ class Run:
     times: Floats
     rtol: float
     atol: Floats | None
-    modes: Floats | None = None  # relations and discrete variables to continue from
+    discrete: Floats | None = None  # relations and discrete variables to continue from
     max_step: float | None = None  # s
     slots: Floats | None = None  # of the scene's program where a run continues: its branch of nonlinear equations
     form: str = "ode"  # form of the equations for IDA

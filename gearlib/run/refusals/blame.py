@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 AHEAD = (0.0, *np.logspace(-16, -3, 14).tolist())  # fractions of the run at which the tangent to the solution is evaluated
 
 
-def culprit(scene: Scene, numbers: Prepared, t: float, span: float, x: Floats, inputs: Floats, modes: Floats) -> str:
+def culprit(scene: Scene, numbers: Prepared, t: float, span: float, x: Floats, inputs: Floats, discrete: Floats) -> str:
     """What cannot be evaluated at the end of a failed run, as part of its message; otherwise the state that changes fastest.
 
     Parameters
@@ -22,8 +22,8 @@ def culprit(scene: Scene, numbers: Prepared, t: float, span: float, x: Floats, i
     scene, numbers : Scene, Prepared
     t, span : float
         Time at which the run ended, and its intended length (s).
-    x, inputs, modes : arrays
-        States, inputs and modes at that time.
+    x, inputs, discrete : arrays
+        States, inputs and discrete state at that time.
     """
     program, n = scene.program, len(scene.states)
     if not n or not np.isfinite(x).all():
@@ -33,11 +33,11 @@ def culprit(scene: Scene, numbers: Prepared, t: float, span: float, x: Floats, i
         now = np.array([t + share * span])
         with np.errstate(all="ignore"):
             try:
-                slots = evaluate(numbers, now, (x + share * span * rate)[:, None], inputs[:, None], modes[:, None], None)
+                slots = evaluate(numbers, now, (x + share * span * rate)[:, None], inputs[:, None], discrete[:, None], None)
             except SolverError as unsolved:  # if no guess matters, the compiled code met the same
                 return "" if program.iterated else f"; {unsolved}"
         if not np.isfinite(slots).all():
-            return _first(scene, numbers, now, slots, modes)
+            return _first(scene, numbers, now, slots, discrete)
         if not share:
             rate = slots[program.output_slots, 0]
     pace = np.abs(rate) / np.maximum(np.abs(x), scene.nominal)
@@ -59,12 +59,12 @@ def _solved(scene: Scene, slot: int) -> str:
     return ""
 
 
-def _first(scene: Scene, numbers: Prepared, t: Floats, slots: Floats, modes: Floats) -> str:
+def _first(scene: Scene, numbers: Prepared, t: Floats, slots: Floats, discrete: Floats) -> str:
     """The first non-finite value, the equation that it comes from, and the operands."""
     for step in scene.program.steps:
         if not isinstance(step, Batch):
             continue
-        values = batch_values(step, t, slots, numbers.parameters, modes[:, None]) * np.ones((len(step), 1))
+        values = batch_values(step, t, slots, numbers.parameters, discrete[:, None]) * np.ones((len(step), 1))
         wrong = np.flatnonzero(~np.isfinite(values[:, 0]))
         if len(wrong):
             row = int(wrong[0])

@@ -66,8 +66,8 @@ def _check(structure: Structure, e: int, used: Template, parameters: Floats, t0:
     level = 0
     while differentiated(template, level) is not used and times:
         for last, t, following in zip([t0, *times], times, [*times[1:], t1], strict=False):
-            flags = [tuple((j, _flag(template, j, symbols, numbers, t, side)) for j, _ in timed) for side in (-1, 1)]
-            pieces = _pieces(differentiated(template, level), symbols, *flags)
+            sides = [tuple((j, _holds(template, j, symbols, numbers, t, side)) for j, _ in timed) for side in (-1, 1)]
+            pieces = _pieces(differentiated(template, level), symbols, *sides)
             if pieces is not None and _jump(pieces, numbers, t, (last, following)):
                 raise _refused(structure, g, i, t, level)
         level += 1
@@ -84,7 +84,7 @@ def _times(expressions: list[Any], t0: float, t1: float) -> list[float]:
         return []
 
 
-def _flag(template: Template, j: int, symbols: tuple[Any, ...], numbers: list[float], t: float, side: int) -> int:
+def _holds(template: Template, j: int, symbols: tuple[Any, ...], numbers: list[float], t: float, side: int) -> int:
     relation = template.relations[j]
     with np.errstate(all="ignore"):
         value = float(_compared(template, j, symbols)(np.float64(t + side * APART * max(abs(t), 1.0)), *numbers))

@@ -81,7 +81,7 @@ def _too_small(
     now, column = np.array([t]), x[:, None]
     width = len(scene.program.inputs)
     given = np.concatenate([inputs, np.zeros(max(0, width - len(inputs)))])[:width, None]
-    flags = scene.modes(numbers, now, column, given, start=begin.guess)
+    discrete = scene.discrete(numbers, now, column, given, start=begin.guess)
     for v, least, node in bounded:
         if node in scene.place_of:
             value = int(scene.model.sign[v]) * column[scene.place_of[node]]
@@ -89,7 +89,7 @@ def _too_small(
             program = scene.computing(node)
             known = np.concatenate([given, np.zeros((max(0, len(program.inputs) - width), 1))])[: len(program.inputs)]
             prepared = prepare(program, scene.structure, numbers.parameters)
-            slots = evaluate(prepared, now, column, known, flags, scene.guess(program, begin.guess))
+            slots = evaluate(prepared, now, column, known, discrete, scene.guess(program, begin.guess))
             value = int(scene.model.sign[v]) * slots[program.slots[node]]
         if value[0] < least - MISSED * ACCURATE * _size(scene, node, column.T, value):
             return v, float(value[0]), least

@@ -187,7 +187,7 @@ def begun_with(begin: Callable[[tuple[Any, ...]], Start], run: Run, controllers:
     delays = [d for d in controllers if isinstance(d, Delay) and not isinstance(run.signals[d.gives[0]], Table)]
     for _ in range(MOST_PASSES if delays else 1):
         start = begin(run.signals)
-        run = replace(run, start=start, modes=start.modes)
+        run = replace(run, start=start, discrete=start.discrete)
         signals, settled = list(run.signals), True
         for delay in delays:
             node, sign = run.scene.named(delay.reads[0])
@@ -242,17 +242,17 @@ def _asked(run: Run, t: float, controllers: Sequence[Controller]) -> tuple[Any, 
 def _segment(run: Run, t: float) -> Segment:
     """A run at its start, from which other variables are computed."""
     times, states = np.array([t]), run.start.states[None, :]
-    modes = run.modes
-    if modes is None:
+    discrete = run.discrete
+    if discrete is None:
         inputs = values(run.signals, times, len(run.scene.program.inputs))
-        modes = run.scene.modes(run.numbers, times, states.T, inputs, start=run.start.guess)[:, 0]
-    return Segment(run.scene, times, states, modes[None, :], run.numbers.parameters, run.signals, run.start.guess, t)
+        discrete = run.scene.discrete(run.numbers, times, states.T, inputs, start=run.start.guess)[:, 0]
+    return Segment(run.scene, times, states, discrete[None, :], run.numbers.parameters, run.signals, run.start.guess, t)
 
 
 def _following(run: Run, solution: Solution, t: float) -> Run:
     """The continuation of a run after a piece."""
-    modes = solution.modes[-1].copy() if run.scene.n_modes else None
-    here = replace(run, start=replace(run.start, states=solution.x[-1].copy(), steady=False), modes=modes, slots=None)
+    discrete = solution.discrete[-1].copy() if run.scene.n_discrete else None
+    here = replace(run, start=replace(run.start, states=solution.x[-1].copy(), steady=False), discrete=discrete, slots=None)
     program = run.scene.program
     if program.iterated:  # on the solution branch of the run
         segment, guess = _segment(here, t), run.start.guess.copy()
@@ -268,7 +268,7 @@ def _joined(
     """The pieces joined into one run with its own samples; a sample at an instant holds the right-hand limit."""
     chosen = np.searchsorted(np.concatenate([run.times for run, _ in done]), first.times, side="right") - 1
     states = np.concatenate([s.x for _, s in done])[chosen]
-    modes = np.concatenate([s.modes for _, s in done])[chosen]
+    discrete = np.concatenate([s.discrete for _, s in done])[chosen]
     last = done[-1][1]
     stats = dict(last.stats)
     for counted in ADDED:
@@ -288,5 +288,5 @@ def _joined(
         return [event for _, s in done for event in s.events()]
 
     return replace(first, signals=tuple(signals)), replace(
-        last, t=first.times, x=states, modes=modes, events=events, stats=stats
+        last, t=first.times, x=states, discrete=discrete, events=events, stats=stats
     )

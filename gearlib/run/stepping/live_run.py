@@ -77,7 +77,7 @@ class LiveRun:
             stepper = self._method.stepper(before.problem)
             self.driver = handed_over(run, self.callbacks, before, stepper, jacobian)
             before.close()
-        self._new, self._modes, self._t = True, self.driver.problem.modes, self.driver.t
+        self._new, self._discrete, self._t = True, self.driver.problem.discrete, self.driver.t
         self._trial = sum(trial(self.driver.problem))
         if self._turns and isinstance(stepper, RungeKutta):
             stepper.watch(self._wait * LONG * self._trial)
@@ -93,9 +93,9 @@ class LiveRun:
         return self.driver.x[: len(self.run.scene.states)].copy()
 
     @property
-    def modes(self) -> Floats | None:
+    def discrete(self) -> Floats | None:
         """Current relations and discrete variables."""
-        return self.driver.data[self._modes].copy() if self.run.scene.n_modes else None
+        return self.driver.data[self._discrete].copy() if self.run.scene.n_discrete else None
 
     def takes(self, signals: tuple[Any, ...]) -> bool:
         """Set inputs from now on; returns whether that was possible without a restart."""
@@ -105,7 +105,7 @@ class LiveRun:
         if changed:
             scene = self.run.scene
             program = scene.program
-            place = Shared(len(scene.model.parameters.names), scene.n_modes, len(program.inputs)).inputs
+            place = Shared(len(scene.model.parameters.names), scene.n_discrete, len(program.inputs)).inputs
             for k in changed:
                 if k < len(program.inputs):
                     self.driver.data[place + k] = float(signals[k])

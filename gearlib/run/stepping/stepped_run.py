@@ -43,7 +43,7 @@ class Moment:
 
     t: float
     states: Floats
-    modes: Floats | None  # relations and discrete variables, with their values before the last event
+    discrete: Floats | None  # relations and discrete variables, with their values before the last event
     guess: Floats  # initial guess of the iterations
     scene: Scene
     numbers: Prepared
@@ -123,7 +123,7 @@ class SteppedRun:
         self.events: list[Any] = []
         self._live: LiveRun | None = None
         self._now = Moment(
-            t_start, begin.states, begin.modes, begin.guess, scene, scene.prepared(parameters),
+            t_start, begin.states, begin.discrete, begin.guess, scene, scene.prepared(parameters),
             absolute_tolerance(atol, len(scene.states)), self.inputs.signals, 0,
         )  # fmt: skip
         self._go_to(np.array([t_start]))
@@ -133,12 +133,12 @@ class SteppedRun:
         translation = self._translation
 
         def begin(signals: tuple[Any, ...]) -> Start:
-            return translation.start(scene, parameters, t, start, signals, discrete=True)
+            return translation.start(scene, parameters, t, start, signals, accepts_discrete=True)
 
         found = begin(self.inputs.signals)
         if translation.controllers:
             run = Run(
-                scene, scene.prepared(parameters), found, self.inputs.signals, np.array([t]), self._rtol, None, found.modes
+                scene, scene.prepared(parameters), found, self.inputs.signals, np.array([t]), self._rtol, None, found.discrete
             )
             run = begun_with(begin, run, translation.controllers)
             found, self.inputs.signals = run.start, run.signals
@@ -169,7 +169,7 @@ class SteppedRun:
         now = self._now
         longest = self._max_step if self._max_step is not None or len(times) < 2 else float(times[-1] - times[0])
         start = Start(now.states, now.guess, ())
-        return Run(now.scene, now.numbers, start, self.inputs.signals, times, self._rtol, now.atol, now.modes, longest)
+        return Run(now.scene, now.numbers, start, self.inputs.signals, times, self._rtol, now.atol, now.discrete, longest)
 
     def _lives_on(self, t: float) -> bool:
         """Continue with the method's state; returns whether that was possible."""
@@ -184,7 +184,7 @@ class SteppedRun:
             return False
         try:
             arrived = live.to(run)
-            here = replace(now, t=t, states=live.states, modes=live.modes, signals=signals)
+            here = replace(now, t=t, states=live.states, discrete=live.discrete, signals=signals)
             if arrived:
                 here = self._checked(here)
         except BaseException:
@@ -219,9 +219,9 @@ class SteppedRun:
         self._begun, signals = True, self.inputs.signals
         run, outcome = parts[-1]
         refuse_too_small([Segment.of(part, found) for part, found in parts], self._rtol)
-        modes = outcome.modes[-1].copy() if run.scene.n_modes else None
+        discrete = outcome.discrete[-1].copy() if run.scene.n_discrete else None
         here = replace(
-            now, t=float(times[-1]), states=outcome.x[-1].copy(), modes=modes, scene=run.scene, numbers=run.numbers,
+            now, t=float(times[-1]), states=outcome.x[-1].copy(), discrete=discrete, scene=run.scene, numbers=run.numbers,
             atol=run.atol, signals=signals, guess=run.start.guess,
         )  # fmt: skip
         here = self._checked(here)
@@ -234,7 +234,7 @@ class SteppedRun:
             raise ArgumentError(f"run[{shown(name)}]: expected one name, such as run['load.w']")
         now, part = self._now, _part(self._now, self.inputs.signals)
         if name in now.scene.model.discretes:
-            return float(part.discrete(name)[0])
+            return float(part.discrete_variable(name)[0])
         node, sign = now.scene.named(name)
         if sign == 0:
             return 0.0
@@ -273,5 +273,7 @@ class SteppedRun:
 
 def _part(now: Moment, signals: tuple[Any, ...]) -> Segment:
     """The current state as a run of one sample, from which other variables are computed."""
-    modes = np.zeros((1, 0)) if now.modes is None else now.modes[None, :]
-    return Segment(now.scene, np.array([now.t]), now.states[None, :], modes, now.numbers.parameters, signals, now.guess, now.t)
+    discrete = np.zeros((1, 0)) if now.discrete is None else now.discrete[None, :]
+    return Segment(
+        now.scene, np.array([now.t]), now.states[None, :], discrete, now.numbers.parameters, signals, now.guess, now.t
+    )

@@ -122,7 +122,7 @@ class Adjoint:
         """Weights of slots carried back to states and parameters, shape (states + parameters, times)."""
         prepared = prepare(program, self.scene.structure, self.parameters)
         plan = derivative_plan(program, self._places(program), wanted, 1)
-        relations = np.zeros((self.scene.n_modes, len(t)))
+        relations = np.zeros((self.scene.n_discrete, len(t)))
         size = max(1, AT_ONCE // max(plan.n_entries + program.n_slots, 1))
         parts = [
             pulled_back(
@@ -153,7 +153,7 @@ class Adjoint:
             states = self.motion(self.times)
             inputs = values(self.signals, self.times, len(program.inputs))
             prepared = prepare(program, self.scene.structure, self.parameters)
-            slots = evaluate(prepared, self.times, states, inputs, np.zeros((self.scene.n_modes, len(self.times))))
+            slots = evaluate(prepared, self.times, states, inputs, np.zeros((self.scene.n_discrete, len(self.times))))
             wanted = np.array([program.slots[node] for node in nodes])
             back = self._pulled(program, wanted, self.times, slots, np.array([self.weights[node] for node in nodes]))
             jumps += back[:n].T
@@ -169,7 +169,7 @@ class Adjoint:
         states = self.motion(nodes)
         _, evaluator = scene.compiled_numbers(self.parameters)
         inputs = values(self.signals, nodes, len(scene.program.inputs))
-        relations = np.zeros((scene.n_modes, len(nodes)))
+        relations = np.zeros((scene.n_discrete, len(nodes)))
         slots, jacobians = evaluator.derivatives(nodes, states, inputs, relations)
         J = jacobians.reshape(len(h), STAGES, n, n)
         stages = np.empty((len(h), STAGES, n))

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
 from gearlib.native.events import MOST_STEPS
-from gearlib.program.derivative_plan import TIME, DerivativePlan, derivative_plan, mode
+from gearlib.program.derivative_plan import TIME, DerivativePlan, derivative_plan, discrete_entry
 from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import Prepared, evaluate
 from gearlib.program.program import Program
@@ -54,9 +54,9 @@ class EventPlan:
     plan : DerivativePlan
         Derivatives of these slots in the directions, and in one more along which no parameter changes. Seeds enter at states,
         parameters, time, inputs, and carried discrete variables.
-    setting, set_modes : arrays of int
+    setting, set_discrete : arrays of int
         Rows of ``discretes`` that set carried entries, and these entries.
-    after_modes, before_modes : arrays of int
+    discrete_after, discrete_before : arrays of int
         Carried entries, and the same entries before an event.
     """
 
@@ -66,21 +66,21 @@ class EventPlan:
     reinits: Integers
     plan: DerivativePlan
     setting: Integers
-    set_modes: Integers
-    after_modes: Integers
-    before_modes: Integers
+    set_discrete: Integers
+    discrete_after: Integers
+    discrete_before: Integers
 
 
-def event_plan(scene: Scene, directions: TangentDirections, modes: Sequence[int]) -> EventPlan:
+def event_plan(scene: Scene, directions: TangentDirections, discrete: Sequence[int]) -> EventPlan:
     """The event plan of a scene, cached in the scene."""
     key = "events", len(directions), directions.entries
     found: EventPlan | None = scene.tangent_codes.get(key)
     if found is None:
-        found = scene.tangent_codes[key] = _planned(scene, directions, modes)
+        found = scene.tangent_codes[key] = _planned(scene, directions, discrete)
     return found
 
 
-def _planned(scene: Scene, directions: TangentDirections, modes: Sequence[int]) -> EventPlan:
+def _planned(scene: Scene, directions: TangentDirections, discrete: Sequence[int]) -> EventPlan:
     relations = scene.relations
     assert relations is not None, "there are events"
     steps, first = list(relations.program.steps), relations.program.n_slots
@@ -100,13 +100,13 @@ def _planned(scene: Scene, directions: TangentDirections, modes: Sequence[int]) 
     entering += [(program.n_slots + p, k) for p, k in directions.entries]
     entering += [(TIME, k) for k in columns]
     entering += [(n_states + j, k) for j in range(len(program.inputs)) for k in columns]
-    entering += [(mode(m), k) for m in modes for k in range(len(directions))]
+    entering += [(discrete_entry(m), k) for m in discrete for k in range(len(directions))]
     wanted = np.concatenate([pairs[:, 1] for pairs in found])
     plan = derivative_plan(program, entering, wanted, len(columns))
-    place = {m: i for i, m in enumerate(modes)}
+    place = {m: i for i, m in enumerate(discrete)}
     n, d = scene.model.n_relations, len(scene.model.discretes)
     setting = _pairs((i, place[m]) for i, m in enumerate(discretes[:, 0].tolist()) if m in place)
-    before = _pairs((place[m], place[m + d]) for m in modes if n <= m < n + d)
+    before = _pairs((place[m], place[m + d]) for m in discrete if n <= m < n + d)
     return EventPlan(program, functions, discretes, reinits, plan, *setting, *before)
 
 
@@ -126,12 +126,12 @@ class EventTangents:
         self.run, self.tangents, self.code, self.callbacks = run, tangents, code, callbacks
         self.relations, self.shared = relations, code.native.shared
         self.n, self.count = len(scene.states), len(tangents.directions)
-        self.events = event_plan(scene, tangents.directions, code.modes)
+        self.events = event_plan(scene, tangents.directions, code.discrete)
         prepared = run.numbers.relations
         self.prepared = Prepared(self.events.program, prepared.structure, prepared.parameters, prepared.solutions)
         self.timed = relations.used[relations.on_time]
         self.searched = relations.used[~relations.on_time]
-        self.discretes = tangents.discretes(code.modes)
+        self.discretes = tangents.discretes(code.discrete)
         self.started = False
         double, whole = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
         kind = partial(ctypes.CFUNCTYPE, ctypes.c_int32, ctypes.c_double, double)
@@ -162,7 +162,7 @@ class EventTangents:
     def _iterated(self, t: float, x: Any, fired: Any, data: Any, index: Any) -> int:
         everything = np.ctypeslib.as_array(x, (self.n * (1 + self.count),))
         numbers = np.ctypeslib.as_array(data, (self.size,))
-        held = numbers[self.shared.relations :][: self.shared.n_modes]
+        held = numbers[self.shared.relations :][: self.shared.n_discrete]
         states, before = everything[: self.n].copy(), held.copy()
         crossed = (
             self.searched[np.ctypeslib.as_array(fired, (len(self.searched),)) != 0] if len(self.searched) else self.searched
@@ -170,7 +170,7 @@ class EventTangents:
         starting, self.started = not self.started, True
         f = np.zeros(self.n) if starting else self._rates(t, x, data, index)
         code = int(self._update(t, x, fired, data, index))
-        if code < 0 or (code == 0 and not (starting and self.code.modes)):
+        if code < 0 or (code == 0 and not (starting and self.code.discrete)):
             return code
         here = everything[self.n :].reshape(self.n, self.count).copy()
         if starting:
@@ -179,9 +179,9 @@ class EventTangents:
             switched = self.timed[held[self.timed] != before[self.timed]]
             delay = self._delay(t, numbers, states, before, f, crossed if len(crossed) else switched, here)
         moved = here + np.outer(f, delay)
-        if code == 2 or self.code.modes:
+        if code == 2 or self.code.discrete:
             moved = self._stepped(t, numbers, moved, delay, starting)
-            if self.code.modes:
+            if self.code.discrete:
                 self.tangents.note(t, self.discretes)
                 self.code.weigh(numbers, self.tangents.directions, self.discretes)
         if not starting:
@@ -204,7 +204,7 @@ class EventTangents:
         return found[:, :1], (3.0 * found[:, 0] - 4.0 * found[:, 1] + found[:, 2]) / (2.0 * apart)
 
     def _varied(
-        self, t: float, numbers: Floats, states: Floats, modes: Floats, moved: Floats, delay: Floats, discretes: Floats
+        self, t: float, numbers: Floats, states: Floats, discrete: Floats, moved: Floats, delay: Floats, discretes: Floats
     ) -> Floats:
         """Directional derivatives of event functions and new values, shape (wanted slots, directions + 1), given those of
         states and time.
@@ -213,11 +213,11 @@ class EventTangents:
         """
         inputs, slopes = self._inputs(t)
         now = np.array([t])
-        slots = evaluate(self.prepared, now, states[:, None], inputs, modes[:, None], self._guess(numbers))
+        slots = evaluate(self.prepared, now, states[:, None], inputs, discrete[:, None], self._guess(numbers))
         driven = np.outer(slopes, delay)
         weights = np.concatenate([moved.ravel(), self.tangents.directions.weights, delay, driven.ravel(), discretes.ravel()])
         found: Floats = dense(
-            self.events.plan, entries(self.events.plan, At(self.prepared, now, slots, modes[:, None]), weights)
+            self.events.plan, entries(self.events.plan, At(self.prepared, now, slots, discrete[:, None]), weights)
         )[0]
         return found
 
@@ -230,7 +230,7 @@ class EventTangents:
         return found
 
     def _delay(
-        self, t: float, numbers: Floats, states: Floats, modes: Floats, f: Floats, crossed: Integers, here: Floats
+        self, t: float, numbers: Floats, states: Floats, discrete: Floats, f: Floats, crossed: Integers, here: Floats
     ) -> Floats:
         """dt_e/dp of the event at which some relations have changed, shape (directions,)."""
         rows = np.flatnonzero(np.isin(self.events.functions[:, 0], crossed))
@@ -238,7 +238,7 @@ class EventTangents:
             return np.zeros(self.count)
         moved = np.column_stack([here, f])
         along = np.append(np.zeros(self.count), 1.0)
-        found = self._varied(t, numbers, states, modes, moved, along, self.discretes)[rows]
+        found = self._varied(t, numbers, states, discrete, moved, along, self.discretes)[rows]
         slopes, change = found[:, -1], found[:, :-1]
         first = int(np.argmax(np.abs(slopes)))
         if not change[first].any():
@@ -254,7 +254,7 @@ class EventTangents:
 
     def _stepped(self, t: float, numbers: Floats, moved: Floats, delay: Floats, starting: bool) -> Floats:
         """Tangents of the states after the steps recorded by the event iteration; those of discrete variables are set."""
-        at, n_modes = self.code.native.noted_steps, self.shared.n_modes
+        at, n_discrete = self.code.native.noted_steps, self.shared.n_discrete
         count = int(numbers[at])
         if count > MOST_STEPS:
             raise SolverError(
@@ -262,19 +262,19 @@ class EventTangents:
             )
         functions, d = len(self.events.functions), len(self.events.discretes)
         along, moved = np.append(delay, 0.0), np.column_stack([moved, np.zeros(self.n)])
-        for row in numbers[at + 1 :][: count * (n_modes + self.n)].reshape(count, -1):
-            modes, states = row[:n_modes].copy(), row[n_modes:]
+        for row in numbers[at + 1 :][: count * (n_discrete + self.n)].reshape(count, -1):
+            discrete, states = row[:n_discrete].copy(), row[n_discrete:]
             if starting and len(self.run.scene.model.discretes):
-                modes[-1] = 1.0  # initial()
+                discrete[-1] = 1.0  # initial()
             for _ in range(MOST_PASSES):
-                found = self._varied(t, numbers, states, modes, moved, along, self.discretes)
+                found = self._varied(t, numbers, states, discrete, moved, along, self.discretes)
                 new = self.discretes.copy()
-                new[self.events.set_modes] = found[functions + self.events.setting, :-1]
+                new[self.events.set_discrete] = found[functions + self.events.setting, :-1]
                 settled, self.discretes = bool((new == self.discretes).all()), new
                 if settled:
                     break
             moved = moved.copy()
             moved[self.events.reinits[:, 0]] = found[functions + d :]
             self.discretes = self.discretes.copy()
-            self.discretes[self.events.before_modes] = self.discretes[self.events.after_modes]
+            self.discretes[self.events.discrete_before] = self.discretes[self.events.discrete_after]
         return moved[:, :-1]

@@ -105,5 +105,5 @@ def _steps_at_first(scene: Scene, request: Request, states: Floats, signals: tup
     _, evaluator = scene.compiled_numbers(request.parameters)
     t = np.array([begin])
     inputs = values(signals, t, len(scene.program.inputs))
-    _, jacobian = evaluator.derivatives(t, states[:, None], inputs, np.zeros((scene.n_modes, 1)))
+    _, jacobian = evaluator.derivatives(t, states[:, None], inputs, np.zeros((scene.n_discrete, 1)))
     return int(np.clip(balanced_norm(jacobian[0]) * (end - begin) / RADIANS, FEWEST, MOST_AT_FIRST))

@@ -118,7 +118,7 @@ def _form(
 ) -> LinearForm:  # fmt: skip
     program, table, count = scene.program, plan.derivatives, len(directions)
     n, m, width = len(program.states), len(program.inputs), mix.shape[1]
-    at = At(numbers, np.zeros(1), np.zeros((program.n_slots, 1)), np.zeros((scene.n_modes, 1)))
+    at = At(numbers, np.zeros(1), np.zeros((program.n_slots, 1)), np.zeros((scene.n_discrete, 1)))
     parameters = np.zeros((len(numbers.parameters), count))
     for p, k, weight in directions.seeds:
         parameters[p, k] += weight

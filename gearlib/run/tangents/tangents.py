@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gearlib.native.jacobian import inverted_blocks
 from gearlib.native.scene_functions import NativeScene
-from gearlib.program.derivative_plan import DerivativePlan, derivative_plan, mode
+from gearlib.program.derivative_plan import DerivativePlan, derivative_plan, discrete_entry
 from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import Prepared, block_solve
 from gearlib.program.program import Batch, Program
@@ -51,9 +51,9 @@ class Tangents:
             self.noted.pop()
         self.noted.append((t, discretes))
 
-    def discretes(self, modes: Sequence[int], times: Floats | None = None) -> Floats:
+    def discretes(self, discrete: Sequence[int], times: Floats | None = None) -> Floats:
         """Tangents of the `carried` discrete variables: the last ones, or at some times; shape ([times,] number, directions)."""
-        zero = np.zeros((len(modes), len(self.directions)))
+        zero = np.zeros((len(discrete), len(self.directions)))
         found = np.array([zero, *(values for _, values in self.noted)])
         if times is None:
             return np.asarray(found[-1], float)
@@ -73,16 +73,16 @@ class TangentHistory:
     ----------
     directions : TangentDirections
     states : array, shape (samples, states, directions)
-    modes : tuple of int
+    discrete : tuple of int
         Entries of the discrete state that are `carried`, and their tangents.
     """
 
     directions: TangentDirections
     states: Floats
-    modes: tuple[int, ...]
+    discrete: tuple[int, ...]
     discretes: Floats
 
-    def of_slots(self, prepared: Prepared, wanted: Integers, t: Floats, slots: Floats, modes: Floats) -> Floats:
+    def of_slots(self, prepared: Prepared, wanted: Integers, t: Floats, slots: Floats, discrete: Floats) -> Floats:
         """Tangents of slots of a program, shape (samples, wanted, directions).
 
         Parameters
@@ -91,14 +91,14 @@ class TangentHistory:
         wanted : array of int
             Slots.
         t : array, shape (samples,)
-        slots, modes : arrays, shape (number, samples)
+        slots, discrete : arrays, shape (number, samples)
             Values at the samples.
         """
         directions = self.directions
-        plan = tangent_plan(prepared.program, (len(directions), directions.entries), wanted, self.modes)
+        plan = tangent_plan(prepared.program, (len(directions), directions.entries), wanted, self.discrete)
         known = np.repeat(directions.weights[:, None], len(t), axis=1)
         weights = np.concatenate([self.states.reshape(len(t), -1).T, known, self.discretes.reshape(len(t), -1).T])
-        return dense(plan, entries(plan, At(prepared, t, slots, modes), weights))
+        return dense(plan, entries(plan, At(prepared, t, slots, discrete), weights))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,13 +109,13 @@ class TangentCode:
     ----------
     plan : DerivativePlan
     native : NativeScene
-    modes : tuple of int
+    discrete : tuple of int
         Entries that `carried` returns.
     """
 
     plan: DerivativePlan
     native: NativeScene
-    modes: tuple[int, ...]
+    discrete: tuple[int, ...]
 
     def weigh(self, data: Floats, directions: TangentDirections, discretes: Floats) -> None:
         """Write the weights of each direction, at parameters and `carried` discrete variables, into a data block."""
@@ -147,10 +147,10 @@ def tangent_code(scene: Scene, directions: TangentDirections, jacobian: bool = F
     key = *changed, jacobian
     found: TangentCode | None = scene.tangent_codes.get(key)
     if found is None:
-        modes = carried(scene)
-        plan = tangent_plan(scene.program, changed, scene.program.output_slots, modes)
+        discrete = carried(scene)
+        plan = tangent_plan(scene.program, changed, scene.program.output_slots, discrete)
         found = scene.tangent_codes[key] = TangentCode(
-            plan, scene.compiled(jacobian, plan, None if modes else directions.entries), modes
+            plan, scene.compiled(jacobian, plan, None if discrete else directions.entries), discrete
         )
     return found
 
@@ -171,7 +171,7 @@ def carried(scene: Scene) -> tuple[int, ...]:
             int(target)
             for batch in scene.relations.discretes
             for r in range(batch.relations.shape[1])
-            if not batch.mode_derivative(r).kernel.is_zero
+            if not batch.discrete_derivative(r).kernel.is_zero
             for target, source in zip(batch.targets.tolist(), batch.relations[:, r].tolist(), strict=True)
             if source in moving or (source >= n + d and source - d in moving)
         }
@@ -185,7 +185,7 @@ def _moves(batch: Batch, parameter: int) -> bool:
 
 
 def tangent_plan(
-    program: Program, key: tuple[int, tuple[Entry, ...]], wanted: Integers, modes: Sequence[int] = ()
+    program: Program, key: tuple[int, tuple[Entry, ...]], wanted: Integers, discrete: Sequence[int] = ()
 ) -> DerivativePlan:
     """Derivatives of some slots in directions, which enter at states, the parameter table and the discrete state.
 
@@ -194,5 +194,5 @@ def tangent_plan(
     count, changed = key
     entering = [(i, k) for i in range(len(program.states)) for k in range(count)]
     entering += [(program.n_slots + p, k) for p, k in changed]
-    entering += [(mode(m), k) for m in modes for k in range(count)]
+    entering += [(discrete_entry(m), k) for m in discrete for k in range(count)]
     return derivative_plan(program, entering, wanted, count)

@@ -50,9 +50,9 @@ def store(s: DriveRecord, t: float, interpolated: bool) -> int:
         x, out = floats_at(s.x), floats_at(target)
         for j in range(s.n):
             out[j] = x[j]
-    held, modes = floats_at(s.data + 8 * s.first_mode), floats_at(s.modes + 8 * i * s.n_modes)
-    for j in range(s.n_modes):
-        modes[j] = held[j]
+    held, discrete = floats_at(s.data + 8 * s.first_discrete_value), floats_at(s.discrete + 8 * i * s.n_discrete)
+    for j in range(s.n_discrete):
+        discrete[j] = held[j]
     s.sample = i + 1
     return 0
 
@@ -60,15 +60,15 @@ def store(s: DriveRecord, t: float, interpolated: bool) -> int:
 @native
 def add_row(s: DriveRecord, t: float, x_at: int, rates_at: int) -> None:
     """Add a row to the trace: time, some states, their derivatives, and the discrete state. Two rows of one time: an event."""
-    n, n_modes = s.n_traced, s.n_modes
-    row, traced = floats_at(s.trace + 8 * s.trace_rows * (1 + 2 * n + n_modes)), ints_at(s.traced)
-    x, rates, modes = floats_at(x_at), floats_at(rates_at), floats_at(s.data + 8 * s.first_mode)
+    n, n_discrete = s.n_traced, s.n_discrete
+    row, traced = floats_at(s.trace + 8 * s.trace_rows * (1 + 2 * n + n_discrete)), ints_at(s.traced)
+    x, rates, discrete = floats_at(x_at), floats_at(rates_at), floats_at(s.data + 8 * s.first_discrete_value)
     row[0] = t
     for j in range(n):
         row[1 + j] = x[traced[j]]
         row[1 + n + j] = rates[traced[j]]
-    for j in range(n_modes):
-        row[1 + 2 * n + j] = modes[j]
+    for j in range(n_discrete):
+        row[1 + 2 * n + j] = discrete[j]
     s.trace_rows += 1
 
 

@@ -36,7 +36,7 @@ class DriveRecord(ctypes.Structure):
     times: int
     stops: int
     out: int
-    modes: int
+    discrete: int
     log_t: int
     log_root: int
     rates: int  # x' at ``t``, in the model's order; 0: the stepper does not tell
@@ -50,8 +50,8 @@ class DriveRecord(ctypes.Structure):
     n_times: int
     n_stops: int
     n_timed: int  # the first stops are time events; the last one may be the end of the run
-    n_modes: int
-    first_mode: int
+    n_discrete: int
+    first_discrete_value: int
     capacity: int  # of the event log
     n_traced: int
     parts: int  # of the last step, each of which ends with a row; at most ``drive_loop.MARGIN - 1``

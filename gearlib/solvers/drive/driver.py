@@ -27,7 +27,7 @@ LONGEST_CALL = 0.1  # s; a call that takes longer has fewer steps the next time
 PATIENCE = 12  # failed evaluations, with ever smaller steps, before a run counts as having left the domain of its states
 _EVENTS_AT_FIRST = 256  # entries of the event log (16 bytes each), which doubles when it is full
 MOST_LAYOUTS = 8  # layouts of memory that a problem keeps
-LASTING = ("times", "out", "modes", "log_t", "log_root")  # handed over from one method to the next
+LASTING = ("times", "out", "discrete", "log_t", "log_root")  # handed over from one method to the next
 _NO_EVENTS, _NO_ROOTS = np.empty(0), np.empty(0, np.int64)
 _STATUS = {drive_loop.DONE: "done", drive_loop.MORE: "more", drive_loop.LOG_FULL: "more", drive_loop.STIFF: "stiff"}
 
@@ -135,7 +135,7 @@ class Driver:
         self.record = self.stepper.Record()
         self.record.t, self.record.n_times, self.record.capacity = float(problem.times[0]), n_times, 2
         self.x, self.data = problem.x0.copy(), problem.data
-        self.out, self._modes = np.empty((n_times, problem.x0.size)), np.empty((n_times, 0))
+        self.out, self._discrete = np.empty((n_times, problem.x0.size)), np.empty((n_times, 0))
         self._lasting = {"log_t": _NO_EVENTS, "log_root": _NO_EVENTS}
 
     def _lay_out(self, before: Driver | None) -> None:
@@ -149,7 +149,7 @@ class Driver:
         size = BLOCK * max(1, -(-n // BLOCK))
         sizes = (
             2 * size if problem.implicit else size, stepper.memory(size, n_roots), n, n_roots, problem.data.size, problem.index.size,
-            stops.size, n_timed, 0 if before is not None else times.size, problem.modes.indices(problem.data.size)[:2],
+            stops.size, n_timed, 0 if before is not None else times.size, problem.discrete.indices(problem.data.size)[:2],
         )  # fmt: skip
         key = stepper.Record, *sizes[:1], *sizes[1].values(), *sizes[2:]
         words, relative, places = recent(problem.layouts, key, lambda: _layout(stepper.Record, *sizes), MOST_LAYOUTS)
@@ -169,9 +169,9 @@ class Driver:
             self._lasting = {name: whole[places[name]] for name in LASTING}
             np.subtract(times, origin, out=self._lasting["times"])
             self.out = self._lasting["out"].reshape(times.size, n)
-            self._modes = self._lasting["modes"].reshape(times.size, record.n_modes)
+            self._discrete = self._lasting["discrete"].reshape(times.size, record.n_discrete)
         else:
-            self._lasting, self.out, self._modes = dict(before._lasting), before.out, before._modes
+            self._lasting, self.out, self._discrete = dict(before._lasting), before.out, before._discrete
             for name in (*LASTING, "n_times", "capacity", "sample", "events"):
                 setattr(record, name, getattr(before.record, name))
         record.rhs = problem.rhs.address
@@ -202,7 +202,7 @@ class Driver:
         assert pieces is not None, "only then"
         if pieces and record.trace:
             pieces[-1] = self._last_traced
-        columns = width(record.n_traced, record.n_modes)
+        columns = width(record.n_traced, record.n_discrete)
         rows = max(FIRST * GROWTH ** len(pieces) // columns, 2 * drive_loop.MARGIN)
         if columns * rows > MOST:
             self._traced, record.trace = None, 0
@@ -338,7 +338,7 @@ class Driver:
 
             trace = Trace([*self._traced[:-1], self._last_traced], self.problem.traced, self.record.origin)
         return Solution(
-            t=self.problem.times[:samples], x=self.out[:samples], modes=self._modes[:samples], status=self.status, t_last=self.t,
+            t=self.problem.times[:samples], x=self.out[:samples], discrete=self._discrete[:samples], status=self.status, t_last=self.t,
             x_last=self.x.copy(), data=self.data, event_times=self.event_times, event_roots=self.event_roots,
             stats={**self.stepper.stats(), "events": self.record.events, "work": self.stepper.work},
             trace=trace,
@@ -373,7 +373,7 @@ def address_of(array: NDArray[Any]) -> int:
 
 def _layout(
     Record: type[DriveRecord], size: int, own: dict[str, int], n: int, n_roots: int, n_data: int, n_index: int, n_stops: int,
-    n_timed: int, n_times: int, modes: tuple[int, int],
+    n_timed: int, n_times: int, discrete: tuple[int, int],
 ) -> tuple[Integers, Integers, dict[str, slice]]:  # fmt: skip
     """Layout of a driver's memory: a record, and the arrays that it points to.
 
@@ -386,12 +386,12 @@ def _layout(
     places : dict of str to slice
         The arrays by name, in numbers of 8 bytes; ``"zero"`` is what is zero at first, ``"end"`` the end of all.
     """
-    first_mode, last_mode = modes
-    n_modes = max(last_mode - first_mode, 0)
+    first_discrete_value, last_discrete_value = discrete
+    n_discrete = max(last_discrete_value - first_discrete_value, 0)
     capacity = n_roots + (_EVENTS_AT_FIRST if n_roots or n_timed else 2)
     lengths = {"x": size, **own, "fired": n_roots, "data": n_data, "index": n_index, "stops": n_stops}
     if n_times:
-        lengths |= dict(zip(LASTING, (n_times, n_times * n, n_times * n_modes, capacity, capacity), strict=True))
+        lengths |= dict(zip(LASTING, (n_times, n_times * n, n_times * n_discrete, capacity, capacity), strict=True))
     begin = at = BLOCK * -(-ctypes.sizeof(Record) // (8 * BLOCK))
     record, pointers = Record(), Record()
     places: dict[str, slice] = {}
@@ -402,7 +402,12 @@ def _layout(
         places[name] = slice(at, at + length)
         at += length
     record.n, record.n_roots, record.n_stops, record.n_timed = n, n_roots, n_stops, n_timed
-    record.n_modes, record.first_mode, record.n_times, record.capacity = n_modes, first_mode, n_times, capacity
+    record.n_discrete, record.first_discrete_value, record.n_times, record.capacity = (
+        n_discrete,
+        first_discrete_value,
+        n_times,
+        capacity,
+    )
     places |= {"zero": slice(begin, places["data"].start), "end": slice(at, at)}
     return np.frombuffer(bytes(record), np.int64), np.frombuffer(bytes(pointers), np.int64), places
 

@@ -31,9 +31,9 @@ NODES = 12  # of a polynomial, at most: six ends in pairs
 FEW = 7  # nodes
 
 
-def width(n: int, n_modes: int) -> int:
+def width(n: int, n_discrete: int) -> int:
     """Numbers in a row, see ``drive_loop.trace``."""
-    return 1 + 2 * n + n_modes
+    return 1 + 2 * n + n_discrete
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class Trace:
         return np.ascontiguousarray(self._rows[:, 1 + len(self.columns) : 1 + 2 * len(self.columns)])
 
     @property
-    def modes(self) -> Floats:
+    def discrete(self) -> Floats:
         """The discrete state from there on."""
         return self._rows[:, 1 + 2 * len(self.columns) :]
 

@@ -247,10 +247,12 @@ def jump_update(t, x_, fired_, data_, index_):
 
 @both_roads
 def test_event_that_an_algebraic_jump_carries_along(native: bool) -> None:
-    scene = problem(jump_rhs, [0.0, 0.0], [0.0] * 3, (1,), roots=jump_roots, n_roots=2, update=jump_update, modes=slice(1, 3))
+    scene = problem(
+        jump_rhs, [0.0, 0.0], [0.0] * 3, (1,), roots=jump_roots, n_roots=2, update=jump_update, discrete=slice(1, 3)
+    )
     solution = by_ida(scene, [0.0, 0.9, 1.5], rtol=1e-8, native=native)
     np.testing.assert_allclose(solution.x, [[0, 0], [0.9, 0.9], [2.0, 0.0]], atol=1e-7)
-    np.testing.assert_array_equal(solution.modes, [[0, 0], [0, 0], [1, 1]])
+    np.testing.assert_array_equal(solution.discrete, [[0, 0], [0, 0], [1, 1]])
 
 
 # --- events ------------------------------------------------------------------------------------------------------------------
@@ -282,7 +284,7 @@ def ball_update(t, x_, fired_, data_, index_):
 
 @both_roads
 def test_bouncing_ball(native: bool) -> None:
-    scene = problem(ball_rhs, [5.0, 0.0], [0.0], roots=first_state_root, n_roots=1, update=ball_update, modes=slice(0, 1))
+    scene = problem(ball_rhs, [5.0, 0.0], [0.0], roots=first_state_root, n_roots=1, update=ball_update, discrete=slice(0, 1))
     times = np.array([0.0, 0.5, 1.2, 2.0, 2.4, 2.6])
     solution = by_ida(scene, times, rtol=1e-9, native=native)
     # Falls 5 m in 1 s to 10 m/s; leaves at 5 m/s, back after 1 s; leaves at 2.5 m/s, back after 0.5 s.
@@ -291,7 +293,7 @@ def test_bouncing_ball(native: bool) -> None:
     since = np.array([0.2, 0.0, 0.4, 0.1])
     speed = np.array([5.0, 2.5, 2.5, 1.25])
     np.testing.assert_allclose(solution.x[2:, 0], speed * since - 5 * since**2, atol=1e-7)
-    np.testing.assert_array_equal(solution.modes[:, 0], [0, 0, 1, solution.modes[3, 0], 2, 3])
+    np.testing.assert_array_equal(solution.discrete[:, 0], [0, 0, 1, solution.discrete[3, 0], 2, 3])
     assert set(solution.event_roots) == {0}
     assert scene.data[0] == 0.0  # the problem itself is left as it was
 
@@ -313,10 +315,12 @@ def clock_update(t, x_, fired_, data_, index_):
 @both_roads
 def test_time_event_is_met_exactly_and_sampled_on_its_right(native: bool) -> None:
     times = np.array([0.0, 0.2, 0.3, 1.0])
-    scene = problem(switched_rhs, [0.0], [1.0], update=clock_update, modes=slice(0, 1), time_events=np.array([0.3, -1.0, 7.0]))
+    scene = problem(
+        switched_rhs, [0.0], [1.0], update=clock_update, discrete=slice(0, 1), time_events=np.array([0.3, -1.0, 7.0])
+    )
     solution = by_ida(scene, times, rtol=1e-8, native=native)
     np.testing.assert_allclose(solution.x[:, 0], [0, 0.2, 0.3, 2.4], atol=1e-9)
-    np.testing.assert_array_equal(solution.modes[:, 0], [1, 1, 3, 3])
+    np.testing.assert_array_equal(solution.discrete[:, 0], [1, 1, 3, 3])
     np.testing.assert_array_equal(solution.event_times, [0.3])
     np.testing.assert_array_equal(solution.event_roots, [-1])
     assert solution.stats["restarts"] == 1
@@ -336,9 +340,9 @@ def count_update(t, x_, fired_, data_, index_):
 
 @both_roads
 def test_root_that_starts_at_zero_and_stays_there_for_a_while_is_found(native: bool) -> None:
-    scene = problem(ramp_rhs, [0.0], [0.0], roots=first_state_root, n_roots=1, update=count_update, modes=slice(0, 1))
+    scene = problem(ramp_rhs, [0.0], [0.0], roots=first_state_root, n_roots=1, update=count_update, discrete=slice(0, 1))
     solution = by_ida(scene, [0.0, 0.2, 1.0], rtol=1e-6, native=native)
-    np.testing.assert_array_equal(solution.modes[:, 0], [0, 0, 1])
+    np.testing.assert_array_equal(solution.discrete[:, 0], [0, 0, 1])
     np.testing.assert_allclose(solution.event_times, [0.25], atol=1e-3)
 
 
@@ -347,10 +351,10 @@ def test_root_that_starts_at_zero_and_stays_there_for_a_while_is_found(native: b
 def test_samples_within_rounding_of_a_root_are_on_its_right(native: bool, share: float, passed: float) -> None:
     for place in (0.1, 0.3, 0.7, 1.3, 2.9):
         scene = problem(
-            switched_rhs, [-place], [1.0], roots=first_state_root, n_roots=1, update=count_update, modes=slice(0, 1)
+            switched_rhs, [-place], [1.0], roots=first_state_root, n_roots=1, update=count_update, discrete=slice(0, 1)
         )
         times = [0.0, place * (1.0 + share), 3.0]
-        assert by_ida(scene, times, rtol=1e-8, native=native).modes[:, 0].tolist() == [1.0, passed, 2.0]
+        assert by_ida(scene, times, rtol=1e-8, native=native).discrete[:, 0].tolist() == [1.0, passed, 2.0]
 
 
 @evaluates
@@ -481,10 +485,10 @@ def test_other_road_is_taken_when_the_libraries_are_not_there(monkeypatch: pytes
 
 
 def test_a_single_sample_is_the_start_after_its_event_iteration() -> None:
-    scene = problem(switched_rhs, [0.25], [0.0], update=clock_update, modes=slice(0, 1))
+    scene = problem(switched_rhs, [0.25], [0.0], update=clock_update, discrete=slice(0, 1))
     solution = by_ida(scene, [0.5], rtol=1e-6)
     np.testing.assert_array_equal(solution.x, [[0.25]])
-    np.testing.assert_array_equal(solution.modes, [[3.0]])
+    np.testing.assert_array_equal(solution.discrete, [[3.0]])
 
 
 def test_nothing_is_leaked() -> None:

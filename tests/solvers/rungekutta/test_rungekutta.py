@@ -168,11 +168,11 @@ def test_run_leaves_the_problem_alone_and_repeats_itself() -> None:
         x[0] += 1.0
         return 2
 
-    p = problem(oscillator, [1.0, 0.0], update=update, time_events=np.array([0.5]), modes=slice(0, 1))
+    p = problem(oscillator, [1.0, 0.0], update=update, time_events=np.array([0.5]), discrete=slice(0, 1))
     times = np.linspace(0.0, 1.0, 5)
     first, second = rk(p, times, rtol=1e-6), rk(p, times, rtol=1e-6)
     assert np.array_equal(first.x, second.x)
-    assert np.array_equal(first.modes, second.modes)
+    assert np.array_equal(first.discrete, second.discrete)
     assert np.all(p.data == 0.0)
     assert np.all(p.x0 == [1.0, 0.0])
 

@@ -34,7 +34,7 @@ def bouncing(**more: Any) -> Problem:
         data[0] += 1.0
         return 2
 
-    return problem(falling, [1.0, 0.0], roots=roots, n_roots=1, update=update, modes=slice(0, 1))
+    return problem(falling, [1.0, 0.0], roots=roots, n_roots=1, update=update, discrete=slice(0, 1))
 
 
 @pytest.mark.parametrize("order", [5, 8])
@@ -53,7 +53,7 @@ def test_bouncing_ball(order: int, place: dict[str, float]) -> None:
     since = times - np.concatenate(([-first], impacts))[bounce]
     speed = 9.81 * first * 0.8**bounce
     assert solution.x[:, 0] == pytest.approx(speed * since - 0.5 * 9.81 * since**2, abs=1e-12)
-    assert solution.modes[:, 0] == pytest.approx(bounce)
+    assert solution.discrete[:, 0] == pytest.approx(bounce)
 
 
 def backlash(t: float, x: Any, dx: Any, data: Any) -> None:
@@ -89,7 +89,7 @@ def backlash_exact(times: Floats, speed: float) -> Floats:
 @pytest.mark.parametrize(("order", "rtol"), [(5, 1e-6), (5, 1e-9), (8, 1e-6), (8, 1e-11)])
 def test_backlash_oscillator(order: int, rtol: float) -> None:
     speed = 12.0
-    p = problem(backlash, [0.0, speed], roots=backlash_roots, n_roots=2, update=backlash_update, modes=slice(0, 1))
+    p = problem(backlash, [0.0, speed], roots=backlash_roots, n_roots=2, update=backlash_update, discrete=slice(0, 1))
     times = np.linspace(0.0, 3.0, 311)
     solution = rk(p, times, rtol=rtol, order=order)
     assert solution.x[:, 0] == pytest.approx(backlash_exact(times, speed), abs=300.0 * rtol)
@@ -101,13 +101,13 @@ def test_backlash_oscillator(order: int, rtol: float) -> None:
     assert solution.event_roots.tolist() == [0, 0, 1, 1] * 5 + [0, 0, 1][: expected.size - 20]
     position = np.abs(backlash_exact(times, speed)) > 1.0
     clear = np.abs(np.abs(solution.x[:, 0]) - 1.0) > 1e-3
-    assert np.array_equal(np.abs(solution.modes[clear, 0]) > 0.0, position[clear])
+    assert np.array_equal(np.abs(solution.discrete[clear, 0]) > 0.0, position[clear])
 
 
 @pytest.mark.parametrize(("order", "rtol", "most"), [(5, 1e-5, 40.0), (8, 1e-5, 38.0), (8, 1e-9, 80.0)])
 def test_a_phase_that_comes_again_begins_with_the_step_that_suited_it(order: int, rtol: float, most: float) -> None:
     """Evaluations from one event to the next, few of them for steps that are rejected or too small."""
-    p = problem(backlash, [0.0, 12.0], roots=backlash_roots, n_roots=2, update=backlash_update, modes=slice(0, 1))
+    p = problem(backlash, [0.0, 12.0], roots=backlash_roots, n_roots=2, update=backlash_update, discrete=slice(0, 1))
     stats = rk(p, np.array([0.0, 30.0]), rtol=rtol, order=order).stats
     assert stats["events"] == 221
     assert stats["rhs"] < most * stats["events"]
@@ -133,7 +133,7 @@ def test_events_are_located_to_rounding() -> None:
 
 def test_late_times_cost_no_accuracy() -> None:
     """What rounding takes from the time, 1e-11 s here, is not lost at each step and event, but only in the samples' times."""
-    p = problem(backlash, [0.0, 12.0], roots=backlash_roots, n_roots=2, update=backlash_update, modes=slice(0, 1))
+    p = problem(backlash, [0.0, 12.0], roots=backlash_roots, n_roots=2, update=backlash_update, discrete=slice(0, 1))
     times = 1e5 + np.linspace(0.0, 30.0, 311)
     solution = rk(p, times, rtol=1e-11, order=8)
     assert solution.x[:, 0] == pytest.approx(backlash_exact(times - 1e5, 12.0), abs=1e-9)
@@ -222,9 +222,9 @@ def test_root_that_leaves_zero_is_an_event() -> None:
         before, data[0] = data[0], float(x[0] > 0.0)
         return int(before != data[0])
 
-    p = problem(rhs, [0.0], roots=roots, n_roots=1, update=update, modes=slice(0, 1))
+    p = problem(rhs, [0.0], roots=roots, n_roots=1, update=update, discrete=slice(0, 1))
     solution = rk(p, np.array([0.0, 1.0]), rtol=1e-6)
-    assert solution.modes[:, 0].tolist() == [1.0, 1.0], "a sample on an event holds the right-hand limit"
+    assert solution.discrete[:, 0].tolist() == [1.0, 1.0], "a sample on an event holds the right-hand limit"
     assert solution.x[-1, 0] == pytest.approx(2.0, abs=1e-12)
     assert solution.event_times == pytest.approx([0.0], abs=1e-14)
 
@@ -247,11 +247,11 @@ def test_time_events_are_met_exactly_and_samples_there_hold_the_limit_from_the_r
             return 1
         return 0
 
-    p = problem(rhs, [0.0], update=update, modes=slice(0, 1), time_events=np.array([0.7, 0.1, -1.0, 1.0, 8.0]))
+    p = problem(rhs, [0.0], update=update, discrete=slice(0, 1), time_events=np.array([0.7, 0.1, -1.0, 1.0, 8.0]))
     solution = rk(p, np.array([0.0, 0.0999999, 0.1, 0.4, 0.7, 1.0]), rtol=1e-6)
     assert seen == [0.0, 0.1, 0.7, 1.0]
     assert solution.x[:, 0] == pytest.approx([0.0, 0.0, 5.0, 5.3, 5.6, 5.6], abs=1e-12)
-    assert solution.modes[:, 0].tolist() == [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
+    assert solution.discrete[:, 0].tolist() == [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
     assert solution.event_times.tolist() == [0.1, 0.7, 1.0]
     assert solution.event_roots.tolist() == [-1, -1, -1]
 
@@ -280,12 +280,12 @@ def test_samples_within_rounding_of_a_root_hold_the_limit_from_the_right(order: 
         data[0] += jumped
         return int(jumped > 0)
 
-    p = problem(rhs, [0.0], roots=roots, n_roots=40, update=update, modes=slice(0, 1))
+    p = problem(rhs, [0.0], roots=roots, n_roots=40, update=update, discrete=slice(0, 1))
     events = (np.arange(40) + 0.5) / 7.0
     for share, passed in ((-1e-12, 0.0), (-1e-15, 1.0), (0.0, 1.0), (1e-15, 1.0)):
         times = np.concatenate(([0.0], events * (1.0 + share), [6.0]))
         solution = rk(p, times, rtol=1e-6, order=order)
-        assert solution.modes[1:-1, 0].tolist() == (np.arange(40) + passed).tolist()
+        assert solution.discrete[1:-1, 0].tolist() == (np.arange(40) + passed).tolist()
 
 
 def test_chattering_is_reported() -> None:

@@ -16,10 +16,10 @@ from tests.stress.hybrid_draw import hybrid_train
 
 
 def begins_alike(system: gl.System, monkeypatch: pytest.MonkeyPatch, compiled: bool | None = None) -> None:
-    """The modes at the start of a run are those that the interpreter finds; whether it was asked for them."""
+    """The discrete state at the start of a run is the one that the interpreter finds; whether it was asked for them."""
     found: list[tuple[Any, Any]] = []
     asked: list[bool] = []
-    original, interpreted = native_problem.first_modes, Scene.modes
+    original, interpreted = native_problem.first_discrete, Scene.discrete
 
     def watched(run: Any, native: Any, inputs: Any) -> Any:
         begin = run.start
@@ -32,8 +32,8 @@ def begins_alike(system: gl.System, monkeypatch: pytest.MonkeyPatch, compiled: b
         return interpreted(self, *arguments, **named)
 
     with monkeypatch.context() as patch:
-        patch.setattr(native_problem, "first_modes", watched)
-        patch.setattr(Scene, "modes", counted)
+        patch.setattr(native_problem, "first_discrete", watched)
+        patch.setattr(Scene, "discrete", counted)
         system.simulate(0.01, samples=2, inputs=dict.fromkeys(system.translation.open_inputs, 0.0), method="rk")
     assert found
     for own, right in found:
