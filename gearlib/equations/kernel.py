@@ -161,11 +161,8 @@ def _kernel(template: Template, expression: Any) -> Kernel:
         if symbol in used:
             table[symbol] = sympy.Symbol(f"p{i}", real=True)
             parameters.append(i)
-    discrete = [
-        *map(relation_symbol, range(len(template.relations))),
-        *(sympy.Symbol(n, real=True) for n in template.discretes),
-    ]
-    for i, symbol in enumerate(discrete):
+    variables = (sympy.Symbol(name, real=True) for name in template.discretes)
+    for i, symbol in enumerate([*map(relation_symbol, range(len(template.relations))), *variables]):
         if symbol in used:
             table[symbol] = sympy.Symbol(f"r{i}", real=True)
             relations.append(i)

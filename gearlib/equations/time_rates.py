@@ -24,9 +24,8 @@ def time_rates(kernel: Kernel) -> tuple[Any, ...] | None:
     A bell curve ``exp(-(t/s)**2 / 2)`` has the rate ``1/s``.
     """
     found = _rates(kernel.expression)
-    if found is None or any(
-        symbol.name[0] != "p" for rate in found for symbol in rate.free_symbols
-    ):  # of variables or the discrete state
+    # a symbol that is no parameter stands for a variable or for an entry of the discrete state
+    if found is None or any(symbol.name[0] != "p" for rate in found for symbol in rate.free_symbols):
         return None
     return tuple(sorted(set(found), key=sympy.default_sort_key))  # sets and products have no order of their own
 

@@ -64,9 +64,8 @@ def drifting(model: FlatModel, parameters: Floats, motion: Motion) -> list[str]:
     for g, c in _places(model):
         group = _groups(model)[g]
         relation, kernel = group.template.relations[c], relation_kernel(group.template, c)
-        value, later, last = (
-            apply(model, kernel, g, group, parameters, a + k * b, b, motion.discrete) for k in (0.0, 1.0, 2.0)
-        )
+        at = (a, a + b, a + 2.0 * b)
+        value, later, last = (apply(model, kernel, g, group, parameters, x, b, motion.discrete) for x in at)
         growth = later - value
         with np.errstate(invalid="ignore"):
             evenly = np.abs(last - later - growth) <= STEADY * np.abs(growth)

@@ -117,7 +117,7 @@ static void get_ready(Instance *m) {
     r->n = model.n_states;
     r->n_roots = model.n_indicators;
     r->n_discrete = model.n_discrete;
-    r->first_discrete_value = model.discrete_at;
+    r->first_discrete = model.discrete_at;
     r->capacity = capacity();
     r->budget = BUDGET;
     r->origin = late;

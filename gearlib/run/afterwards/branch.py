@@ -20,9 +20,8 @@ from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
 Path = Callable[[Floats], tuple[Floats, Floats, Floats]]  # times -> states, inputs, discrete state, each (number, times)
-Settle = Callable[
-    [Floats, Floats, Floats, Floats, Floats | None], Floats
-]  # times, states, inputs, discrete state, guess -> discrete state
+# times, states, inputs, discrete state, guess -> discrete state
+Settle = Callable[[Floats, Floats, Floats, Floats, Floats | None], Floats]
 
 POINTS, LONGEST = 2048, 32  # number of candidate step ends, and how many of them one step may pass
 SLOPE = 1 / 64  # of the distance between two candidates: the interval over which a slope is taken

@@ -46,7 +46,7 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
     inputs = values(run.signals, run.times[:1], len(program.inputs))[:, 0]
     discrete = run.discrete
     if discrete is None:
-        discrete = first_discrete(run, native, inputs)
+        discrete = starting_discrete(run, native, inputs)
     data = scene.data(native, run.numbers, inputs, discrete, run.start.guess, run.slots)
     if code is not None and tangents is not None:
         if run.slots is None:  # the run begins here
@@ -67,7 +67,7 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
     return _wired(run, callbacks, scene, native, data, run.start.states, run.atol)
 
 
-def first_discrete(run: Run, native: NativeScene, inputs: Floats) -> Floats:
+def starting_discrete(run: Run, native: NativeScene, inputs: Floats) -> Floats:
     """Relations and discrete variables in which a run begins, shape (n_discrete,): by the compiled event iteration where it settles.
 
     That does not re-initialise states, and comes to its end, where it sets the sides of all event functions, only if all equations on

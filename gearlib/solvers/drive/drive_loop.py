@@ -50,7 +50,7 @@ def store(s: DriveRecord, t: float, interpolated: bool) -> int:
         x, out = floats_at(s.x), floats_at(target)
         for j in range(s.n):
             out[j] = x[j]
-    held, discrete = floats_at(s.data + 8 * s.first_discrete_value), floats_at(s.discrete + 8 * i * s.n_discrete)
+    held, discrete = floats_at(s.data + 8 * s.first_discrete), floats_at(s.discrete + 8 * i * s.n_discrete)
     for j in range(s.n_discrete):
         discrete[j] = held[j]
     s.sample = i + 1
@@ -62,7 +62,7 @@ def add_row(s: DriveRecord, t: float, x_at: int, rates_at: int) -> None:
     """Add a row to the trace: time, some states, their derivatives, and the discrete state. Two rows of one time: an event."""
     n, n_discrete = s.n_traced, s.n_discrete
     row, traced = floats_at(s.trace + 8 * s.trace_rows * (1 + 2 * n + n_discrete)), ints_at(s.traced)
-    x, rates, discrete = floats_at(x_at), floats_at(rates_at), floats_at(s.data + 8 * s.first_discrete_value)
+    x, rates, discrete = floats_at(x_at), floats_at(rates_at), floats_at(s.data + 8 * s.first_discrete)
     row[0] = t
     for j in range(n):
         row[1 + j] = x[traced[j]]

@@ -51,7 +51,7 @@ class DriveRecord(ctypes.Structure):
     n_stops: int
     n_timed: int  # the first stops are time events; the last one may be the end of the run
     n_discrete: int
-    first_discrete_value: int
+    first_discrete: int
     capacity: int  # of the event log
     n_traced: int
     parts: int  # of the last step, each of which ends with a row; at most ``drive_loop.MARGIN - 1``

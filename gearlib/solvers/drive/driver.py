@@ -120,10 +120,8 @@ class Driver:
         if stepper.steps:
             _check(problem)
         self.t_end, self._steps_before, self.events_before = float(problem.times[-1]), 0, 0
-        self._most_steps, self._since_look = (
-            STEPS_PER_CALL,
-            0,
-        )  # of a call; since the stepper was last asked whether it is spent
+        self._most_steps = STEPS_PER_CALL  # of a call
+        self._since_look = 0  # steps since the stepper was last asked whether it is spent
         if stepper.steps:
             self._lay_out(before)
         else:
@@ -386,8 +384,8 @@ def _layout(
     places : dict of str to slice
         The arrays by name, in numbers of 8 bytes; ``"zero"`` is what is zero at first, ``"end"`` the end of all.
     """
-    first_discrete_value, last_discrete_value = discrete
-    n_discrete = max(last_discrete_value - first_discrete_value, 0)
+    first, last = discrete
+    n_discrete = max(last - first, 0)
     capacity = n_roots + (_EVENTS_AT_FIRST if n_roots or n_timed else 2)
     lengths = {"x": size, **own, "fired": n_roots, "data": n_data, "index": n_index, "stops": n_stops}
     if n_times:
@@ -402,12 +400,7 @@ def _layout(
         places[name] = slice(at, at + length)
         at += length
     record.n, record.n_roots, record.n_stops, record.n_timed = n, n_roots, n_stops, n_timed
-    record.n_discrete, record.first_discrete_value, record.n_times, record.capacity = (
-        n_discrete,
-        first_discrete_value,
-        n_times,
-        capacity,
-    )
+    record.n_discrete, record.first_discrete, record.n_times, record.capacity = n_discrete, first, n_times, capacity
     places |= {"zero": slice(begin, places["data"].start), "end": slice(at, at)}
     return np.frombuffer(bytes(record), np.int64), np.frombuffer(bytes(pointers), np.int64), places
 

@@ -26,7 +26,7 @@ GROWTH_KNOWN, GROWTH_SECOND = 1.1, 1.2  # growth of the remembered step, and fro
 @native
 def _signature(s: LoopRecord) -> float:
     """A hash of the discrete state."""
-    discrete, total = floats_at(s.data + 8 * s.first_discrete_value), 0.0
+    discrete, total = floats_at(s.data + 8 * s.first_discrete), 0.0
     for i in range(s.n_discrete):
         total += (1.0 + 0.6180339887 * i) * discrete[i]
     return total

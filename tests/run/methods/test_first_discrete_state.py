@@ -19,7 +19,7 @@ def begins_alike(system: gl.System, monkeypatch: pytest.MonkeyPatch, compiled: b
     """The discrete state at the start of a run is the one that the interpreter finds; whether it was asked for them."""
     found: list[tuple[Any, Any]] = []
     asked: list[bool] = []
-    original, interpreted = native_problem.first_discrete, Scene.discrete
+    original, interpreted = native_problem.starting_discrete, Scene.discrete
 
     def watched(run: Any, native: Any, inputs: Any) -> Any:
         begin = run.start
@@ -32,7 +32,7 @@ def begins_alike(system: gl.System, monkeypatch: pytest.MonkeyPatch, compiled: b
         return interpreted(self, *arguments, **named)
 
     with monkeypatch.context() as patch:
-        patch.setattr(native_problem, "first_discrete", watched)
+        patch.setattr(native_problem, "starting_discrete", watched)
         patch.setattr(Scene, "discrete", counted)
         system.simulate(0.01, samples=2, inputs=dict.fromkeys(system.translation.open_inputs, 0.0), method="rk")
     assert found
