@@ -50,16 +50,6 @@ class Native(Protocol):
     def address(self) -> int: ...
 
 
-@dataclass(frozen=True)
-class Effort:
-    """Cost of one call of each native function (ns), estimated from counted operations so that it is reproducible."""
-
-    rhs: float
-    jac: float
-    roots: float
-    update: float
-
-
 class NoCode:
     """Placeholder for native functions that a method does not call, so that nothing is compiled."""
 
@@ -125,7 +115,11 @@ class Problem:
     implicit: bool = False  # rhs computes F(t, x, x'); the pattern of jac has the columns of x' behind those of x
     # (t, x, data): description of what cannot be evaluated beyond that point
     culprit: Callable[[float, Floats, Floats], str] | None = None
-    effort: Effort = field(default_factory=lambda: Effort(100.0, 300.0, 50.0, 100.0))
+    # Cost of one call of each native function, ns, estimated from counted operations so that it is reproducible
+    rhs_cost: float = 100.0
+    jac_cost: float = 300.0
+    roots_cost: float = 50.0
+    update_cost: float = 100.0
     times: Floats = field(default_factory=lambda: np.zeros(1))  # sample times, s, nondecreasing: the first is the start
     rtol: float = 1e-6
     atol: ArrayLike | None = None  # a scalar, or one value per state in its unit
@@ -145,6 +139,11 @@ class Problem:
     def absolute_tolerance(self) -> Floats:
         """``rtol * nominal`` unless given."""
         return self.rtol * self.nominal if self.atol is None else np.asarray(self.atol, dtype=np.float64)
+
+    @property
+    def look_cost(self) -> float:
+        """Cost of one look at the event functions, if there are any."""
+        return self.roots_cost if self.roots is not None else 0.0
 
     def state_name(self, k: int) -> str:
         return self.state_names[k] if k < len(self.state_names) else f"state {k}"

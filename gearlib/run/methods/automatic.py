@@ -112,7 +112,7 @@ def _alternated(run: Run, callbacks: Callbacks, why: str) -> Solution:
 
 def _series(run: Run, start: Problem) -> TaylorSeries | None:
     """The Taylor coefficients, where they exist and are compiled soon enough."""
-    if start.effort.rhs > AT_ONCE or TaylorSeriesMethod().fits(run):
+    if start.rhs_cost > AT_ONCE or TaylorSeriesMethod().fits(run):
         return None
     found = run.scene.series
     return None if isinstance(found, str) else found

@@ -15,7 +15,7 @@ from gearlib.records import altered
 from gearlib.run.methods.run import Run, is_function
 from gearlib.run.scene import Scene, settle_once
 from gearlib.solvers.inputs.table import Table, breakpoints, values
-from gearlib.solvers.problem import Effort, Problem, Solution
+from gearlib.solvers.problem import Problem, Solution
 
 if TYPE_CHECKING:
     from gearlib.native.scene_functions import NativeScene
@@ -114,9 +114,10 @@ def _common(scene: Scene | SceneForm, native: NativeScene) -> Problem:
         roots=native.roots if n_roots else None, n_roots=n_roots, update=native.update,
         discrete=slice(native.shared.relations, native.shared.relations + native.shared.n_discrete),
         state_names=scene.state_names, root_names=scene.root_names, implicit=form is not None and form.implicit,
-        effort=_effort(scene, native, 0, 0), series=partial(getattr, scene, "series"),
+        series=partial(getattr, scene, "series"),
         max_steps=MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, may_leave=any(s.constrained for s in iterated),
     )  # fmt: skip
+    problem = _with_costs(problem, scene, native, 0, 0)
     native.common[:] = [problem]
     return problem
 
@@ -136,7 +137,8 @@ def _wired(
 
         functions, data, index = with_moving_inputs(native, data, tables, moving, callbacks)
         more = {name: functions[name] for name in ("rhs", "jac", "roots", "update") if getattr(common, name) is not None}
-        more |= {"index": index, "effort": _effort(scene, native, len(moving), len(tables))}
+        more["index"] = index
+        common = _with_costs(common, scene, native, len(moving), len(tables))
     return altered(
         common, x0=x0, data=data, time_events=time_events(run), longest_step=run.longest_step,
         longest_expanded_step=run.longest_expanded_step, unsettled=partial(_unsettled, run, native.shared),
@@ -146,15 +148,18 @@ def _wired(
     )  # fmt: skip
 
 
-def _effort(scene: Scene | SceneForm, native: NativeScene, functions: int, tables: int) -> Effort:
-    """Estimated cost of a call of each native function."""
+def _with_costs(problem: Problem, scene: Scene | SceneForm, native: NativeScene, functions: int, tables: int) -> Problem:
+    """A problem with the estimated cost of a call of each of its native functions."""
     call = CALL + CALLBACK * functions + LOOK_UP * tables
     rhs = ADDITION * operations(scene.program, native.rhs.layout)
     entries = 0.0 if native.pattern is None else native.pattern.size
     relations = 0.0
     if scene.relations is not None and native.update is not None:
         relations = ADDITION * operations(scene.relations.program, native.update.layout)
-    return Effort(call + rhs, call + 3.0 * rhs + 4.0 * ADDITION * entries, call + relations, call + 3.0 * relations)
+    return altered(
+        problem, rhs_cost=call + rhs, jac_cost=call + 3.0 * rhs + 4.0 * ADDITION * entries, roots_cost=call + relations,
+        update_cost=call + 3.0 * relations,
+    )  # fmt: skip
 
 
 def _culprit(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str:

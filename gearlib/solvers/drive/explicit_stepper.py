@@ -99,7 +99,7 @@ class ExplicitStepper(PythonStepper):
 
     @property
     def work(self) -> float:
-        return self._evaluations * self.problem.effort.rhs
+        return self._evaluations * self.problem.rhs_cost
 
     def stats(self) -> dict[str, Any]:
         return {"steps": self.record.steps, "rejected": 0, "rhs": self._evaluations}

@@ -198,17 +198,14 @@ def _located(t: float) -> float:
 
 def work(problem: Problem, operations: tuple[float, float], steps: int, rhs: int, jac: int, restarts: int) -> float:
     """Estimated cost of steps and evaluations (ns), from counted operations (measured for 3 to 200 states)."""
-    n, effort = len(problem.x0), problem.effort
     factorise, solve = operations
-    looks = effort.roots if problem.roots is not None else 0.0
-    step = 1100.0 + 60.0 * n + 2.0 * looks
+    step = 1100.0 + 60.0 * len(problem.x0) + 2.0 * problem.look_cost
     return (
-        steps * step + rhs * (effort.rhs + OPERATION * solve) + jac * (effort.jac + OPERATION * factorise)
-        + restarts * (800.0 + effort.update + 4.0 * looks)
+        steps * step + rhs * (problem.rhs_cost + OPERATION * solve) + jac * (problem.jac_cost + OPERATION * factorise)
+        + restarts * (800.0 + problem.update_cost + 4.0 * problem.look_cost)
     )  # fmt: skip
 
 
 def trial(problem: Problem) -> tuple[float, float]:
     """Expected work of start-up, and of `TRIAL` steps (ns), known before IDA is created."""
-    n, looks = len(problem.x0), problem.effort.roots if problem.roots is not None else 0.0
-    return START, TRIAL * (1100.0 + 60.0 * n + 2.0 * looks + 1.3 * problem.effort.rhs)
+    return START, TRIAL * (1100.0 + 60.0 * len(problem.x0) + 2.0 * problem.look_cost + 1.3 * problem.rhs_cost)

@@ -150,10 +150,9 @@ class RungeKutta(Stepper):
 
 def work(problem: Problem, order: int, steps: int, events: int) -> float:
     """Estimated cost of steps and events (ns), from counted operations (measured for 3 to 200 states)."""
-    n, effort = problem.x0.size, problem.effort
-    looks = effort.roots if problem.roots is not None else 0.0
-    step = 6.0 * effort.rhs + 150.0 + 5.0 * n if order == 5 else 12.0 * effort.rhs + 250.0 + 10.0 * n
-    return steps * (step + 2.0 * looks) + events * (effort.rhs + effort.update + 10.0 * looks)
+    n, rhs, look = problem.x0.size, problem.rhs_cost, problem.look_cost
+    step = 6.0 * rhs + 150.0 + 5.0 * n if order == 5 else 12.0 * rhs + 250.0 + 10.0 * n
+    return steps * (step + 2.0 * look) + events * (rhs + problem.update_cost + 10.0 * look)
 
 
 def _functions() -> tuple[int, int, int, int]:

@@ -70,7 +70,7 @@ class Taylor(Stepper):
         record.series, record.guarded = self.series.address, int(self.series.guarded)
         record.cost_order = OPERATION * self.series.sums + COEFFICIENT * atol.size
         record.cost_product = 0.5 * TERM * self.series.products
-        record.cost_step = STEP + problem.effort.rhs + COEFFICIENT * atol.size
+        record.cost_step = STEP + problem.rhs_cost + COEFFICIENT * atol.size
         record.step, record.interpolate, record.accept, record.restart, record.motion = _functions()
 
     def until(self, t: float, longest_step: float) -> None:
@@ -83,10 +83,9 @@ class Taylor(Stepper):
 
     def _work(self, steps: int, orders: float, events: int) -> float:
         """Estimated cost of steps, of orders of coefficients, and of events (ns), from counted operations."""
-        record, effort, mean = self.record, self.problem.effort, orders / max(steps, 1)
-        looks = effort.roots if self.problem.roots is not None else 0.0
-        own = steps * (record.cost_step + 2.0 * looks) + orders * (record.cost_order + mean * record.cost_product)
-        return own + events * (effort.rhs + effort.update + 10.0 * looks)
+        record, problem, mean = self.record, self.problem, orders / max(steps, 1)
+        own = steps * (record.cost_step + 2.0 * problem.look_cost) + orders * (record.cost_order + mean * record.cost_product)
+        return own + events * (problem.rhs_cost + problem.update_cost + 10.0 * problem.look_cost)
 
     def watch(self, work_first: float = 0.0) -> None:
         """Watch for stiffness, and stop once it limits the steps, after a given amount of further work."""

@@ -27,5 +27,6 @@ def test_every_count_takes_work_in_proportion(count: str) -> None:
 def test_a_dearer_function_takes_more_work_by_its_own_cost(function: str, count: str) -> None:
     """And by nothing else: a nanosecond more for each call."""
     p = problem(van_der_pol, [2.0, 0.0])
-    dearer = replace(p, effort=replace(p.effort, **{function: getattr(p.effort, function) + 1.0}))
+    cost = f"{function}_cost"
+    dearer = replace(p, **{cost: getattr(p, cost) + 1.0})
     assert work(dearer, OPERATIONS, **COUNTS) - work(p, OPERATIONS, **COUNTS) == pytest.approx(COUNTS[count], rel=1e-6)
