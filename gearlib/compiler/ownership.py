@@ -39,9 +39,8 @@ def why_foreign(folder: Path) -> str | None:
         found = path.lstat()
         if found.st_uid not in (ADMINISTRATOR, os.geteuid()):
             return f"{path} belongs to {_user(found.st_uid)}"
-        kept_by_owners = (
-            path != folder and found.st_mode & stat.S_ISVTX
-        )  # sticky bit, as on /tmp: others can add files, but not replace them
+        # sticky bit, as on /tmp: others can add files, but not replace them
+        kept_by_owners = path != folder and found.st_mode & stat.S_ISVTX
         if _others_write(found) and not kept_by_owners:
             return f"others can write in {path}"
     return None

@@ -260,9 +260,8 @@ class ClassText:
                 value = f" = {self.text(evaluated_in(self.component, given))}"
         if name in joined:
             value = f" = {joined[name]}"
-        prefix = (
-            "input " if isinstance(declared, Input) and not (value and outer is not None) else ""
-        )  # what is bound is no input of the system
+        # what is bound is no input of the system
+        prefix = "input " if isinstance(declared, Input) and not (value and outer is not None) else ""
         return (
             f"{prefix}Real {safe_name(name)}{attributes_text(attributes, declared.unit)}{value}{comment(declared.description)};"
         )

@@ -53,11 +53,8 @@ def at_points(address: int) -> int32:
     """Call the function at each point; the values of all slots are copied from its data block."""
     s = Points(address)
     t, status = floats_at(s.t), ints_at(s.status)
-    shared, here, memory = (
-        floats_at(s.data + 8 * s.n_parameters),
-        floats_at(s.data + 8 * s.place),
-        floats_at(s.data + 8 * s.memory),
-    )
+    shared, here = floats_at(s.data + 8 * s.n_parameters), floats_at(s.data + 8 * s.place)
+    memory = floats_at(s.data + 8 * s.memory)
     for i in range(s.count):
         given, slots = floats_at(s.shared + 8 * i * s.n_shared), floats_at(s.slots + 8 * i * s.n_slots)
         for k in range(s.n_shared):

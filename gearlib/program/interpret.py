@@ -40,9 +40,8 @@ class Prepared:
     structure: Structure
     parameters: Floats
     solutions: tuple[Floats | Factored, ...]  # in the order of the linear blocks: (unknowns, known)
-    compiled: Callable[[Floats, Floats, Floats, Floats, Floats | None, bool], Floats] | None = (
-        None  # compiled replacement for `evaluate`, if any
-    )
+    # replaces `evaluate`, if there is one
+    compiled: Callable[[Floats, Floats, Floats, Floats, Floats | None, bool], Floats] | None = None
     relations: Prepared | None = None
 
     @property

@@ -127,9 +127,8 @@ class Problem:
     linear: LinearForm | None = None  # the same equations for methods that call no native function: ``rhs`` is `NoCode` then
     tell: Callable[[float], None] | None = None  # is told the time that was reached, s, now and then
     may_stop: bool = False  # whether an interrupt (Ctrl-C) ends the run where it is, with the status "interrupted"
-    series: Callable[[], Any] | None = (
-        None  # returns the compiled Taylor coefficients (`TaylorSeries`), or a text why there are none
-    )
+    # returns the compiled Taylor coefficients (`TaylorSeries`), or a text why there are none
+    series: Callable[[], Any] | None = None
     # Indices of states: keep their values at the ends of all steps, where the stepper tells their derivatives there
     traced: Integers | None = None
     may_leave: bool = False  # stop with the status "left" where the right-hand side cannot be evaluated any further

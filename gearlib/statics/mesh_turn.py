@@ -112,11 +112,8 @@ def _repeats(
     model: FlatModel, g: int, group: EquationGroup, c: int, parameters: Floats, a: Floats, b: Floats, discrete: Floats
 ) -> bool:
     name, _ = group.template.columns[c]
-    places, kernel, values = (
-        np.unique(group.variables[:, group.template.locals.index(name)]),
-        residual_kernel(group.template),
-        [],
-    )
+    places, kernel = np.unique(group.variables[:, group.template.locals.index(name)]), residual_kernel(group.template)
+    values = []
     for turned in (0.0, 2 * np.pi, 1.0, 1.0 + 2 * np.pi):
         x = a.copy()
         x[places] += turned

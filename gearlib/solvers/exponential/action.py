@@ -151,13 +151,8 @@ class Action:
             row[: len(c)] = c
         out = np.empty((count, len(z)))
         record = _series(self.ellipse, self.offsets, self.rows, len(z))
-        record.alone, record.several, record.repeats, record.count, record.width = (
-            self.alone,
-            several,
-            repeats,
-            count,
-            coefficients.shape[1],
-        )
+        record.alone, record.several, record.repeats = self.alone, several, repeats
+        record.count, record.width = count, coefficients.shape[1]
         call(
             "march", record, offsets=self.offsets, diagonals=self.diagonals, rows=self.rows, columns=self.columns,
             entries=self.entries, coefficients=coefficients, terms=np.maximum.accumulate(terms), z=(z / self.scale)[self.order],

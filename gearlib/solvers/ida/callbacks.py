@@ -286,13 +286,8 @@ def consistent(s: IdaRecord, t: float) -> int:
     differential unknowns, and so converges only linearly.
     """
     n, settled = s.n, False
-    y, dy, d, scale, change = (
-        floats_at(s.y),
-        floats_at(s.dy),
-        floats_at(s.differential),
-        floats_at(s.scale),
-        floats_at(s.change),
-    )
+    y, dy, d = floats_at(s.y), floats_at(s.dy), floats_at(s.differential)
+    scale, change = floats_at(s.scale), floats_at(s.change)
     y_before, dy_before, matrix = floats_at(s.y_before), floats_at(s.dy_before), floats_at(s.matrix)
     for i in range(n):
         y_before[i], dy_before[i] = y[i], dy[i]

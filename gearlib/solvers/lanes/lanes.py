@@ -99,13 +99,8 @@ class LaneRuns:
         if runs:  # a lane without a run computes the first one, and its results are ignored
             self._arrays["x"].reshape(n, LANES)[:] = problem.starts[0][:, None]
             self._arrays["data"].reshape(m, LANES)[:] = problem.numbers[0][:, None]
-        record.rhs, record.n, record.n_numbers, record.n_times, record.n_columns = (
-            problem.rhs.address,
-            n,
-            m,
-            len(times),
-            len(columns),
-        )
+        record.rhs, record.n, record.n_numbers = problem.rhs.address, n, m
+        record.n_times, record.n_columns = len(times), len(columns)
         record.n_corners, record.n_pieces = problem.corners.shape[1], problem.pieces.shape[2]
         record.cornered, record.most_steps = int(len(problem.pieces) > 1), problem.most_steps
         record.n_runs, record.rtol, record.origin, record.end = runs, problem.rtol, origin, float(times[-1]) - origin

@@ -57,12 +57,8 @@ class Taylor(Stepper):
         atol = memory("atol")
         atol[n:], atol[:n] = 1.0, problem.absolute_tolerance
         record.highest = taylor_loop.SEARCHED if record.n_roots or self.series.branches else HIGHEST
-        record.next_order, record.size, record.rtol, record.span = (
-            min(taylor_loop.FIRST, record.highest),
-            atol.size,
-            problem.rtol,
-            span,
-        )
+        record.next_order = min(taylor_loop.FIRST, record.highest)
+        record.size, record.rtol, record.span = atol.size, problem.rtol, span
         record.h_max = min(span, problem.longest_step if self.series.pulses else problem.longest_expanded_step)
         record.patience = PATIENCE if problem.may_leave else -1
         record.rates = record.k
