@@ -76,8 +76,8 @@ def _declared(model: FlatModel) -> dict[str, tuple[str, str]]:
     found: dict[str, tuple[str, str]] = {}
     for part in model.instances:
         prefix = f"{part.path}." if part.path else ""
-        found |= {prefix + name: (v.unit, v.description) for name, v in part.variables.items()}
-        found |= {prefix + name: (p.unit, p.description) for name, p in part.parameters.items()}
+        found |= {prefix + name: (v.unit, v.description) for name, v in part.declared.variables.items()}
+        found |= {prefix + name: (p.unit, p.description) for name, p in part.declared.parameters.items()}
     return found
 
 

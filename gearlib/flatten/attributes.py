@@ -38,10 +38,10 @@ def choices_of(component: Component, instance: Instance) -> Iterator[tuple[str, 
     where = instance.path or instance.kind
     for what, given in (("nominal", nominals_of(component)), ("state", preferences_of(component))):
         for name, value in given.items():
-            if not isinstance(name, str) or name not in instance.variables:
+            if not isinstance(name, str) or name not in instance.declared.variables:
                 raise BindingError(
                     f"{where}: {what} is given for {shown(name)}, which is not a variable of {instance.kind}; "
-                    f"{nearest(str(name), instance.variables)}"
+                    f"{nearest(str(name), instance.declared.variables)}"
                 )
             if what == "state" and not (isinstance(value, str) and value in PREFERENCE):
                 raise BindingError(
@@ -57,8 +57,8 @@ def choices_of(component: Component, instance: Instance) -> Iterator[tuple[str, 
 def places_of_classes(tree: Tree) -> list[tuple[ClassRecord, NDArray[np.int64]]]:
     """Each class with the first variables of its instances."""
     found: dict[int, tuple[ClassRecord, list[int]]] = {}
-    for record, instance in zip(tree.records, tree.instances, strict=True):
-        found.setdefault(id(record), (record, []))[1].append(instance.first_variable)
+    for instance in tree.instances:
+        found.setdefault(id(instance.record), (instance.record, []))[1].append(instance.first_variable)
     return [(record, np.array(first, np.int64)) for record, first in found.values()]
 
 

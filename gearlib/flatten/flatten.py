@@ -155,13 +155,13 @@ def _refuse_equal_inputs(tree: Tree, aliases: Aliases) -> None:
             part = instance.path or instance.kind
             number = tree.instances.index(instance)
             loose = [c for n, c in tree.loose_ports if n == number]
-            if loose and len(loose) == len(instance.connectors):
+            if loose and len(loose) == len(instance.declared.connectors):
                 raise ModelError(
                     f"{part} is not connected, so that its input {name} acts on nothing; connect it, or leave it out"
                 )
             if loose:
                 c = loose[0]
-                switch = instance.connectors[c].when
+                switch = instance.declared.connectors[c].when
                 off = f", or leave it switched off ({switch}=False of {part})" if switch else ""
                 raise ModelError(f"{part}.{c} is connected to nothing, so that the input {name} does nothing; connect it{off}")
             raise ModelError(
@@ -175,8 +175,8 @@ def _refuse_equal_inputs(tree: Tree, aliases: Aliases) -> None:
 
 
 def _place(tree: Tree, variable: int) -> tuple[Instance, str]:
-    instance = next(i for i in tree.instances if i.first_variable <= variable < i.first_variable + len(i.variables))
-    return instance, list(instance.variables)[variable - instance.first_variable]
+    instance = next(i for i in tree.instances if i.first_variable <= variable < i.first_variable + len(i.declared.variables))
+    return instance, list(instance.declared.variables)[variable - instance.first_variable]
 
 
 def _variable_name(tree: Tree, variable: int) -> str:
@@ -249,7 +249,7 @@ def _equations(tree: Tree, substituted: Special) -> tuple[list[EquationGroup], l
     first_parameter = np.array([i.first_parameter for i in tree.instances], np.int64)
     blocks: list[tuple[Template, Integers, Integers, Integers]] = []
     for template, owners in tree.local_rows.items():
-        record = tree.records[owners[0]]
+        record = tree.instances[owners[0]].record
         who = np.array(owners, np.int64)
         offsets = np.array([record.variable_index[n] for n in template.locals], np.int64)
         parameter_offsets = np.array([record.parameter_index[n] for n in template.parameters], np.int64)
@@ -306,12 +306,12 @@ def _connections(tree: Tree) -> tuple[list[SignedSum], list[tuple[int, int, int]
 
     def variables_of(node: int, kind: type) -> list[int]:
         number, connector = tree.ports[node // 2]
-        record, first = tree.records[number], tree.instances[number].first_variable
-        key = (id(record), connector, kind)
+        instance = tree.instances[number]
+        key = (id(instance.record), connector, kind)
         if key not in places:
-            declared = record.declared.connectors[connector].variables
-            places[key] = [record.variable_index[f"{connector}.{n}"] for n, v in declared.items() if isinstance(v, kind)]
-        return [first + offset for offset in places[key]]
+            declared, index = instance.declared.connectors[connector].variables, instance.record.variable_index
+            places[key] = [index[f"{connector}.{n}"] for n, v in declared.items() if isinstance(v, kind)]
+        return [instance.first_variable + offset for offset in places[key]]
 
     for members in sets:
         lead = variables_of(members[0], Potential)
@@ -360,7 +360,7 @@ def _discrete_indices(template: Template, tree: Tree, instance: int) -> list[int
         if is_discrete_name(name):  # bindings refer to it by number
             places.append(int(local[len("discrete[") : -1]) + n * before)
             continue
-        own = tree.first_discrete[instance] + list(tree.records[instance].discretes).index(local)
+        own = tree.first_discrete[instance] + list(tree.instances[instance].record.discretes).index(local)
         places.append(own + n * before)
     return places
 

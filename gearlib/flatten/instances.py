@@ -60,7 +60,8 @@ def walk(root: Component) -> Tree:
     for component in first_of_kind:
         check_values(component)
     for component, number_, _ in composites:
-        record = tree.records[number_]
+        instance = tree.instances[number_]
+        record = instance.record
         if not record.local:
             for template in record.templates:
                 variables = [_variable(tree, component, name) for name in template.locals]
@@ -70,7 +71,7 @@ def walk(root: Component) -> Tree:
                 variables = [_variable(tree, component, name) for name in update.template.locals]
                 parameters = [_parameter(tree, component, name) for name in update.template.parameters]
                 if update.reinit:
-                    target = own_variable(tree.instances[number_], record, update.target)
+                    target = instance.variable(update.target)
                 else:
                     target = tree.first_discrete[number_] + list(record.discretes).index(update.target)
                 tree.updates[update.template, update.reinit].append((number_, variables, parameters, target))
@@ -81,13 +82,7 @@ def _add_instance(tree: Tree, component: Component, record: ClassRecord, path: s
     number_ = len(tree.instances)
     declared = record.declared
     tree.numbers[id(component)] = number_
-    tree.records.append(record)
-    tree.instances.append(
-        Instance(
-            path, type(component).__name__, declared.variables, declared.parameters, tree.n_variables, len(tree.parameter_names),
-            declared.derivatives, declared.connectors, record.templates,
-        )
-    )  # fmt: skip
+    tree.instances.append(Instance(path, type(component).__name__, record, tree.n_variables, len(tree.parameter_names)))
     tree.n_variables += len(declared.variables)
     prefix = f"{path}." if path else ""
     for name, p in declared.parameters.items():
@@ -154,10 +149,11 @@ def _bind_all(tree: Tree, root: Component) -> None:
 
 def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
     number_ = tree.numbers[id(component)]
-    instance, record = tree.instances[number_], tree.records[number_]
+    instance = tree.instances[number_]
+    record = instance.record
     bindings = interior.bindings_of(component)
     prefix = f"{instance.path}." if instance.path else ""
-    for offset, (name, declared) in enumerate(instance.parameters.items()):
+    for offset, (name, declared) in enumerate(instance.declared.parameters.items()):
         value = bindings.get(name, declared.default)
         scope = parent if name in bindings else component
         read = set(interior.choices_read_of(component)) if callable(value) else None
@@ -166,10 +162,10 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
             read is not None and name not in record.own_names and not interior.parts_of(component)
         ):  # what only its default reads has no effect
             interior.choices_read_of(component).intersection_update(read)
-    for name, variable in instance.variables.items():
+    for name, variable in instance.declared.variables.items():
         if isinstance(variable, Input):
             bound = bindings[name] if name in bindings else _evaluated(variable.default, component, prefix + name)
-            own = instance.first_variable + record.variable_index[name]
+            own = instance.variable(name)
             if (number_, name) in tree.signals:
                 if name in bindings and bindings[name] is not None:
                     raise BindingError(
@@ -184,11 +180,11 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
                 )
         if (number_, name) in tree.signals:
             scope, signal = tree.signals[number_, name]
-            _bind_input(tree, component, scope, own_variable(instance, record, name), prefix + name, signal, variable.unit)
+            _bind_input(tree, component, scope, instance.variable(name), prefix + name, signal, variable.unit)
         if variable.start is not None and name not in interior.starts_of(component):
-            _set_start(tree, prefix, name, own_variable(instance, record, name), variable.start, None, True, variable.unit)
+            _set_start(tree, prefix, name, instance.variable(name), variable.start, None, True, variable.unit)
         elif variable.guess and name not in interior.starts_of(component) and name not in interior.guesses_of(component):
-            _set_start(tree, prefix, name, own_variable(instance, record, name), variable.guess, None, False, variable.unit)
+            _set_start(tree, prefix, name, instance.variable(name), variable.guess, None, False, variable.unit)
     for given, fixed in ((interior.guesses_of(component), False), (interior.starts_of(component), True)):
         for name, value in given.items():
             name = name if isinstance(name, str) else shown(name)
@@ -199,12 +195,12 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
                         f"{prefix}{name} is discrete, and is not searched for; give its value as start={{'{name}': ...}}"
                     )
                 continue
-            if name in instance.variables:
-                own = own_variable(instance, record, name)
-                _set_start(tree, prefix, name, own, value, parent, fixed, instance.variables[name].unit)
+            if name in instance.declared.variables:
+                own = instance.variable(name)
+                _set_start(tree, prefix, name, own, value, parent, fixed, instance.declared.variables[name].unit)
                 continue
-            if name in instance.derivatives or (name.startswith("der(") and local in instance.variables):
-                of = instance.derivatives.get(name, name).removesuffix(")").removeprefix("der(")
+            if name in instance.declared.derivatives or (name.startswith("der(") and local in instance.declared.variables):
+                of = instance.declared.derivatives.get(name, name).removesuffix(")").removeprefix("der(")
                 raise BindingError(
                     f"{instance.path or instance.kind}: {'start' if fixed else 'guess'} value for '{name}', which is the derivative of "
                     f"'{of}' and follows from the equations; start={{'{of}': ...}} gives the start value of '{of}', and "
@@ -216,28 +212,23 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
                 inside = [] if part is component else [f"{head}.{n}" for n in _variables_of(tree, part)]
                 raise BindingError(
                     f"{instance.path or instance.kind}: {'start' if fixed else 'guess'} value for '{name}', which is not a variable of "
-                    f"{instance.kind}; {nearest(local, inside or instance.variables)}"
+                    f"{instance.kind}; {nearest(local, inside or instance.declared.variables)}"
                 )
             _set_start(tree, prefix, name, inner, value, parent, fixed, _unit(tree, inner))
             tree.started.add(inner)
     if interior.nominals_of(component) or interior.preferences_of(component):
-        tree.choices += [(own_variable(instance, record, n), what, v) for n, what, v in choices_of(component, instance)]
+        tree.choices += [(instance.variable(n), what, v) for n, what, v in choices_of(component, instance)]
 
 
 def _variables_of(tree: Tree, part: Component) -> Iterable[str]:
-    return tree.instances[tree.numbers[id(part)]].variables
+    return tree.instances[tree.numbers[id(part)]].declared.variables
 
 
 def _unit(tree: Tree, variable: int) -> str:
     """The unit of a variable, by its number."""
     owner = bisect_right(tree.instances, variable, key=lambda instance: instance.first_variable) - 1
     instance = tree.instances[owner]
-    return list(instance.variables.values())[variable - instance.first_variable].unit
-
-
-def own_variable(instance: Instance, record: ClassRecord, name: str) -> int:
-    """The number of a variable, by its local name."""
-    return instance.first_variable + record.variable_index[name]
+    return list(instance.declared.variables.values())[variable - instance.first_variable].unit
 
 
 def _set_start(
@@ -338,12 +329,11 @@ def _resolve(tree: Tree, scope: Component, name: str) -> tuple[int, str | None]:
     """Number and kind of a name, as seen from ``scope``."""
     part, local = descend(scope, name)
     if id(part) in tree.numbers:
-        number_ = tree.numbers[id(part)]
-        record, instance = tree.records[number_], tree.instances[number_]
-        if local in record.variable_index:
-            return instance.first_variable + record.variable_index[local], "variable"
-        if local in record.parameter_index:
-            return instance.first_parameter + record.parameter_index[local], "parameter"
+        instance = tree.instances[tree.numbers[id(part)]]
+        if local in instance.declared.variables:
+            return instance.variable(local), "variable"
+        if local in instance.declared.parameters:
+            return instance.parameter(local), "parameter"
     return -1, None
 
 
@@ -353,7 +343,7 @@ def _discrete(tree: Tree, scope: Component, name: str) -> int:
     if id(part) not in tree.numbers:
         return -1
     number_ = tree.numbers[id(part)]
-    known = tree.records[number_].discretes
+    known = tree.instances[number_].record.discretes
     return tree.first_discrete[number_] + list(known).index(local) if local in known else -1
 
 

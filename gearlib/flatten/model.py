@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import shown
 from gearlib.equations.bindings import parameter_function
+from gearlib.equations.class_record import ClassRecord
 from gearlib.equations.kernel import Kernel, differentiated, scalar_source
 from gearlib.equations.template import Column, Template, parse_column
 from gearlib.errors import NameLookupError, nearest
-from gearlib.language.declarations import Connector, Parameter, Variable
+from gearlib.language.declarations import Declared, Variable
 from gearlib.recent import recent
 
 Integers = NDArray[np.int64]
@@ -40,17 +41,25 @@ def alphabetical(name: str) -> tuple[tuple[int, int, str], ...]:
 
 @dataclass(frozen=True)
 class Instance:
-    """An instance of a class: its path, its declarations, and its first variable and parameter numbers."""
+    """An instance of a class: its path, the record of its class, and its first variable and parameter numbers."""
 
     path: str
     kind: str  # class name
-    variables: dict[str, Variable]
-    parameters: dict[str, Parameter]
+    record: ClassRecord
     first_variable: int
     first_parameter: int
-    derivatives: Mapping[str, str] = field(default_factory=dict)  # aliases of derivatives, such as {"a": "der(w)"}
-    connectors: Mapping[str, Connector] = field(default_factory=dict)
-    templates: tuple[Template, ...] = ()  # its own equations, as analysed
+
+    @property
+    def declared(self) -> Declared:
+        return self.record.declared
+
+    def variable(self, name: str) -> int:
+        """Number of one of its variables, by its local name."""
+        return self.first_variable + self.record.variable_index[name]
+
+    def parameter(self, name: str) -> int:
+        """Number of one of its parameters, by its local name."""
+        return self.first_parameter + self.record.parameter_index[name]
 
 
 @dataclass(frozen=True)
@@ -364,7 +373,7 @@ class FlatModel:
         place, own = 0, np.arange(len(self.representative))
         for k in by_path:
             instance = self.instances[k]
-            count = len(instance.variables)
+            count = len(instance.declared.variables)
             own[instance.first_variable : instance.first_variable + count] = np.arange(place, place + count)
             place += count
         found = np.full(len(self.representative), -1)
@@ -378,14 +387,14 @@ class FlatModel:
         if variable >= self.auxiliary:
             return f"flow_sum[{variable - self.auxiliary}]"
         instance = self.instances[bisect_right(self._firsts, variable) - 1]
-        local = list(instance.variables)[variable - instance.first_variable]
+        local = list(instance.declared.variables)[variable - instance.first_variable]
         return f"{instance.path}.{local}" if instance.path else local
 
     def declaration(self, variable: int) -> Variable | None:
         if variable >= self.auxiliary:
             return None
         instance = self.instances[bisect_right(self._firsts, variable) - 1]
-        return list(instance.variables.values())[variable - instance.first_variable]
+        return list(instance.declared.variables.values())[variable - instance.first_variable]
 
     def variable(self, name: str, what: str = "variable") -> int:
         """Number of the variable with a path."""
@@ -415,7 +424,7 @@ class FlatModel:
         base, order = parse_column(name)
         path, _, local = base.rpartition(".")
         instance = self._by_path.get(path)
-        if instance is not None and local in (known := self.instances[instance].derivatives):
+        if instance is not None and local in (known := self.instances[instance].declared.derivatives):
             inner, more = parse_column(known[local])
             return f"{path}.{inner}" if path else inner, order + more
         return base, order
@@ -424,17 +433,16 @@ class FlatModel:
         """Number of the variable with a path, or None."""
         parts = name.split(".")
         for cut in range(len(parts) - 1, -1, -1):
-            instance = self._by_path.get(".".join(parts[:cut]))
-            if instance is not None:
-                local = ".".join(parts[cut:])
-                record = self.instances[instance]
-                if local in record.variables:
-                    return record.first_variable + list(record.variables).index(local)
+            number = self._by_path.get(".".join(parts[:cut]))
+            if number is not None:
+                local, instance = ".".join(parts[cut:]), self.instances[number]
+                if local in instance.declared.variables:
+                    return instance.variable(local)
         return None
 
     def _names_of(self, instance: Instance) -> Iterator[str]:
         prefix = f"{instance.path}." if instance.path else ""
-        return (prefix + local for local in instance.variables)
+        return (prefix + local for local in instance.declared.variables)
 
     def names(self) -> Iterator[str]:
         """Paths of all variables, in order."""
@@ -447,10 +455,10 @@ class FlatModel:
         known: dict[int, list[tuple[int, float]]] = {}
         found = []
         for instance in self.instances:
-            if id(instance.variables) not in known:
-                least = [(i, v.min) for i, v in enumerate(instance.variables.values()) if v.min > -math.inf]
-                known[id(instance.variables)] = least
-            found += [(instance.first_variable + i, least) for i, least in known[id(instance.variables)]]
+            if id(instance.record) not in known:
+                least = [(i, v.min) for i, v in enumerate(instance.declared.variables.values()) if v.min > -math.inf]
+                known[id(instance.record)] = least
+            found += [(instance.first_variable + i, least) for i, least in known[id(instance.record)]]
         return tuple(found)
 
     @cached_property

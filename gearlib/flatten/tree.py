@@ -6,7 +6,6 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import Any
 
-from gearlib.equations.class_record import ClassRecord
 from gearlib.equations.template import Template
 from gearlib.flatten.model import Instance
 from gearlib.language.component import Component
@@ -36,7 +35,6 @@ class Tree:
     port_numbers: dict[tuple[int, str], int] = field(default_factory=dict)
     numbers: dict[int, int] = field(default_factory=dict)  # id(component) -> instance
     signals: dict[tuple[int, str], tuple[Component, Any]] = field(default_factory=dict)  # (instance, input) -> scope, signal
-    records: list[ClassRecord] = field(default_factory=list)
     n_variables: int = 0
     discrete_names: list[str] = field(default_factory=list)
     discrete_starts: list[float] = field(default_factory=list)

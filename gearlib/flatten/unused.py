@@ -30,7 +30,7 @@ def refuse_unused(tree: Tree, root: Component) -> None:
     used: Used | None = None
     for component in _components(root):
         number = tree.numbers[id(component)]
-        record = tree.records[number]
+        record = tree.instances[number].record
         for name, value in choices_given_to(component).items():
             default = declarations_of(component)[name].default
             if name in choices_read_of(component) or name in record.choices or type(value) is Offered or _same(value, default):
@@ -58,7 +58,7 @@ class Used:
         first_variable = np.array([i.first_variable for i in tree.instances], np.int64)
         first_parameter = np.array([i.first_parameter for i in tree.instances], np.int64)
         for template, owners in tree.local_rows.items():
-            record, who = tree.records[owners[0]], np.array(owners, np.int64)
+            record, who = tree.instances[owners[0]].record, np.array(owners, np.int64)
             for name in template.parameters:
                 self.parameters[first_parameter[who] + record.parameter_index[name]] = True
             for name in template.locals:
@@ -100,10 +100,10 @@ class Used:
 
     def has(self, number: int, name: str) -> bool:
         """Whether a component's parameter or input is used."""
-        instance, record = self._tree.instances[number], self._tree.records[number]
-        if name in record.parameter_index:
-            return bool(self.parameters[instance.first_parameter + record.parameter_index[name]])
-        return bool(self.variables[instance.first_variable + record.variable_index[name]])
+        instance = self._tree.instances[number]
+        if name in instance.declared.parameters:
+            return bool(self.parameters[instance.parameter(name)])
+        return bool(self.variables[instance.variable(name)])
 
 
 def _read_by_defaults(component: Component, number: int, used: Used) -> set[str]:
@@ -183,7 +183,7 @@ def _counts(component: Component, name: str, other: dict[str, Any]) -> bool:
         except GearlibError:
             return name in choices_read_of(trial)
         if isinstance(declarations[name], Structural):
-            read = name in choices_read_of(trial) or name in tree.records[0].choices
+            read = name in choices_read_of(trial) or name in tree.instances[0].record.choices
             return read or name in _read_by_defaults(trial, 0, Used(tree))
         return Used(tree).has(0, name)
     except Exception:  # a component with its own constructor, or one that needs other values: no advice then

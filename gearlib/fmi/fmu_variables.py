@@ -112,7 +112,9 @@ def fmu_variables(exported: ExportedModel, n_indicators: int) -> FmuVariables:
 
 def _parameters(exported: ExportedModel) -> Iterator[FmuVariable]:
     model, table = exported.model, exported.model.parameters
-    declared = {(f"{i.path}.{name}" if i.path else name): p for i in model.instances for name, p in i.parameters.items()}
+    declared = {
+        (f"{i.path}.{name}" if i.path else name): p for i in model.instances for name, p in i.declared.parameters.items()
+    }
     for reference, p in enumerate(exported.parameters, 1):
         known = declared.get(table.names[p], Parameter())
         kinds, description, start = ("parameter", "tunable", "exact"), known.description, float(exported.numbers[p])

@@ -57,7 +57,7 @@ def terminals(exported: ExportedModel, variables: FmuVariables) -> tuple[FlangeT
         if instance.path not in driven:
             continue
         groups: dict[str, dict[str, Potential | Flow]] = {}
-        for name, declared in instance.variables.items():
+        for name, declared in instance.declared.variables.items():
             connector, _, member = name.rpartition(".")
             if connector and isinstance(declared, (Potential, Flow)):
                 groups.setdefault(connector, {})[member] = declared

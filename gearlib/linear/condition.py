@@ -69,7 +69,7 @@ def conditions(scene: Scene, parameters: Floats, point: Point) -> Conditions:
 
 def _worded(model: FlatModel) -> list[tuple[int, str, Variable]]:
     """(variable, path of its component, declaration) of all variables with words, except constant ones."""
-    kinds = {i.kind for i in model.instances if any(d.words for d in i.variables.values())}
+    kinds = {i.kind for i in model.instances if any(d.words for d in i.declared.variables.values())}
     if not kinds:
         return []
     changing = np.zeros(model.n_variables, bool)
@@ -81,7 +81,7 @@ def _worded(model: FlatModel) -> list[tuple[int, str, Variable]]:
         (int(model.representative[v]), instance.path, declared)
         for instance in model.instances
         if instance.kind in kinds
-        for v, declared in enumerate(instance.variables.values(), instance.first_variable)
+        for v, declared in enumerate(instance.declared.variables.values(), instance.first_variable)
         if declared.words and model.sign[v] and changing[model.representative[v]]
     ]
 

@@ -76,7 +76,7 @@ class Forced:
     def _in_hertz(self) -> bool:
         """Whether the frequency parameter is declared in Hz."""
         for instance in self.translation.model.instances:
-            for name, declared in instance.parameters.items():
+            for name, declared in instance.declared.parameters.items():
                 if (f"{instance.path}.{name}" if instance.path else name) == self.frequency:
                     return declared.unit == "Hz"
         return False

@@ -58,10 +58,10 @@ class Account:
 
 def account(instance: Instance, inner: Iterable[str]) -> Account:
     """Balance of a component's class; ``inner`` are the connectors that are connected to its parts."""
-    unknowns = tuple(n for n, v in instance.variables.items() if not isinstance(v, (Potential, Input)))
-    joined = [f"{c}.{n}" for c in inner for n, v in instance.connectors[c].variables.items() if isinstance(v, Flow)]
-    written = tuple(t.label.removeprefix(f"{instance.kind}: ") for t in instance.templates)
-    occurring = {n for t in instance.templates for n in t.locals}.union(joined)
+    unknowns = tuple(n for n, v in instance.declared.variables.items() if not isinstance(v, (Potential, Input)))
+    joined = [f"{c}.{n}" for c in inner for n, v in instance.declared.connectors[c].variables.items() if isinstance(v, Flow)]
+    written = tuple(t.label.removeprefix(f"{instance.kind}: ") for t in instance.record.templates)
+    occurring = {n for t in instance.record.templates for n in t.locals}.union(joined)
     untouched = tuple(n for n in unknowns if n not in occurring)
     return Account(
         instance.kind, (*written, *(f"connection of {flow.rpartition('.')[0]}" for flow in joined)), unknowns, untouched
@@ -142,7 +142,7 @@ def _given_twice(model: FlatModel, balance: Imbalance) -> list[str]:
 def _is_of_connector(model: FlatModel, variable: str) -> bool:
     """Whether a variable belongs to a connector, rather than to the component itself."""
     owner, _, local = variable.rpartition(".")[0].rpartition(".")
-    return any(instance.path == owner and local in instance.connectors for instance in model.instances)
+    return any(instance.path == owner and local in instance.declared.connectors for instance in model.instances)
 
 
 def _loose_ends(model: FlatModel, balance: Imbalance, guess: bool) -> Iterator[str]:
@@ -179,8 +179,8 @@ def _loose_ends(model: FlatModel, balance: Imbalance, guess: bool) -> Iterator[s
         instance = model.instances[number]
         path = instance.path
         inside = path.startswith(tuple(f"{f}." for f in forgotten))
-        alone = len(connectors) == len(instance.connectors)
-        own = range(instance.first_variable, instance.first_variable + len(instance.variables))
+        alone = len(connectors) == len(instance.declared.connectors)
+        own = range(instance.first_variable, instance.first_variable + len(instance.declared.variables))
         undetermined = any(int(model.representative[v]) in open_ and model.sign[v] for v in own)
         if alone and (undetermined or number in blamed):
             forgotten.append(path)
@@ -201,8 +201,10 @@ def _massless(model: FlatModel, e: int, loose: dict[int, list[str]]) -> bool:
     if group.template.binds:
         return not model.nodes(e, 0) or not any(v not in set(model.inputs.tolist()) for v, _ in model.nodes(e, 0))
     instance = model.instances[int(group.owners[i])]
-    flows = {f"{c}.{n}" for c in connectors for n, v in instance.connectors[c].variables.items() if isinstance(v, Flow)}
-    return any(name in flows for t in instance.templates if t.label == group.template.label for name in t.locals)
+    flows = {
+        f"{c}.{n}" for c in connectors for n, v in instance.declared.connectors[c].variables.items() if isinstance(v, Flow)
+    }
+    return any(name in flows for t in instance.record.templates if t.label == group.template.label for name in t.locals)
 
 
 def _nothing(instance: Instance, connectors: list[str]) -> str:
@@ -213,7 +215,7 @@ def _nothing(instance: Instance, connectors: list[str]) -> str:
 
 
 def _switch(instance: Instance, connector: str) -> str:
-    switch = instance.connectors[connector].when
+    switch = instance.declared.connectors[connector].when
     return f", or leave it switched off ({switch}=False of {instance.path or instance.kind})" if switch else ""
 
 

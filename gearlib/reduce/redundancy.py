@@ -106,7 +106,9 @@ def without(model: FlatModel, dropped: Collection[int]) -> FlatModel:
 def flows_beside(model: FlatModel, places: Iterable[tuple[int, int]]) -> frozenset[int]:
     """The flows of the components that some equations come from."""
     owners = (model.instances[o] for g, i in places if (o := int(model.groups[g].owners[i])) >= 0)
-    own = {int(v) for o in owners for v in model.representative[o.first_variable : o.first_variable + len(o.variables)]}
+    own = {
+        int(v) for o in owners for v in model.representative[o.first_variable : o.first_variable + len(o.declared.variables)]
+    }
     return frozenset(v for v in own if model.flow[v])
 
 

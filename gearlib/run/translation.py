@@ -316,7 +316,7 @@ class Translation:
     @cached_property
     def parameter_units(self) -> dict[str, str]:
         """Units of the declared parameters, by path."""
-        declared = [(i.path, name, p.unit) for i in self.model.instances for name, p in i.parameters.items()]
+        declared = [(i.path, name, p.unit) for i in self.model.instances for name, p in i.declared.parameters.items()]
         return {f"{path}.{name}" if path else name: unit for path, name, unit in declared}
 
     def node(self, name: str, what: str = "variable") -> Node:

@@ -271,7 +271,7 @@ def _mechanical(model: FlatModel) -> list[tuple[int, int, int, str]]:
     found = []
     for i, instance in enumerate(model.instances):
         ports: dict[str, dict[type, list[tuple[int, str]]]] = {}
-        for offset, (name, declared) in enumerate(instance.variables.items()):
+        for offset, (name, declared) in enumerate(instance.declared.variables.items()):
             kind = Potential if isinstance(declared, Potential) else Flow if isinstance(declared, Flow) else None
             if kind is not None:
                 port = ports.setdefault(name.rpartition(".")[0], {Potential: [], Flow: []})

@@ -170,7 +170,7 @@ def _group(
 
 def _forces(model: FlatModel, g: int, name: str) -> NDArray[np.bool_]:
     """Whether a variable of a group's components is a torque or a force, even an identically zero one of an unconnected port."""
-    owners = [model.instances[i].variables.get(name) if i >= 0 else None for i in model.groups[g].owners.tolist()]
+    owners = [model.instances[i].declared.variables.get(name) if i >= 0 else None for i in model.groups[g].owners.tolist()]
     return np.array([d is not None and (isinstance(d, Flow) or d.unit in ("N.m", "N")) for d in owners], bool)
 
 

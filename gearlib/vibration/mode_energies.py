@@ -137,8 +137,8 @@ def _silent(model: FlatModel, group: EquationGroup) -> Any:
     for j, name in enumerate(group.template.locals):
         for i in np.flatnonzero(group.signs[:, j] == 0).tolist():
             instance = model.instances[int(group.owners[i])] if group.owners[i] >= 0 else None
-            if instance is not None and isinstance(instance.variables.get(name), Flow):
-                result[i, j] = -1 - instance.first_variable - list(instance.variables).index(name)
+            if instance is not None and isinstance(instance.declared.variables.get(name), Flow):
+                result[i, j] = -1 - instance.variable(name)
     return result
 
 
@@ -146,7 +146,7 @@ def _ports(model: FlatModel, instance: Instance) -> list[tuple[int, int, float]]
     """(potential, flow, sign of their product) of each mechanical pair in an instance's connectors."""
     halves: dict[str, tuple[list[int], list[int]]] = defaultdict(lambda: ([], []))
     units: dict[str, tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
-    for offset, (name, declared) in enumerate(instance.variables.items()):
+    for offset, (name, declared) in enumerate(instance.declared.variables.items()):
         if "." in name and isinstance(declared, (Potential, Flow)):
             side = int(isinstance(declared, Flow))
             port = name.rsplit(".", 1)[0]
@@ -165,7 +165,7 @@ def _given(model: FlatModel, instance: Instance) -> set[int]:
     """Variables that a component does not determine: potentials of its connectors, and its inputs."""
     return {
         int(model.representative[instance.first_variable + offset])
-        for offset, declared in enumerate(instance.variables.values())
+        for offset, declared in enumerate(instance.declared.variables.values())
         if isinstance(declared, (Potential, Input))
     }
 

@@ -247,7 +247,11 @@ class Modes:
         result = []
         for number, moves in zip(self._energies.numbers, self._energies.bodies, strict=True):
             instance = self._model.instances[number]
-            own = [(n, d.unit) for n, d in instance.variables.items() if isinstance(d, Potential) and d.unit in ("rad", "m")]
+            own = [
+                (n, d.unit)
+                for n, d in instance.declared.variables.items()
+                if isinstance(d, Potential) and d.unit in ("rad", "m")
+            ]
             first = [(n, unit) for n, unit in own if n.split(".")[0] == own[0][0].split(".")[0]]
             if moves:
                 value = self.shape(mode, *(f"{instance.path}.{n}" if instance.path else n for n, _ in first))
@@ -433,7 +437,7 @@ class Modes:
         """Angles of all flanges by the paths of these, where the amplitude is known."""
         model, found = self._model, {}
         for instance in model.instances:
-            for variable, (local, declared) in enumerate(instance.variables.items(), instance.first_variable):
+            for variable, (local, declared) in enumerate(instance.declared.variables.items(), instance.first_variable):
                 known = not model.sign[variable] or self._orders[model.representative[variable]] >= 0
                 if known and isinstance(declared, Potential) and declared.unit == "rad":
                     name = f"{instance.path}.{local}".lstrip(".")
@@ -532,7 +536,7 @@ def _forces(model: FlatModel, orders: Any) -> Any:
     flows = [
         int(model.representative[v])
         for instance in model.instances
-        for v, declared in enumerate(instance.variables.values(), instance.first_variable)
+        for v, declared in enumerate(instance.declared.variables.values(), instance.first_variable)
         if isinstance(declared, Flow) and model.sign[v]
     ]
     found = np.unique(np.array(flows, np.int64))
