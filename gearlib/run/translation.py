@@ -129,9 +129,12 @@ class Variants:
         if substituted not in self.known:
             model = model or flatten(self.component, substituted)
             structure = analyse(model, parameters)
-            scene = asked_scene(structure, self.outputs, read_by_controllers(self.component))
-            self.known[substituted] = Translation(structure, scene, self.outputs, self.component, self, substituted)
+            self.known[substituted] = Translation(structure, self.scene(structure), self, substituted)
         return self.known[substituted]
+
+    def scene(self, structure: Structure) -> Scene:
+        """The scene of a translation: for the requested outputs, and what sampled controllers read."""
+        return asked_scene(structure, self.outputs, read_by_controllers(self.component))
 
     def fitting(self, parameters: Floats) -> Translation:
         """A translation that can be solved with these parameters: the general one, or one with the special values substituted.
@@ -205,12 +208,8 @@ class Translation:
         Index-reduced equations and their matching.
     scene : Scene
         Integrated states, and the computation of the outputs.
-    outputs : tuple of str or None
-        Requested outputs; None for everything.
-    component : Component
-        The component that was translated.
     variants : Variants
-        Other translations of the same component.
+        The component, and its other translations.
     substituted : frozenset of (int, float)
         Parameters whose values are substituted into the equations, since a coefficient vanishes there.
     rounds : tuple
@@ -227,8 +226,6 @@ class Translation:
 
     structure: Structure
     scene: Scene
-    outputs: tuple[str, ...] | None
-    component: Component
     variants: Variants
     substituted: Special
     rounds: Rounds = ()
@@ -237,6 +234,16 @@ class Translation:
     scenes: dict[tuple[States, tuple[int, ...], States], Scene] = field(default_factory=dict)
     switched: dict[States, Scene] = field(default_factory=dict)
     asked: list[Any] = field(default_factory=list)  # the last checked arguments of a run, made by `checked_request`
+
+    @property
+    def component(self) -> Component:
+        """The component that was translated."""
+        return self.variants.component
+
+    @property
+    def outputs(self) -> tuple[str, ...] | None:
+        """Requested outputs; None for everything."""
+        return self.variants.outputs
 
     @property
     def name(self) -> str:
@@ -303,9 +310,8 @@ class Translation:
             structure, redundant=self.structure.redundant, closed=self.structure.closed, complete=self.structure.complete
         )
         decisive = self.decisive | {(p, float(parameters[p])) for each in sums for p in each.decisive}
-        scene = asked_scene(structure, self.outputs, read_by_controllers(self.component))
-        return Translation(structure, scene, self.outputs, self.component, self.variants, self.substituted, (*self.rounds, sums),
-                           (*self.before, self.structure), decisive)  # fmt: skip
+        scene, before = self.variants.scene(structure), (*self.before, self.structure)
+        return Translation(structure, scene, self.variants, self.substituted, (*self.rounds, sums), before, decisive)
 
     def unit(self, name: str) -> str:
         """Unit of a variable or derivative, if known."""
