@@ -104,6 +104,14 @@ def test_forbidden_imports_are_absent(contract: dict[str, list[str]]) -> None:
     assert found == []
 
 
+def test_tests_import_public_names_only() -> None:
+    for path in sorted((ROOT / "tests").rglob("*.py")):
+        names = {
+            n for n in imports(path.read_text(encoding="utf-8"), "tests") if inside(n, "gearlib") or inside(n, "gearparts")
+        }
+        assert not [name for name in names if re.search(r"\._(?!_)", name)], path
+
+
 def test_top_level_folders_are_the_five() -> None:
     folders = {path.name for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith(".")}
     assert folders - BUILT == FOLDERS

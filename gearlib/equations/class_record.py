@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -33,6 +33,7 @@ class ClassRecord:
     discretes: dict[str, Discrete]
     choices: frozenset[str]  # structural choices that the equations and the connectors depend on
     own_names: frozenset[str]  # own parameters and variables in the equations
+    fitting: set[Any] = field(default_factory=set)  # parts with values given to them, whose units were found to fit
 
 
 Met = dict[Any, ClassRecord]  # by class and arguments of an instance: the records of the current compilation
@@ -157,18 +158,13 @@ def _both(one: Template, other: Template) -> str:
     return f"{one.label} and {other.label}" if one.label != other.label else f"two equations {one.label}"
 
 
-_fitting: WeakKeyDictionary[type[Component], set[Any]] = WeakKeyDictionary()  # values found to fit
-
-
-def check_values(component: Component) -> None:
+def check_values(component: Component, record: ClassRecord) -> None:
     """Refuse values given to parts whose units do not fit; values of assemblies already checked are skipped."""
     pairs = tuple(values_given(component))
     parts = tuple((n, type(p), tuple(structural_of(p).items())) for n, p in parts_of(component).items())
-    key = (parts, pairs)
-    known = _fitting.setdefault(type(component), set())
-    if pairs and key not in known:
+    if pairs and (parts, pairs) not in record.fitting:
         refuse_misfits(unit_errors(component, pairs))
-        known.add(key)
+        record.fitting.add((parts, pairs))
 
 
 def refuse_misfits(errors: Sequence[str]) -> None:

@@ -73,18 +73,19 @@ def stability_sensitivity(
     eigenvalues = eigenvalue_changes(whole.A, [change.A], poles.values)[0]
     if loop is None:
         return StabilitySensitivity(parameter, unit, value, eigenvalues, np.empty(0, complex), *[np.nan] * 4)
-    closed = _closed(whole), _closed_change(whole, change)
+    closed = closed_loop(whole), closed_loop_change(whole, change)
     ends = eigenvalue_changes(closed[0], [closed[1]], loop[0].closed_poles.values)[0]
     return StabilitySensitivity(parameter, unit, value, eigenvalues, ends, *_margins(whole, change, *loop))
 
 
-def _closed(m: Matrices) -> Complexes:
+def closed_loop(m: Matrices) -> Complexes:
     """State matrix of the loop closed by negative feedback."""
     A, B, C, D = (_full(x) for x in (m.A, m.B, m.C, m.D))
     return np.asarray(A - B @ C / (1 + D[0, 0]))
 
 
-def _closed_change(m: Matrices, change: Matrices) -> Complexes:
+def closed_loop_change(m: Matrices, change: Matrices) -> Complexes:
+    """Its derivative, where the matrices of the open loop change."""
     B, C, D, dA, dB, dC, dD = (_full(x) for x in (m.B, m.C, m.D, change.A, change.B, change.C, change.D))
     k = 1 / (1 + D[0, 0])
     return np.asarray(dA - k * (dB @ C + B @ dC) + k**2 * dD[0, 0] * (B @ C))

@@ -33,7 +33,7 @@ def walk(root: Component) -> Tree:
     stack: list[tuple[Component, str]] = [(root, "")]
     composites: list[tuple[Component, int, Sequence[Connection]]] = []
     met: Met = {}
-    first_of_kind: list[Component] = []
+    first_of_kind: list[tuple[Component, ClassRecord]] = []
     interior.forget(root)
     while stack:
         component, path = stack.pop()
@@ -46,7 +46,7 @@ def walk(root: Component) -> Tree:
         known = len(met)
         record = class_record(component, met)
         if len(met) > known:
-            first_of_kind.append(component)
+            first_of_kind.append((component, record))
         number_ = _add_instance(tree, component, record, path)
         if interior.parts_of(component):
             prefix = f"{path}." if path else ""
@@ -57,8 +57,8 @@ def walk(root: Component) -> Tree:
         _add_links(tree, component, number_, connections)
         _add_signals(tree, component, number_)
     _bind_all(tree, root)
-    for component in first_of_kind:
-        check_values(component)
+    for component, record in first_of_kind:
+        check_values(component, record)
     for component, number_, _ in composites:
         instance = tree.instances[number_]
         record = instance.record

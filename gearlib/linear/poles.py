@@ -145,7 +145,7 @@ def deflate(matrix: Floats) -> tuple[Floats, Floats, tuple[int, ...]]:
     chains: list[int] = []
     limit = RANK * max(10, n) / 10 * _norm(matrix)
     while len(rest):
-        rows, null = _rows_and_null(rest, limit)
+        rows, null = rows_and_null(rest, limit)
         if not null.shape[1]:
             break
         chains.append(null.shape[1])
@@ -165,7 +165,7 @@ def _norm(matrix: Floats) -> float:
     return float(np.sqrt(np.linalg.norm(x)))
 
 
-def _rows_and_null(matrix: Floats, limit: float) -> tuple[Floats, Floats]:
+def rows_and_null(matrix: Floats, limit: float) -> tuple[Floats, Floats]:
     """Orthonormal bases of the row space and null space of a matrix, with singular values up to ``limit`` counted as zero.
 
     An inverse, or a QR decomposition with column pivoting, bounds the singular values on both sides of the limit for a tenth of the

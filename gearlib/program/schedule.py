@@ -34,7 +34,7 @@ def schedule(batches: Sequence[Batch], others: Sequence[Linear | Newton], n_slot
             own = set(block.unknowns.tolist())
             outside = {a for b_ in (*block.residuals, *block.jacobian) for a in b_.arguments[b_.argument_signs != 0].tolist()}
             arguments.append(sorted(outside - own))
-    level = _levels(arguments, maker.tolist(), n_known)
+    level = levels(arguments, maker.tolist(), n_known)
     buckets: dict[tuple[int, int], list[int]] = defaultdict(list)
     for s, (b, i) in enumerate(kinds):
         buckets[level[s], b].append(i)
@@ -81,7 +81,8 @@ def renumber(steps: Sequence[Step], n_slots: int, n_known: int) -> tuple[Integer
     return place, tuple(result)
 
 
-def _levels(arguments: Sequence[Sequence[int]], maker: Sequence[int], n_known: int) -> list[int]:
+def levels(arguments: Sequence[Sequence[int]], maker: Sequence[int], n_known: int) -> list[int]:
+    """Length of the longest chain of steps behind each step: those of one level do not need each other."""
     level = [UNSEEN] * len(arguments)
     for start in range(len(arguments)):
         stack = [start]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import is_
@@ -233,8 +233,7 @@ class Scene:
     @cached_property
     def root_names(self) -> tuple[str, ...]:
         """Component and equation of each root function."""
-        relations = self.relations
-        return () if relations is None else tuple(self.relation_names[int(n)] for n in relations.used[~relations.on_time])
+        return root_names(self.relations, self.relation_names)
 
     @cached_property
     def relation_names(self) -> dict[int, str]:
@@ -388,6 +387,11 @@ def relation_names(structure: Structure, relations: Relations | None) -> dict[in
         for i, number in enumerate(batch.targets.tolist()):
             owner[number] = labelled(structure, batch, i)
     return owner
+
+
+def root_names(relations: Relations | None, names: Mapping[int, str]) -> tuple[str, ...]:
+    """Those of the names of relations that belong to root functions: relations on time have none."""
+    return () if relations is None else tuple(names[int(n)] for n in relations.used[~relations.on_time])
 
 
 def discrete_at_start(

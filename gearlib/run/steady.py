@@ -305,12 +305,12 @@ def _found(search: Search) -> End:
     linear = program.is_linear and search.scene.relations is None
     if linear and (end := _closed(search, x)).steady:
         return end
-    if not linear and ((end := _continued(search, x, stable=True)).steady or end.forbidden or end.sticks):
+    if not linear and ((end := continued(search, x, stable=True)).steady or end.forbidden or end.sticks):
         return end
-    return _continued(search, x, stable=False)
+    return continued(search, x, stable=False)
 
 
-def _continued(search: Search, x: Floats, stable: bool) -> End:
+def continued(search: Search, x: Floats, stable: bool) -> End:
     """Pseudo-transient continuation; ``stable`` steps follow a diverging motion and do not turn back."""
     f, gradient = search.rates(x)
     fastest = max(search.largest(gradient), float(np.abs(search.stationary.T @ f).max(initial=0.0)), NEVER)

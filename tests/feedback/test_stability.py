@@ -13,7 +13,7 @@ import gearlib as gl
 from gearlib.feedback.feedback_loop import as_loop
 from gearlib.feedback.margins import margins
 from gearlib.feedback.nyquist import nyquist_count
-from gearlib.linear.poles import _rows_and_null, poles
+from gearlib.linear.poles import poles, rows_and_null
 
 
 def test_zeros_are_exact_and_their_chains_are_known() -> None:
@@ -52,7 +52,7 @@ def test_null_spaces_are_those_of_singular_values(zeros: int, open_: bool) -> No
     if open_ and zeros < n:
         sizes[n - zeros - 1] = 1.2 * limit
     sizes[n - zeros :] = 0.8 * limit if open_ else 0.0
-    rows, null = _rows_and_null(u @ np.diag(sizes) @ v.T, limit)
+    rows, null = rows_and_null(u @ np.diag(sizes) @ v.T, limit)
     assert (rows.shape, null.shape) == ((n, n - zeros), (n, zeros))
     both = np.hstack([rows, null])
     assert both.T @ both == pytest.approx(np.eye(n), abs=1e-13)

@@ -13,7 +13,7 @@ import gearparts as gp
 from gearlib.equations.template import template_of
 from gearlib.errors import ModelError
 from gearlib.flatten.specialise import merged, specialised
-from gearlib.program.schedule import _levels
+from gearlib.program.schedule import levels
 
 c = gl.connect
 
@@ -101,10 +101,10 @@ def test_a_coefficient_that_is_a_parameter_cancels_only_where_it_does() -> None:
 
 def test_an_order_of_computation_that_goes_in_a_circle_is_an_error_not_a_loop_without_end() -> None:
     with pytest.raises(ModelError, match="computed from itself"):
-        _levels([[1], [0]], [0, 1], 0)
+        levels([[1], [0]], [0, 1], 0)
     with pytest.raises(ModelError, match="that no equation determines"):
-        _levels([[1]], [0, -1], 0)
-    assert _levels([[], [0], [0, 1]], [0, 1, 2], 0) == [1, 2, 3]
+        levels([[1]], [0, -1], 0)
+    assert levels([[], [0], [0, 1]], [0, 1, 2], 0) == [1, 2, 3]
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.errors import StartError
 from gearlib.run import steady
-from gearlib.run.steady import Search, _continued
+from gearlib.run.steady import Search, continued
 
 c = gl.connect
 
@@ -261,7 +261,7 @@ def test_what_sticks_is_left_to_a_run(begin: float) -> None:
     """Implicit steps would go back and forth across the jump for ever; a run, whose events know both sides, comes to rest there."""
     search = Counted(SimpleNamespace(nominal=np.ones(1)), None, None, None, 0.0, np.zeros((1, 0)))  # type: ignore[arg-type]
     object.__setattr__(search, "evaluations", [])
-    end = _continued(search, np.array([begin]), stable=True)
+    end = continued(search, np.array([begin]), stable=True)
     assert (end.steady, end.sticks) == (False, True)
     assert abs(end.x[0]) < 1e-2
     assert len(search.evaluations) < 150

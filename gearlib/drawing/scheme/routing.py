@@ -80,7 +80,7 @@ class Routing:
 def routed(axes: Axes) -> Routing:
     """The best arrangement found by local search; deterministic."""
     symbols = axes.symbols
-    search = _Search(axes)
+    search = RouteSearch(axes)
     start = search.first()
     best, least = start, search.cost(start)
     random = Random(1)
@@ -95,7 +95,7 @@ def routed(axes: Axes) -> Routing:
     return search.drawn(best)
 
 
-class _Search:
+class RouteSearch:
     """Cost function and neighbourhood of arrangements of one train."""
 
     def __init__(self, axes: Axes) -> None:

@@ -20,7 +20,7 @@ from gearlib.program.program import Program
 from gearlib.program.relations import Relations, relations_of
 from gearlib.program.residual_form import ResidualForm, index_reduced_form, torn_form
 from gearlib.recent import recent
-from gearlib.run.scene import Scene, data_block, discrete_at_start, guess_of, node_name, relation_names
+from gearlib.run.scene import Scene, data_block, discrete_at_start, guess_of, node_name, relation_names, root_names
 from gearlib.run.start_values import Start
 from gearlib.run.time_switches import TimeSwitches, time_switches
 from gearlib.structure.incidence import Node
@@ -64,8 +64,7 @@ class SceneForm:
 
     @cached_property
     def root_names(self) -> tuple[str, ...]:
-        relations = self.relations
-        return () if relations is None else tuple(self.relation_names[int(n)] for n in relations.used[~relations.on_time])
+        return root_names(self.relations, self.relation_names)
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:

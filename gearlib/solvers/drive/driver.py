@@ -219,6 +219,11 @@ class Driver:
         return self.stepper.work
 
     @property
+    def blamed(self) -> str:
+        """What cannot be evaluated where the run stands, as part of a message."""
+        return self.problem.blamed(self.t, self.x, self.data)
+
+    @property
     def event_times(self) -> Floats:
         """Times of the events, s."""
         if not self.record.events:
@@ -361,6 +366,14 @@ def integrate(driver: Driver) -> Solution:
         return driver.solution()
     finally:
         driver.close()
+
+
+def no_further_step(driver: Driver, where: str, too_small: bool) -> SolverError:
+    """The exception of an explicit stepper: its steps became too small, or the right-hand side cannot be evaluated."""
+    text = f"the right-hand side cannot be evaluated {where}"
+    if too_small:
+        text = f"the step became too small {where}: the solution goes to infinity, jumps, or cannot be evaluated further on"
+    return SolverError(text + driver.blamed)
 
 
 def address_of(array: NDArray[Any]) -> int:

@@ -108,7 +108,4 @@ class ExplicitStepper(PythonStepper):
         return code == RHS_FAILED
 
     def failure(self, code: int) -> SolverError:
-        t, x = self.driver.t, self.driver.x
-        return SolverError(
-            f"the right-hand side cannot be evaluated beyond t = {t:.9g} s{self.problem.blamed(t, x, self.driver.data)}"
-        )
+        return SolverError(f"the right-hand side cannot be evaluated beyond t = {self.driver.t:.9g} s{self.driver.blamed}")

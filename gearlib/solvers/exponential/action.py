@@ -191,7 +191,7 @@ def prepare(A: Triplets, order: Integers, span: float, inputs: int = 0, known: K
     scale = _balance(rows, columns, entries, mirrored, n, span)
     gain = scale[columns] / scale[rows]
     entries, mirrored = entries * gain, mirrored / gain
-    tight, safe = _enclose(diagonal, rows, columns, entries, mirrored, span)
+    tight, safe = enclosing(diagonal, rows, columns, entries, mirrored, span)
     place = np.empty(n, np.int64)
     place[order] = np.arange(n)
     parts = _split(place[rows], place[columns], entries, (diagonal - tight.centre)[order])
@@ -307,7 +307,7 @@ def _balance(rows: Integers, columns: Integers, entries: Floats, mirrored: Float
     return scale
 
 
-def _enclose(diagonal: Floats, rows: Integers, columns: Integers, entries: Floats, mirrored: Floats, span: float
+def enclosing(diagonal: Floats, rows: Integers, columns: Integers, entries: Floats, mirrored: Floats, span: float
              ) -> tuple[Ellipse, Ellipse]:  # fmt: skip
     """Two ellipses for the field of values: one that may cut its corners, and one that encloses it.
 

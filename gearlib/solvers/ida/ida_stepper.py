@@ -152,11 +152,11 @@ class IdaStepper(Stepper):
         return code in (RHS_FAILED, -8, -9, -12) or (code in (-3, -4, STALLED) and near)
 
     def failure(self, code: int) -> GearlibError:
-        driver, when = self.driver, f"at t={self.driver.t:.9g}"
+        when = f"at t={self.driver.t:.9g}"
         if code in (START_FAILED, -13, -14):
             return self._no_start(when)
         if self.leaves(code):
-            return SolverError(self._not_evaluated() + self.problem.blamed(driver.t, driver.x, driver.data))
+            return SolverError(self._not_evaluated() + self.driver.blamed)
         h, state = self.step_size(), self.worst_state()
         step = "" if h is None else f" (h={h:.3g})"
         worst = "" if state < 0 else f"; the error estimate is largest in {self.problem.state_name(state)}"
@@ -172,7 +172,7 @@ class IdaStepper(Stepper):
             -10: f"the event functions could not be evaluated {when}",
         }
         text = texts.get(code, f"IDA failed {when} (its return value: {code})")
-        return SolverError(text + (self.problem.blamed(driver.t, driver.x, driver.data) if code in (-3, -4, STALLED) else ""))
+        return SolverError(text + (self.driver.blamed if code in (-3, -4, STALLED) else ""))
 
     def _not_evaluated(self) -> str:
         t, state = self.driver.t, self.record.bad_state

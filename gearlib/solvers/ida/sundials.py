@@ -114,8 +114,9 @@ class Sundials:
         return ctypes.cast(getattr(self, name), ctypes.c_void_p).value or 0
 
     def _look_up(self, name: str) -> Any:
-        libraries = [*self.libraries, *_extra(self.folder)] if name == "SUNLinSol_SuperLUMT" else self.libraries
-        for library in libraries:
+        # SuperLU's library depends on an OpenBLAS (25 ms): loaded only when a sparse matrix is to be factorised
+        more = _opened(self.folder, "sunlinsolsuperlumt") if name == "SUNLinSol_SuperLUMT" else ()
+        for library in (*self.libraries, *more):
             function = getattr(library, name, None)
             if function is not None:
                 function.restype, function.argtypes = _SIGNATURES[name]
@@ -123,15 +124,10 @@ class Sundials:
         raise UnavailableError(f"the SUNDIALS libraries of scikit-sundae lack {name}")
 
 
-def _files(folder: Path, words: tuple[str, ...]) -> list[Path]:
+def _opened(folder: Path, *words: str) -> tuple[ctypes.CDLL, ...]:
+    """The libraries whose names contain one of some words."""
     found = sorted(path for path in folder.iterdir() if re.search(r"\.(so|dylib|dll)(\.|$)", path.name))
-    return [path for word in words for path in found if word in path.name]
-
-
-@functools.cache
-def _extra(folder: Path) -> tuple[ctypes.CDLL, ...]:
-    """SuperLU's library depends on an OpenBLAS (25 ms): loaded only when a sparse matrix is to be factorised."""
-    return tuple(ctypes.CDLL(str(path)) for path in _files(folder, ("sunlinsolsuperlumt",)))
+    return tuple(ctypes.CDLL(str(path)) for word in words for path in found if word in path.name)
 
 
 def _configuration(package: Path) -> dict[str, str]:
@@ -179,7 +175,7 @@ def _open() -> Sundials:
         os.add_dll_directory(str(folder))
     # libsundials_ida contains the serial vectors and the dense and band solvers too, except for symbols that a linker may have dropped.
     words = ("sundials_ida", "sundials_core", "nvecserial", "sunmatrix", "sunlinsoldense", "sunlinsolband")
-    sundials = Sundials(built.get("SUNDIALS_VERSION", ""), folder, tuple(ctypes.CDLL(str(p)) for p in _files(folder, words)))
+    sundials = Sundials(built.get("SUNDIALS_VERSION", ""), folder, _opened(folder, *words))
     major, minor, patch = _int(), _int(), _int()
     label = ctypes.create_string_buffer(64)
     sundials.SUNDIALSGetVersionNumber(ctypes.byref(major), ctypes.byref(minor), ctypes.byref(patch), label, 64)

@@ -15,7 +15,7 @@ from gearlib.arguments import shown
 from gearlib.compiler.native_module import native_functions
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.solvers.drive import drive_loop
-from gearlib.solvers.drive.driver import PATIENCE, Driver, Stepper
+from gearlib.solvers.drive.driver import PATIENCE, Driver, Stepper, no_further_step
 from gearlib.solvers.problem import Floats, Problem
 from gearlib.solvers.rungekutta import loop
 from gearlib.solvers.rungekutta.first_step import DAMPED
@@ -142,10 +142,7 @@ class RungeKutta(Stepper):
     def failure(self, code: int) -> SolverError:
         record, driver = self.record, self.driver
         where = f"at t = {driver.t:.9g} s after {record.steps} steps ({record.rejected} rejected, the next of {record.h:.1g} s)"
-        text = f"the right-hand side cannot be evaluated {where}"
-        if code == loop.UNDERFLOW:
-            text = f"the step became too small {where}: the solution goes to infinity, jumps, or cannot be evaluated further on"
-        return SolverError(text + self.problem.blamed(driver.t, driver.x, driver.data))
+        return no_further_step(driver, where, code == loop.UNDERFLOW)
 
 
 def work(problem: Problem, order: int, steps: int, events: int) -> float:

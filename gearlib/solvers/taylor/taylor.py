@@ -11,7 +11,7 @@ from gearlib.compiler.native_module import native_functions
 from gearlib.errors import SolverError
 from gearlib.native.series_source import HIGHEST, ROW, TaylorSeries
 from gearlib.solvers.drive import drive_loop
-from gearlib.solvers.drive.driver import PATIENCE, Driver, Stepper
+from gearlib.solvers.drive.driver import PATIENCE, Driver, Stepper, no_further_step
 from gearlib.solvers.problem import Floats
 from gearlib.solvers.rungekutta.first_step import DAMPED
 from gearlib.solvers.taylor import taylor_loop
@@ -116,12 +116,10 @@ class Taylor(Stepper):
     def failure(self, code: int) -> SolverError:
         record, driver = self.record, self.driver
         where = f"at t = {driver.t:.9g} s after {record.steps} steps"
-        text = f"the right-hand side cannot be evaluated {where}"
-        if code == taylor_loop.UNDERFLOW:
-            text = f"the step became too small {where}: the solution goes to infinity, jumps, or cannot be evaluated further on"
-        elif code == taylor_loop.NOT_FINITE:
+        if code == taylor_loop.NOT_FINITE:
             text = f"the Taylor coefficients are not finite {where}: a root of zero, or a pole; use method='rk'"
-        return SolverError(text + self.problem.blamed(driver.t, driver.x, driver.data))
+            return SolverError(text + driver.blamed)
+        return no_further_step(driver, where, code == taylor_loop.UNDERFLOW)
 
 
 def _functions() -> tuple[int, int, int, int, int]:

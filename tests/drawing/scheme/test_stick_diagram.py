@@ -9,7 +9,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.drawing.scheme.routing import _Search
+from gearlib.drawing.scheme.routing import RouteSearch
 from gearlib.drawing.scheme.train import train_of
 from gearlib.errors import ModelError
 from gearlib.language.outline import outline
@@ -116,7 +116,7 @@ def test_all_parts_are_drawn_and_each_shaft_is_one_line(name) -> None:
 
 @pytest.mark.parametrize("name", ["simpson", "one set"])
 def test_lines_of_all_arrangements_are_horizontal_or_vertical(name) -> None:
-    search, random = _Search(TRAINS[name]().scheme().axes), Random(1)
+    search, random = RouteSearch(TRAINS[name]().scheme().axes), Random(1)
     for _ in range(60):
         lines = search.drawn(search.shaken(search.first(), random)).lines
         assert all(x == end or y == height for x, y, end, height, _ in lines)

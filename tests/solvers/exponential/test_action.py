@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import expm_multiply
 
-from gearlib.solvers.exponential.action import Ellipse, Triplets, _enclose, band_order, prepare
+from gearlib.solvers.exponential.action import Ellipse, Triplets, band_order, enclosing, prepare
 
 
 def triplets(A: np.ndarray) -> Triplets:
@@ -43,7 +43,7 @@ def test_the_safe_ellipse_contains_the_field_of_values(seed: int) -> None:
         A = np.outer(np.ones(26), np.eye(26)[0])  # one state acts on all others
     off = triplets(A - np.diag(np.diag(A)))
     mirrored = A[off.columns, off.rows]
-    _, safe = _enclose(np.diag(A).copy(), off.rows, off.columns, off.entries, mirrored, 1.0)
+    _, safe = enclosing(np.diag(A).copy(), off.rows, off.columns, off.entries, mirrored, 1.0)
     for angle in np.linspace(0, math.pi, 50):
         turned = np.exp(-1j * angle) * A
         support = safe.centre * math.cos(angle) + math.hypot(safe.real * math.cos(angle), safe.imaginary * math.sin(angle))
