@@ -41,7 +41,7 @@ class Points(ctypes.Structure):
     slots: int
     n_slots: int
     place: int  # offset of the slots in the data block
-    memory: int  # what Newton iterations carry from one call to the next
+    memory: int  # offset of the reference determinants of Newton iterations, which are cleared for each point
     n_memory: int
     status: int
     data: int
@@ -50,7 +50,7 @@ class Points(ctypes.Structure):
 
 @native
 def at_points(address: int) -> int32:
-    """Call the function at each point; the values of all slots are copied from its data block."""
+    """Call the function at each point, and copy the values of all slots from its data block."""
     s = Points(address)
     t, status = floats_at(s.t), ints_at(s.status)
     shared, here = floats_at(s.data + 8 * s.n_parameters), floats_at(s.data + 8 * s.place)
@@ -75,9 +75,9 @@ class CompiledProgram:
     ----------
     program : Program
     n_parameters, n_discrete : int
-        Sizes in the whole model.
+        Sizes of the parameter table and of the discrete state of the whole model.
     plan : DerivativePlan, optional
-        Derivatives to compute as well.
+        Derivatives that are computed as well.
     """
 
     program: Program
@@ -130,7 +130,7 @@ class Evaluator:
     def slots(
         self, t: Floats, states: Floats, inputs: Floats, relations: Floats, guess: Floats | None = None, forgiving: bool = False
     ) -> Floats:
-        """All slots, in the layout of `gearlib.program.interpret.evaluate`."""
+        """All slots, shape (slots, times); arguments as for `gearlib.program.interpret.evaluate`."""
         return self._at(t, states, inputs, relations, guess, forgiving)[0]
 
     def derivatives(self, t: Floats, states: Floats, inputs: Floats, relations: Floats) -> tuple[Floats, Floats]:

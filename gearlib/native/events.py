@@ -14,8 +14,8 @@ from gearlib.program.event_iteration import DiscretesPhase, RelationsPhase, Unkn
 from gearlib.program.relations import Relations
 
 Integers = NDArray[np.int64]
-MOST_ITERATIONS = 100  # after which an event iteration counts as one that does not settle
-MOST_STEPS = 10  # of an event iteration: how many re-initialisations of states (``reinit``) are recorded
+MOST_ITERATIONS = 100  # bound on the iterations, inner and outer, after which the event iteration has failed to converge
+MOST_STEPS = 10  # outer iterations that are recorded, for the tangents
 
 
 def root_numbers(relations: Relations) -> Integers:
@@ -41,11 +41,11 @@ def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: 
 
     A relation whose root was located takes the side that it crossed to; it is evaluated like the others once a state has been
     re-initialised or, if it compares with values before the event, once these have been updated. At the end ``fired`` holds the side of
-    each root that agrees with its relation (2 or -2), and the signs of divisors, which may have jumped, are marked as stale: ``guards``
-    gives their offset and number. ``notes``: whether to record, behind the body's part of ``data``, how often states were
-    re-initialised, and from which discrete state and states, up to `MOST_STEPS` times.
+    each root that agrees with its relation (2 or -2), and the signs of divisors, which may have jumped, are halved, which marks them as
+    stale: ``guards`` gives their offset and number. ``notes``: whether to record, behind the body's part of ``data``, the number of
+    outer iterations, and for the first `MOST_STEPS` of them the discrete state and the states before the re-initialisations.
     """
-    body = looped(relations.program, layout, holding=False)  # the discrete state changes from one iteration to the next
+    body = looped(relations.program, layout, keep=False)  # the discrete state changes from one iteration to the next
     numbers = root_numbers(relations)
     passes = _passes(body, relations, model, numbers)
     iteration = relations.event_iteration
@@ -62,7 +62,7 @@ def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: 
         loop(body, phase.batch, statement, extra=np.searchsorted(numbers, phase.batch.targets))
     sides = body.lines
     noted = _note(body, model.n_discrete, layout.size + body.n_coefficients) if notes else []
-    old = _old_signs(body, guards)
+    stale = _stale_signs(body, guards)
     body.lines = [
         "result, moved = 0, 1",
         *passes,
@@ -85,24 +85,24 @@ def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: 
         "if moved != 0:",
         "    return -1",
         *sides,
-        *old,
+        *stale,
         "return result",
     ]  # fmt: skip
     return body
 
 
 def _started(model: FlatModel) -> list[str]:
-    """After the first iteration the run is not being started any more."""
+    """Clear the flag of the start of a run (`initial`), which holds in the first outer iteration only."""
     return ["    data[r + nr + 2 * nd] = 0.0"] if len(model.discretes) else []
 
 
 def settle_body(relations: Relations, layout: Layout, model: FlatModel) -> Body:
     """Body of the event iteration at the start of a run, for relations and discrete variables as `discrete_at_start` finds them.
 
-    Only the final discrete state must admit a solution of the equations: on the way, a moving friction element may be tried as stuck.
-    What does not settle here may settle in the event iteration of the run.
+    Only the final discrete state must admit a solution of the equations: on the way, a moving friction element may be tried as stuck. If
+    the iteration does not converge here, that of the run may.
     """
-    body = looped(relations.program, layout, forgiving=True, holding=False)
+    body = looped(relations.program, layout, forgiving=True, keep=False)
     passes = _passes(body, relations, model, None)
     body.lines = [
         *passes,
@@ -119,9 +119,10 @@ def settle_body(relations: Relations, layout: Layout, model: FlatModel) -> Body:
 
 
 def _passes(body: Body, relations: Relations, model: FlatModel, numbers: Integers | None) -> list[str]:
-    """Lines that open the iteration and pass its phases until nothing changes; what follows is indented once (twice: after a change).
+    """Lines of the nested iteration: outer iterations, in each of which the phases are passed until the discrete state does not change.
 
-    ``numbers`` are those of the root functions, where some relations may have been located. The body's lines are used up.
+    The caller appends to them: lines indented by 4 spaces belong to the outer iteration, by 8 to an inner one that has changed something.
+    ``numbers``: as for `_test`. Takes the lines of the body, and leaves it empty.
     """
     head, compute, body.lines = body.lines[:2], body.lines[2:-CLOSING], []
     for phase in relations.event_iteration.passed:
@@ -147,6 +148,7 @@ def _passes(body: Body, relations: Relations, model: FlatModel, numbers: Integer
 
 
 def _note(body: Body, n_discrete: int, steps: int) -> list[str]:
+    """Record the discrete state and the states of an outer iteration, from offset ``steps`` of ``data`` on."""
     return [
         f"h = {body.array([n_discrete, steps])}",
         "q, e = index[h], index[h + 1]",
@@ -160,7 +162,8 @@ def _note(body: Body, n_discrete: int, steps: int) -> list[str]:
     ]
 
 
-def _old_signs(body: Body, guards: tuple[int, int]) -> list[str]:
+def _stale_signs(body: Body, guards: tuple[int, int]) -> list[str]:
+    """Mark the signs of divisors as stale."""
     place, count = guards
     if not count:
         return []
@@ -168,7 +171,7 @@ def _old_signs(body: Body, guards: tuple[int, int]) -> list[str]:
 
 
 def _test(body: Body, phase: RelationsPhase, numbers: Integers | None) -> None:
-    """Evaluate the relations of a phase; ``numbers`` are those of the root functions, where some may have been located."""
+    """Evaluate the relations of a phase; ``numbers``: relations of the root functions, which may have fired (None: no root search)."""
     lines = ["y = {value}", f"f = 1.0 if y {phase.comparison} 0.0 else 0.0"]
     roots = np.zeros(len(phase.batch), np.int64)
     if phase.on_time:

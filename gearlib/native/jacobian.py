@@ -28,15 +28,15 @@ class Pattern:
 
     indptr: Integers
     indices: Integers
-    size: int  # entries computed on the way
-    plans: dict[Any, Any] = field(default_factory=dict)  # storage plans of solvers, by what these ask for
+    size: int  # entries computed, intermediate ones included
+    plans: dict[Any, Any] = field(default_factory=dict)  # storage plans of solvers, cached by their requests
 
 
 def pattern_of(plan: DerivativePlan, tangents: int = 0) -> Pattern:
     """Sparsity pattern of what a plan computes: one row per wanted slot, one column per seed.
 
-    With ``tangents`` tangents of each state appended to the states, the matrix is repeated for each of them. How the tangents' own
-    derivatives depend on the states takes second derivatives, and is left out.
+    ``tangents``: number of tangents per state, which follow the states; the matrix is repeated on the diagonal for each of them. The
+    off-diagonal blocks, second derivatives, are left out: Newton's method converges without them.
     """
     counts = np.bincount(plan.seeds, minlength=plan.n_seeds)
     rows = plan.rows[plan.by_column]
@@ -109,7 +109,7 @@ def tangent_body(program: Program, layout: Layout, plan: DerivativePlan) -> tupl
 
 
 def inverted_blocks(plan: DerivativePlan) -> list[tuple[Solved, Integers]]:
-    """Linear blocks whose matrix depends on a differentiated parameter, and the equations with a right-hand side for that reason."""
+    """Linear blocks whose matrix depends on a differentiated parameter, each with the equations whose derivative has a right-hand side."""
     blocks = [s for s in plan.steps if isinstance(s, Solved) and s.implicit and isinstance(s.step, Linear)]
     return [(s, np.unique(s.sums.to // s.width)) for s in blocks]
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 
-FURTHEST = 3e6  # rad, up to which the reduction is exact; further on the C library's functions are called lane by lane
-PI = 3.1415926534682512, 1.2154201012607932e-10, 4.044532497591901e-21  # in parts: those of 33 bits have exact multiples
+# pi as a sum (Cody and Waite): the first two parts have at most 32 bits, so that their products with m < 2**20 (multiples of 1/2) are exact
+# in 53 bits; beyond 3e6 rad, where m approaches that, the C library's functions are called lane by lane
+PI = 3.1415926534682512, 1.2154201012607932e-10, 4.044532497591901e-21
+FURTHEST = 3e6
 MAGIC = 6755399441055744.0  # 1.5 * 2**52: added and subtracted again it rounds to a whole number
 
 
 def _source(name: str, shift: float, sign: float) -> str:
     """With ``x = (k + shift) pi + r`` the value is the sine of r, with a sign that changes from k to k + 1.
 
-    The sine is Taylor's polynomial, of which the next term would be 1e-18 at pi / 2; its terms are added up in pairs, so that few
+    The sine is a Taylor polynomial, whose next term would be 1e-18 at pi / 2; its terms are added in pairs (Estrin's scheme), so that few
     operations wait for each other.
     """
     terms = [repr((-1) ** k / math.factorial(2 * k + 1)) for k in range(1, 11)]

@@ -1,9 +1,9 @@
 """Code generation for runs in lanes: the right-hand side of several runs at once, and its numbers in each run.
 
 Within a run most of a right-hand side is linear: speeds, deflections and torques follow from the states by factors that depend on
-parameters only. So every quantity is carried as a linear form over the states, over what is no linear function of them (a friction
-torque, the sine of time), and one. The coefficients are numbers of the run, computed for all runs together; the source holds what is
-left to be done in every step. Coefficients that are the same in all runs, most often 1 and -1, stand in the source.
+parameters only. So every quantity is carried as a linear form in the states, in the nonlinear quantities (a friction torque, the sine of
+time) and the number 1. Coefficients that differ between runs are computed beforehand for all runs together; those that are the same in
+all runs, most often 1 and -1, are literals in the source, which holds only what must be evaluated in every step.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from gearlib.program.program import Batch, Linear, Newton, Program
 from gearlib.program.text import expression
 
 Floats = NDArray[np.float64]
-Form = dict[int, Floats | float]  # coefficients by slot: numbers of the runs, or one number
-ONE = -1  # the slot of the number one
+Form = dict[int, Floats | float]  # coefficients by slot: one number per run, or the same for all
+ONE = -1  # in place of a slot: the constant term
 HEAD = "def rhs(time: lanes, x: lanes, dx: lanes, data: lanes) -> int32:"
 
 
@@ -49,9 +49,9 @@ class LaneCode:
     program : Program
     source : str
     kept : frozenset of int
-        Slots that are computed by themselves; the others are put into what depends on them.
+        Slots with a statement of their own; the others are substituted where they are used.
     tables : tuple of int
-        Inputs that are straight lines in time: each has two numbers, its value at time zero and its slope, before all others.
+        Inputs that are straight lines in time: the numbers begin with two for each, its value at time zero and its slope.
     """
 
     program: Program
@@ -70,7 +70,7 @@ class LaneCode:
         solutions : sequence of arrays, shape (runs, unknowns, known)
             Of the linear blocks.
         """
-        body = _Body(self.program, parameters, inputs, solutions, self.kept, self.tables)
+        body = _LaneBody(self.program, parameters, inputs, solutions, self.kept, self.tables)
         return np.stack([np.broadcast_to(n, parameters.shape[1:]) for n in body.numbers], axis=1)
 
 
@@ -78,9 +78,9 @@ def lane_code(program: Program, n_parameters: int, tables: tuple[int, ...] = ())
     """Compile a program for which `why_scalar` is None; the inputs ``tables`` are straight lines in time."""
     unknown = [
         np.ones((1, len(step.unknowns), len(step.known))) for step in program.steps if isinstance(step, Linear)
-    ]  # which numbers they are does not matter to the source
+    ]  # any nonzero numbers: the source does not depend on their values
     given = np.ones((n_parameters, 1)), np.ones((len(program.inputs), 1)), unknown
-    bodies = [_Body(program, *given, kept, tables) for kept in (frozenset[int](), _shared(program))]
+    bodies = [_LaneBody(program, *given, kept, tables) for kept in (frozenset[int](), _shared(program))]
     body = min(bodies, key=lambda b: b.terms)
     functions = "".join(text for name, text in FUNCTIONS.items() if any(f"{name}(" in line for line in body.lines))
     source = functions + "\n".join([HEAD, *(f"    {line}" for line in body.lines), "    return 0", ""])
@@ -99,8 +99,8 @@ def _shared(program: Program) -> frozenset[int]:
 
 
 @dataclass
-class _Body:
-    """Lines of a right-hand side under construction, with the numbers that they use in the order of ``data``."""
+class _LaneBody:
+    """Lines of a right-hand side under construction, with the numbers that they read from ``data``, in this order."""
 
     program: Program
     parameters: Floats
@@ -130,7 +130,7 @@ class _Body:
                     self._block(step, next(blocks))
             for i, slot in enumerate(program.output_slots.tolist()):
                 self.lines.append(f"dx[{i}] = {self._text(self.forms[slot])}")
-        # what depends on time only comes first: calls of functions leave no room for states in registers
+        # functions of time only are called first, before states occupy registers that the calls would have to save
         self.lines[:0] = ["t = time[0]", *straight, *self.of_time, *(f"v{k} = x[{k}]" for k in range(n))]
 
     def _batch(self, batch: Batch) -> None:
@@ -201,9 +201,9 @@ class _Body:
         return f"data[{self._places[p]}]"
 
     def _text(self, form: Form) -> str:
-        """A linear form; its numbers are put down."""
+        """Source of a linear form; its coefficients are appended to the numbers."""
         parts = []
-        for slot, number in sorted(form.items(), key=itemgetter(0)):  # what is computed last is added last
+        for slot, number in sorted(form.items(), key=itemgetter(0)):  # added in the order of computation
             self.terms += 1
             if isinstance(number, float):
                 sign, size = ("-", -number) if number < 0.0 else ("+", number)
@@ -216,7 +216,7 @@ class _Body:
 
 
 def _add(form: Form, other: Form, factor: Floats | float) -> None:
-    """Add a multiple of another form; what is zero in every run is left out."""
+    """Add a multiple of another form; coefficients that are zero in every run are left out."""
     if isinstance(factor, float) and factor == 0.0:
         return
     for slot, number in other.items():

@@ -19,11 +19,11 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 # Signature of a model's native function: ``int32 f(double t, void *x, void *out, void *data, void *index)``.
 MODEL = Prototype("int32", ("float", "int", "int", "int", "int"))
-MOST_HELD = 400  # unknowns up to which a dense block whose matrix only events change is solved by its inverse
+MOST_KEPT = 400  # unknowns up to which the inverse of a dense block is cached between events, if only these change its matrix
 FACTORISED = 5.0  # cost of a sparse factorisation, relative to one substitution
-# Cost, in additions, of comparing the discrete state, and of the short loops around one solution with a kept matrix (measured)
+# Overhead of one solution with a cached matrix, in additions (measured): comparing the discrete state, and setting up short loops
 CHECKED = 150.0
-SERVES = 50.0  # evaluations between two events: the shortest service that a kept matrix is made for
+SERVES = 50.0  # evaluations between two events over which the cost of making a cached matrix is spread
 INDIRECT = 3.0  # cost of one operation of a sparse elimination or substitution, relative to one of a product
 SEARCH = 6.0  # cost of one operation of pivoted elimination in short loops, relative to an addition
 EACH = 3  # numbers stored per divisor
@@ -52,23 +52,23 @@ class Shared:
 
 @dataclass(frozen=True)
 class KeptMatrix:
-    """Where the solution matrix of a block is kept whose matrix only events change, or its factors, and what it depends on.
+    """Storage of a cached solution matrix, or of sparse LU factors, of a linear block whose matrix changes at events only.
 
-    At ``place`` stand whether there is one (1; 2 where equations depend on each other), the discrete state that it was computed for,
-    and its entries: a row per unknown that anything uses, a column per equation that is not zero where all unknowns are. With
-    ``factors``, the sparse ones take the place of the entries, where a solution by them costs less than a product.
+    From ``place`` on: a flag (0: not computed, 1: valid, 2: the equations are linearly dependent), the discrete state that it was
+    computed for, and the entries: a row per unknown that is used, a column per equation with a right-hand side. With ``factors``, LU
+    factors are stored instead, where substitution costs less than a product with the matrix.
     """
 
     place: int
     discrete: Integers  # entries of the discrete state that the block's matrix depends on
-    needed: Integers  # unknowns
-    rests: tuple[Batch, ...]  # equations that are not zero where all unknowns are; targets: rows
+    needed: Integers  # unknowns that are used
+    rests: tuple[Batch, ...]  # the equations with a right-hand side (`Newton.rests`); targets: rows
     known: Integers  # their rows
     factors: EliminationOrder | None
 
     @property
     def entries(self) -> int:
-        """Where its entries or factors begin."""
+        """Offset of the entries or factors."""
         return self.place + 1 + len(self.discrete)
 
     @property
@@ -78,7 +78,7 @@ class KeptMatrix:
 
     @property
     def by_rows(self) -> bool:
-        """Whether the rows of the matrix are fewer than its columns, and so are computed one by one."""
+        """Whether the matrix is computed row by row (it has fewer rows than columns), or else column by column."""
         return len(self.needed) < len(self.known)
 
     @property
@@ -102,10 +102,10 @@ class Layout:
     solutions: tuple[int, ...]
     slots: int
     scratch: int
-    guards: int  # per divisor: its sign (0.5 if stale since an event), the largest magnitudes of it and of its numerator
+    guards: int  # `EACH` numbers per divisor: its sign (halved by every event), largest magnitude of the numerator, and of the divisor
     size: int  # end of the section
-    needed: tuple[Integers, ...]  # per linear block: the unknowns that anything uses
-    held: tuple[KeptMatrix | None, ...]  # per Newton block
+    needed: tuple[Integers, ...]  # per linear block: the unknowns that are used
+    kept: tuple[KeptMatrix | None, ...]  # per Newton block
 
     @property
     def relations(self) -> int:
@@ -116,10 +116,11 @@ class Layout:
         return self.shared.inputs
 
 
-def lay_out(program: Program, shared: Shared, base: int, also: Integers | None = None, hold: bool = False) -> Layout:
-    """Lay out the section of one program from offset ``base``; slots that ``also`` are used must be computed, too.
+def lay_out(program: Program, shared: Shared, base: int, also: Integers | None = None, keep: bool = False) -> Layout:
+    """Lay out the section of one program from offset ``base``.
 
-    ``hold``: whether matrices that only events change are kept between them; parameters must not change then.
+    ``also``: slots that are read besides those of the outputs and of the program's own steps. ``keep``: whether matrices that change at
+    events only are cached between them, so that parameters must not change during the run.
     """
     used = np.zeros(program.n_slots, bool)
     used[program.output_slots] = True
@@ -132,10 +133,10 @@ def lay_out(program: Program, shared: Shared, base: int, also: Integers | None =
             own = np.isin(np.arange(program.n_slots), step.unknowns) & ~used
             for batch in (*step.residuals, *step.jacobian):
                 used[batch.arguments[batch.argument_signs != 0]] = True
-            if hold and step.switched and also is None:  # derivatives by parameters are read from unknowns: dr/dJ = der(w)
+            if keep and step.switched and also is None:  # derivatives by parameters are read from unknowns: dr/dJ = der(w)
                 used[own] = False
     at = base
-    solutions, needed, held = [], [], []
+    solutions, needed, kept = [], [], []
     scratch = 0
     for step in program.steps:
         if isinstance(step, Linear):
@@ -145,26 +146,26 @@ def lay_out(program: Program, shared: Shared, base: int, also: Integers | None =
             at += len(rows) * len(step.known)
         elif isinstance(step, Newton):
             n = len(step.unknowns)
-            kept = None
+            matrix = None
             order = step.order
-            if hold and step.switched and (n <= MOST_HELD or order is not None):
+            if keep and step.switched and (n <= MOST_KEPT or order is not None):
                 rests = step.rests
                 known = np.unique(np.concatenate([np.empty(0, np.int64), *(b.targets for b in rests)]))
-                kept = KeptMatrix(at, step.discrete, np.flatnonzero(used[step.unknowns]), rests, known, None)
-                making = 0.0 if order is None else min(len(kept.needed), len(known)) * substitution(order)
-                if order is not None and kept.operations + making / SERVES > CHECKED + substitution(order):
-                    kept = replace(kept, factors=order)
-                at += kept.size
-            held.append(kept)
-            if order is not None:  # right-hand side, one of the kept matrix, entries, factors
-                scratch = max(scratch, 2 * n + len(order.places) + factors_size(order))
-            else:  # right-hand sides, matrix, column order
-                scratch = max(scratch, n * n + (2 if kept is None else 2 + len(kept.known)) * n + 1)
+                matrix = KeptMatrix(at, step.discrete, np.flatnonzero(used[step.unknowns]), rests, known, None)
+                making = 0.0 if order is None else min(len(matrix.needed), len(known)) * substitution(order)
+                if order is not None and matrix.operations + making / SERVES > CHECKED + substitution(order):
+                    matrix = replace(matrix, factors=order)
+                at += matrix.size
+            kept.append(matrix)
+            if order is not None:  # right-hand side, entries, factors
+                scratch = max(scratch, n + len(order.places) + factors_size(order))
+            else:  # right-hand sides, matrix, column order, determinant
+                scratch = max(scratch, n * n + (2 if matrix is None else 2 + len(matrix.known)) * n + 1)
     end = at + program.n_slots
-    memory = len(program.iterated)  # a reference determinant each
+    memory = len(program.iterated)  # a reference determinant for each
     guards = end + scratch + memory
     size = guards + EACH * program.n_guards
-    return Layout(shared, tuple(solutions), at, end, guards, size, tuple(needed), tuple(held))
+    return Layout(shared, tuple(solutions), at, end, guards, size, tuple(needed), tuple(kept))
 
 
 def fill(data: Floats, layout: Layout, coefficients: Sequence[Batch], prepared: Prepared) -> None:
@@ -181,14 +182,14 @@ def fill(data: Floats, layout: Layout, coefficients: Sequence[Batch], prepared: 
 @memoised
 def operations(program: Program, layout: Layout) -> float:
     """Approximate cost of one evaluation of a program, in additions; two iterations are assumed for nonlinear blocks."""
-    total, needed, held = 0.0, iter(layout.needed), iter(layout.held)
+    total, needed, kept = 0.0, iter(layout.needed), iter(layout.kept)
     for step in program.steps:
         if isinstance(step, Batch):
             total += len(step) * step.kernel.operations
         elif isinstance(step, Linear):
             total += 2.0 * len(next(needed)) * len(step.known)
-        elif (kept := next(held)) is not None:
-            total += kept.operations + sum(len(b) * (1 + b.kernel.operations) for b in kept.rests)
+        elif (matrix := next(kept)) is not None:
+            total += matrix.operations + sum(len(b) * (1 + b.kernel.operations) for b in matrix.rests)
         else:
             n, order = len(step.unknowns), step.order
             inside = sum(len(b) * (1 + b.kernel.operations) for b in (*step.residuals, *step.jacobian))

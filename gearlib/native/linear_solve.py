@@ -4,9 +4,10 @@ SOLVE = '''
 def solve(data: floats, a: int, b: int, n: int, sides: int, agreeing: int, lead: int) -> int:
     """Gaussian elimination with complete pivoting, in place: the matrix at ``a``, right-hand sides and then solutions at ``b``.
 
-    The ``sides`` right-hand sides follow each other. Equations that depend on others (two stuck clutches on one rigid path) are left
-    out if they agree with these for the first ``agreeing`` of them; what they leave undetermined is zero. The order of the columns
-    stands behind the matrix, and behind it the logarithm of the determinant.
+    The ``sides`` right-hand sides are stored one after the other. Linearly dependent equations (two stuck clutches on one rigid path)
+    are left out if the first ``agreeing`` right-hand sides are consistent, else the function returns 1; undetermined unknowns are set
+    to zero. The first ``lead`` columns are lower triangular: their diagonal entries are the pivots, up to the first that is too small.
+    The column order is stored behind the matrix, followed by the logarithm of the determinant.
     """
     p = a + n * n
     size = 0.0

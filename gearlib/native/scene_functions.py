@@ -28,9 +28,8 @@ if TYPE_CHECKING:
 Integers = NDArray[np.int64]
 
 
-RHS, JAC, ROOTS, UPDATE, TABLES = range(
-    5
-)  # header entries of ``index``: where the integers of each function, and of the tables, begin
+# Header entries of ``index``: offsets of the integers of each function, and of the tables
+RHS, JAC, ROOTS, UPDATE, TABLES = range(5)
 
 
 @dataclass(frozen=True)
@@ -61,11 +60,11 @@ class NativeScene:
     size: int  # of the data block
     tangent_numbers: int = 0  # offset of the numbers of `tangent_body`
     vectors: TangentVectors | None = None  # where the right-hand side is that of `vector_body`
-    noted_steps: int = 0  # offset of the steps recorded by `update_body`
-    common: list[Any] = field(default_factory=list)  # the part of the problems of all runs, made by `problem_of`
+    noted_steps: int = 0  # offset of the outer iterations recorded by `update_body`
+    common: list[Any] = field(default_factory=list)  # cache: what the problems of all runs have in common, made by `problem_of`
     filled: list[Any] = field(
         default_factory=list
-    )  # the last solution matrices, and a data block with these, made by `data_block`
+    )  # cache of `data_block`: the last solution matrices, and a data block with them
 
     def parts(self, numbers: Prepared, relations: Prepared | None) -> Iterator[tuple[NativeFunction, Prepared]]:
         """The functions, each with the numbers of its program."""
@@ -114,7 +113,7 @@ def compile_scene(
     """
     shared = Shared(len(model.parameters.names), model.n_discrete, len(program.inputs))
     vectors: TangentVectors | None = None
-    layout = lay_out(program, shared, shared.size, None if tangents is None else tangents.multiplied, hold=True)
+    layout = lay_out(program, shared, shared.size, None if tangents is None else tangents.multiplied, keep=True)
     if tangents is None:
         text, body = rhs_source(program, layout, names, model.parameters.names)
         weights = end = layout.size + body.n_coefficients
@@ -135,7 +134,7 @@ def compile_scene(
     if jacobian is not None:
         from gearlib.native.jacobian import jacobian_body, pattern_of
 
-        layout = lay_out(program, shared, end, jacobian.multiplied, hold=True)
+        layout = lay_out(program, shared, end, jacobian.multiplied, keep=True)
         copies = 0 if tangents is None else tangents.n_seeds
         pattern = pattern_of(jacobian, copies)
         body, end = jacobian_body(program, layout, jacobian, copies)
@@ -143,7 +142,7 @@ def compile_scene(
     if relations is not None:
         from gearlib.native.events import MOST_STEPS, root_numbers, roots_body, update_body
 
-        layout = lay_out(relations.program, shared, end, hold=True)
+        layout = lay_out(relations.program, shared, end, keep=True)
         if len(root_numbers(relations)):
             body = roots_body(relations, layout)
             roots = compile_function("roots", function("roots", ["x", "values", "data", "index"], body, ROOTS), body, layout)
@@ -164,6 +163,6 @@ def compile_scene(
 
 
 def compile_function(name: str, text: str, body: Body, layout: Layout, fused: bool = False) -> NativeFunction:
-    """Compile one function; ``fused``: whether a product and a sum of vectors may be one instruction."""
+    """Compile one function; ``fused``: whether fused multiply-add instructions may be used."""
     full = HEADER + (SOLVE if " solve(" in text else "") + (SPARSE_SOLVE if "sparse_" in text else "") + text
     return NativeFunction(compiled(full, name, fused), body, layout, full)

@@ -1,9 +1,9 @@
 """Code generation for Taylor coefficients: a program's operations as recurrences for power series in time.
 
-Every quantity of a step is a power series about its start. A sum of series is one coefficient by coefficient; a product, a quotient or
-an elementary function takes a convolution with the coefficients before (Jorba and Zou, doi:10.1080/10586458.2005.10128904, section 2).
+Every quantity is a power series about the start of the step. Series are added coefficient by coefficient; a product, a quotient or an
+elementary function takes a convolution with the earlier coefficients (Jorba and Zou, doi:10.1080/10586458.2005.10128904, section 2).
 The generated function evaluates all operations of the right-hand side at order 0, and then, in one loop, at each further order: so
-its size does not depend on the order. Where a condition chooses between expressions, the start of the step does.
+its size does not depend on the order. Conditions that choose between expressions are evaluated at the start of the step.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ class TaylorSeries:
     rows : int
         Rows of the work space, `ROW` numbers each.
     sums, products : int
-        Operations per order, and those that take a convolution.
+        Statements per order, and convolutions.
     guarded : bool
-        Whether divisors may change sign, which the right-hand side itself watches.
+        Whether divisors may change sign; only the right-hand side checks that.
     pulses : bool
-        Whether an exponential, such as a bell curve of time, may hide a pulse from the coefficients before it.
+        Whether there is an exponential such as a bell curve of time, a pulse that coefficients at an earlier time do not show.
     branches : bool
-        Whether values at the start of a step choose between expressions, so that a short visit to another one may go unseen.
+        Whether values at the start of a step choose between expressions, so that a short visit to another branch may be missed.
     """
 
     machine_code: CompiledFunction
@@ -101,7 +101,7 @@ class _Writer:
         return self._named(("constant", text), text, "", PowerSeries("", varies=False))
 
     def _named(self, key: tuple[object, ...], first: str, later: str, like: PowerSeries | None = None) -> PowerSeries:
-        """The quantity known by a key, computed by two expressions; constants have none beyond order 0."""
+        """The quantity with a key, computed on first use: expressions of order 0 and of further orders (empty for constants)."""
         if key not in self._known:
             name = f"q{len(self._known)}"
             found = PowerSeries(name) if like is None else replace(like, name=name)
@@ -350,7 +350,7 @@ class _Writer:
 
 
 class _Reader:
-    """Turns expressions of the small language into statements of a writer; ``names`` are the quantities known so far."""
+    """Translates expressions of the small language into statements of a writer; ``names`` are the quantities known so far."""
 
     def __init__(self, write: _Writer) -> None:
         self.write, self.names = write, dict[str, PowerSeries]()

@@ -25,10 +25,10 @@ from gearlib.program.text import expression
 from gearlib.structure.elimination_order import EliminationOrder
 
 Integers = NDArray[np.int64]
-VANISHED = 1e-8  # relative to its largest magnitude: a numerator counts as zero together with its divisor
-BESIDE_ZERO = 1e-6  # relative to its largest magnitude: a divisor just after an event located at its own zero
-SMALLER = 9.2  # logarithm of the factor by which the determinant of a nonlinear block may fall
-SMALLER_CONSTRAINED = 1.5  # the same where constraints may require other states
+VANISHED = 1e-8  # of its largest magnitude: a smaller numerator has vanished together with its divisor
+BESIDE_ZERO = 1e-6  # of its largest magnitude: a smaller divisor just after an event has crossed zero there, and has not jumped
+SMALLER = 9.2  # fall of the logarithm of a nonlinear block's determinant at which an evaluation fails: to a ten-thousandth
+SMALLER_CONSTRAINED = 1.5  # the same with constraints on the states: to a fifth
 LONGEST = 260  # assignments up to which a program is unrolled
 MOST_LOOPS = 40  # number of loops up to which they are written in sequence
 MOST_SIGNS = 4  # sign patterns up to which a kernel gets one loop each
@@ -176,12 +176,11 @@ def _guard(divisor: str, numerator: str, value: str, quotient: str, place: str) 
 CLOSING = 6  # lines at the end of a looped body that store the derivatives
 
 
-def looped(
-    program: Program, layout: Layout, guarded: bool = False, forgiving: bool = False, holding: bool = True
-) -> Body:  # fmt: skip
+def looped(program: Program, layout: Layout, guarded: bool = False, forgiving: bool = False, keep: bool = True) -> Body:
     """Looped source, one loop per kernel and level; its size depends only on the kinds of equations.
 
-    ``guarded``: no divisor may pass through zero. ``forgiving``: equations without a solution leave their unknowns unchanged.
+    ``guarded``: the evaluation fails if a divisor passes through zero. ``forgiving``: equations without a solution leave their unknowns
+    unchanged. ``keep``: matrices for which the layout has storage are cached between events.
     """
     n_rows = sum(len(b) for step in program.steps for b in _batches(step))
     body = Body(signed=_many_signs(program), literal=n_rows <= LONGEST)
@@ -198,7 +197,7 @@ def looped(
         body.lines += ["for k in range(m):", "    data[v + n + k] = data[u + k]"]
     pieces: list[Body] = []
     memory = layout.guards - len(program.iterated)
-    block, held = 0, iter(layout.held)
+    block, matrices = 0, iter(layout.kept)
     for step in program.steps:
         if isinstance(step, Batch):
             for rows in sign_groups(step, body.signed):
@@ -216,8 +215,8 @@ def looped(
             _linear(pieces[-1], step, layout.solutions[block], layout.needed[block])
             block += 1
         else:
-            kept = next(held)
-            _newton(pieces[-1], step, memory, forgiving, kept if holding else None)
+            matrix = next(matrices)
+            _newton(pieces[-1], step, memory, forgiving, matrix if keep else None)
             memory += not step.linear
     body.include_all(pieces)
     if guarded and program.guards:
@@ -261,7 +260,7 @@ def _signs(batch: Batch) -> Integers:
 
 
 def sign_groups(batch: Batch, signed: frozenset[Kernel] = frozenset()) -> Iterator[Integers]:
-    """Row sets, one per loop: rows with equal signs, or all rows."""
+    """Row sets, one per loop: rows of equal signs; all rows if the loop reads the signs from its index array (``signed``)."""
     signs = _signs(batch)
     if batch.kernel in signed or (len(batch) and (signs == signs[:1]).all()):
         yield np.arange(len(batch))
@@ -343,18 +342,18 @@ def _linear(body: Body, step: Linear, place: int, rows: Integers) -> None:
     ]
 
 
-def _newton(body: Body, step: Newton, memory: int, forgiving: bool, held: KeptMatrix | None) -> None:
-    """Newton's iteration; ``memory`` holds the logarithm of the first determinant.
+def _newton(body: Body, step: Newton, memory: int, forgiving: bool, kept: KeptMatrix | None) -> None:
+    """Newton's iteration; at offset ``memory`` the logarithm of the determinant of the first evaluation is stored.
 
-    If the determinant has fallen to a ten-thousandth of it, another solution branch is near and the evaluation fails; with constraints
-    on the states, already at a fifth, since the states may soon no longer determine the unknowns, and `gearlib.run.state_switching`
-    looks for others.
+    If the determinant falls to a ten-thousandth of that, another solution branch is near and the evaluation fails; with constraints on
+    the states already at a fifth, since the states may soon no longer determine the unknowns, and `gearlib.run.state_switching` looks
+    for others.
 
-    ``held``: a matrix that only events change is factorised when they have changed it, for a right-hand side per equation that is not
-    zero where all unknowns are; until the next change the solution is a product. Dependent equations are eliminated in each evaluation.
+    ``kept``: storage of a solution matrix or of LU factors, computed when events have changed the matrix; until the next change a
+    solution is a product or a substitution. A block whose equations are linearly dependent is eliminated in every evaluation.
     """
     n, order = len(step.unknowns), step.order
-    columns = 0 if held is None else len(held.known)
+    columns = 0 if kept is None else len(kept.known)
     sparse = order is not None
     unknowns = body.array(step.unknowns)
     turns = str(2 if step.linear else 25)
@@ -367,18 +366,18 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool, held: KeptMa
     if order is not None:
         body.lines.append(f"pattern, factors = {body.array(pattern_array(order))}, {body.array([len(order.places)])}")
         body.lines.append("factors = a + index[factors]")
-    if held is not None:
+    if kept is not None:
         turns = f"0 if data[p] == 1.0 else {turns}"
         body.lines += [
-            f"p, o = {body.array([held.place])}, {body.array([len(held.discrete), *held.discrete])}",
+            f"p, o = {body.array([kept.place])}, {body.array([len(kept.discrete), *kept.discrete])}",
             "p = index[p]",
             "for k in range(index[o]):",
             "    if data[p + 1 + k] != data[r + index[o + 1 + k]]:",
             "        data[p] = 0.0",
             "        data[p + 1 + k] = data[r + index[o + 1 + k]]",
         ]
-        if held.factors is not None:
-            _factors(body, held, step)
+        if kept.factors is not None:
+            _factors(body, kept, step)
             return
     body.lines += [
         f"for iteration in range({turns}):",
@@ -398,26 +397,26 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool, held: KeptMa
             left,
         ]
     else:
-        sides, determinant = "1", "data[w + q + q * q + q]" if held is None else "data[a + q * q + q]"
-        if held is not None:
+        sides, determinant = "1", "data[w + q + q * q + q]" if kept is None else "data[a + q * q + q]"
+        if kept is not None:
             sides = "(1 + index[h + 4]) if data[p] == 0.0 else 1"
             body.lines += [
-                f"    o = {body.array(held.known)}",
+                f"    o = {body.array(kept.known)}",
                 "    for k in range(index[h + 4]):",
                 "        data[w + q * (1 + k) + index[o + k]] = -1.0",
             ]
         body.lines += [f"    if solve(data, a, w, q, {sides}, 1, lead) != 0:", left]
-    if held is not None:
-        needed = body.array([len(held.needed), *held.needed])
+    if kept is not None:
+        needed = body.array([len(kept.needed), *kept.needed])
         stored = [
             "for i in range(index[o]):",
             "    for k in range(index[h + 4]):",
             "        data[g + i * index[h + 4] + k] = data[w + q * (1 + k) + index[o + 1 + i]]",
         ]
         known = ""
-        if sparse:  # one row or column after the other; the matrix's entries are not needed any more
-            known = f", {body.array(held.known)}"
-            if held.by_rows:
+        if sparse:  # one row or column at a time, in the place of the entries, which are factorised
+            known = f", {body.array(kept.known)}"
+            if kept.by_rows:
                 stored = [
                     "for i in range(index[o]):",
                     "    for k in range(q):",
@@ -443,7 +442,7 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool, held: KeptMa
             "        data[p] = 2.0",
             f"        if {determinant} > -1e299:",
             "            data[p] = 1.0",
-            f"            g, o{', c' if known else ''} = p + 1 + {len(held.discrete)}, {needed}{known}",
+            f"            g, o{', c' if known else ''} = p + 1 + {len(kept.discrete)}, {needed}{known}",
             *(f"            {line}" for line in stored),
             "            break",
         ]
@@ -457,8 +456,8 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool, held: KeptMa
         else f"    if e <= 1e-14 * f + 1e-300 or (iteration > 7 and e <= {ROUNDING}):",
         "        break",
     ]
-    if held is not None:
-        body.lines += ["if data[p] == 1.0:", *(f"    {line}" for line in _product(body, held, step))]
+    if kept is not None:
+        body.lines += ["if data[p] == 1.0:", *(f"    {line}" for line in _product(body, kept, step))]
     if not (step.linear or forgiving):
         body.lines += [
             f"if not e <= 1e-10 * f + {ROUNDING}:",
@@ -476,10 +475,10 @@ def entries_of(batch: Batch, order: EliminationOrder | None) -> Batch:
     return batch if order is None else replace(batch, targets=order.entries(batch.targets))
 
 
-def _factors(body: Body, held: KeptMatrix, step: Newton) -> None:
-    """All unknowns, by sparse factors that are kept between events."""
+def _factors(body: Body, kept: KeptMatrix, step: Newton) -> None:
+    """All unknowns, by cached LU factors."""
     body.lines += [
-        f"g = p + 1 + {len(held.discrete)}",
+        f"g = p + 1 + {len(kept.discrete)}",
         "if data[p] == 0.0:",
         "    for k in range(factors - a):",
         "        data[a + k] = 0.0",
@@ -487,8 +486,8 @@ def _factors(body: Body, held: KeptMatrix, step: Newton) -> None:
     for batch in step.jacobian:
         loop(body, entries_of(batch, step.order), "data[a + {target}] += {value}", "    ")
     body.lines += ["    sparse_factorise(data, index, pattern, a, g)", "    data[p] = 1.0"]
-    _rests(body, held, step)
-    chosen = body.array([len(held.needed), *np.column_stack([step.unknowns[held.needed], held.needed]).ravel()])
+    _rests(body, kept, step)
+    chosen = body.array([len(kept.needed), *np.column_stack([step.unknowns[kept.needed], kept.needed]).ravel()])
     body.lines += [
         "if sparse_apply(data, index, pattern, g, w, 1) != 0:",
         "    return 1",
@@ -498,13 +497,13 @@ def _factors(body: Body, held: KeptMatrix, step: Newton) -> None:
     ]
 
 
-def _product(body: Body, held: KeptMatrix, step: Newton) -> list[str]:
-    """The unknowns that are used, by the solution matrix at hand."""
+def _product(body: Body, kept: KeptMatrix, step: Newton) -> list[str]:
+    """The unknowns that are used, by a product with the cached solution matrix."""
     before, body.lines = body.lines, []
-    _rests(body, held, step)
-    targets = step.unknowns[held.needed]
+    _rests(body, kept, step)
+    targets = step.unknowns[kept.needed]
     body.lines += [
-        f"g, o, c = p + 1 + {len(held.discrete)}, {body.array([len(targets), *targets])}, index[h + 4]",
+        f"g, o, c = p + 1 + {len(kept.discrete)}, {body.array([len(targets), *targets])}, index[h + 4]",
         "for i in range(index[o]):",
         "    s = 0.0",
         "    for k in range(c):",
@@ -515,19 +514,19 @@ def _product(body: Body, held: KeptMatrix, step: Newton) -> list[str]:
     return found
 
 
-def _rests(body: Body, held: KeptMatrix, step: Newton) -> None:
-    """Residuals where all unknowns are zero: one per known row for a product, one per row for factors."""
-    inside = [b.arguments[np.isin(b.arguments, step.unknowns) & (b.argument_signs != 0)] for b in held.rests]
+def _rests(body: Body, kept: KeptMatrix, step: Newton) -> None:
+    """Residuals at zero unknowns: of the equations with a right-hand side for a product, of all equations for factors."""
+    inside = [b.arguments[np.isin(b.arguments, step.unknowns) & (b.argument_signs != 0)] for b in kept.rests]
     zeros = np.unique(np.concatenate([np.empty(0, np.int64), *inside]))
     body.lines += [
         f"o = {body.array([len(zeros), *zeros])}",
         "for k in range(index[o]):",
         "    data[v + index[o + 1 + k]] = 0.0",
-        f"for k in range({'index[h + 4]' if held.factors is None else 'q'}):",
+        f"for k in range({'index[h + 4]' if kept.factors is None else 'q'}):",
         "    data[w + k] = 0.0",
     ]
-    for batch in held.rests:
-        rows = np.searchsorted(held.known, batch.targets) if held.factors is None else batch.targets
+    for batch in kept.rests:
+        rows = np.searchsorted(kept.known, batch.targets) if kept.factors is None else batch.targets
         loop(body, replace(batch, targets=rows), "data[w + {target}] += {value}")
 
 

@@ -1,4 +1,4 @@
-"""Source of a sparse LU factorisation with threshold pivoting, inlined into code with large varying or nonlinear blocks.
+"""Source of a sparse LU factorisation with threshold pivoting, inlined into code that solves large varying or nonlinear blocks.
 
 The columns are eliminated in a fixed order (`gearlib.structure.elimination_order`); each takes, of the rows whose entry is large
 enough, the one that comes first in that order. So the factors stay sparse, and each discrete state finds pivots of its own: stuck
@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from gearlib.structure.elimination_order import EliminationOrder
 
 Integers = NDArray[np.int64]
-ROOM = 6  # entries per factor that are provided for, relative to those of generic numbers in the planned order
-COMPLETE = 10_000  # entries per factor up to which a full factor is provided for
+# Storage per factor: this multiple of the fill-in of the planned order, since pivoting may deviate from it; a full triangle if it is small
+ROOM = 6
+COMPLETE = 10_000
 
 
 def room(order: EliminationOrder) -> int:
-    """Entries that are provided for in each factor."""
+    """Entries for which each factor has storage."""
     return max(ROOM * order.fill, min(order.n * (order.n + 1) // 2, COMPLETE))
 
 
@@ -43,8 +44,8 @@ SPARSE_SOLVE = '''
 def sparse_factorise(data: floats, index: ints, s: int, a: int, m: int) -> None:
     """LU factors, stored from ``m`` on, of the matrix with the entries at ``a`` and the pattern at ``index[s]``.
 
-    Rows are scaled by their largest entries. A column without an entry that counts leaves its unknown undetermined. The logarithm of
-    the determinant (-1e300 if it vanishes) and the rank (-1 if the factors find no room) come first.
+    Rows are scaled by their largest entries. A column without a usable pivot leaves its unknown undetermined. The logarithm of the
+    determinant (-1e300 if it vanishes) and the rank (-1 if the factors exceed their storage) come first.
     """
     n, room, order, ranks = index[s], index[s + 1], s + 2, s + 2 + index[s]
     starts, rows = ranks + n, ranks + 2 * n + 1
@@ -148,10 +149,10 @@ def sparse_factorise(data: floats, index: ints, s: int, a: int, m: int) -> None:
 
 
 def sparse_apply(data: floats, index: ints, s: int, m: int, b: int, agreeing: int) -> int:
-    """Solution for the right-hand side at ``b``, in its place, with the factors at ``m``.
+    """Solve for the right-hand side at ``b``, in place, with the factors at ``m``; returns 1 on failure.
 
-    Equations that depend on others are left out if they agree with these, where ``agreeing`` is not zero; what they leave undetermined
-    is zero.
+    Linearly dependent equations are left out, and undetermined unknowns set to zero; if ``agreeing`` is not zero, it is a failure if
+    these equations are inconsistent.
     """
     n, room = index[s], index[s + 1]
     scale, place, pivot_rows, pivot_columns = m + 2, m + 2 + n, m + 2 + 2 * n, m + 2 + 3 * n
@@ -190,9 +191,9 @@ def sparse_apply(data: floats, index: ints, s: int, m: int, b: int, agreeing: in
 
 
 def sparse_row(data: floats, index: ints, s: int, m: int, b: int) -> None:
-    """A row of the inverse, or a sum of rows, by a solution with the transposed factors at ``m``.
+    """A weighted sum of rows of the inverse, by a solution with the transposed factors at ``m``.
 
-    At ``b`` stand the weights of the rows, then the entries of their sum. The rank must be full.
+    On entry ``b`` holds the weights, on return the sum. The matrix must have full rank.
     """
     n, room = index[s], index[s + 1]
     scale, pivot_rows, pivot_columns, pivots, x = m + 2, m + 2 + 2 * n, m + 2 + 3 * n, m + 2 + 4 * n, m + 2 + 5 * n

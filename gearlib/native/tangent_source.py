@@ -1,7 +1,7 @@
 """Code generation for right-hand sides extended by tangents, of small programs: unrolled, with the columns in vectors.
 
-Partial derivatives of each equation are computed once and multiply the tangents of all columns: eight of them are one vector, one or two
-are numbers. Everything stays in registers and on the stack.
+Partial derivatives of each equation are computed once and multiply the tangents of all columns, eight columns per vector; one or two
+remaining columns are scalars. Everything stays in registers and on the stack.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from gearlib.program.text import expression
 Integers = NDArray[np.int64]
 Entry = tuple[int, int]  # entry of the parameter table, column
 MOST_LINES = 2000  # vectors computed in a function
-FEW = 2  # columns that are numbers of their own; more are a vector
+FEW = 2  # remaining columns up to which they are scalars; more make another vector
 HEAD = """\
 def rhs(t: float, x_at: int, dx_at: int, data_at: int, index: ints) -> int32:
     x, dx, data = floats_at(x_at), floats_at(dx_at), floats_at(data_at)
@@ -32,14 +32,16 @@ def rhs(t: float, x_at: int, dx_at: int, data_at: int, index: ints) -> int32:
 
 @dataclass(frozen=True)
 class TangentVectors:
-    """Where the weights of the columns at parameters stand in ``data``: a row for each parameter, columns of zeros behind the last.
+    """Layout in ``data`` of the weights of the columns at parameters: a row per parameter, padded with zeros to whole vectors.
 
     Attributes
     ----------
     place : int
+        Offset of the first row.
     parameters : tuple of int
         Entries of the parameter table that columns change.
     width : int
+        Numbers per row.
     """
 
     place: int
@@ -62,11 +64,11 @@ class TangentVectors:
 def vector_body(
     program: Program, layout: Layout, plan: DerivativePlan, changed: Sequence[Entry]
 ) -> tuple[str, Body, TangentVectors, int] | None:
-    """Source of a right-hand side extended by tangents, its body, the weights of the columns, and the end of its numbers in ``data``.
+    """Source of a right-hand side extended by tangents, its body, the layout of the weights, and the end of its numbers in ``data``.
 
-    None where the program is not small. The tangents follow the states, those of one state after those of the other. Partial derivatives
-    that depend on parameters only are coefficients of the body; behind the weights stand the inverses of `inverted_blocks`, row by row,
-    and room for a vector.
+    None if the program is not small. The tangents follow the states, all tangents of one state together. Partial derivatives that
+    depend on parameters only are coefficients of the body; the weights are followed by the inverses of `inverted_blocks`, row by row,
+    and by scratch space for a vector.
     """
     parameters = tuple(dict.fromkeys(p for p, _ in changed))
     width = -(-plan.n_seeds // LANES) * LANES
@@ -76,7 +78,7 @@ def vector_body(
     names = {slot: f"v{slot}" for slot in range(program.n_slots)}
     body = written_out(program, layout, names, [f"p{k}" for k in range(1 + max(_parameters(program), default=-1))])
     place = layout.size
-    for _ in range(2):  # the weights stand behind the coefficients, which are known then
+    for _ in range(2):  # the first pass counts the coefficients, which the weights follow
         columns = _Columns(program, layout, plan, TangentVectors(place, parameters, width))
         place = layout.size + columns.n_coefficients
     body.coefficients = columns.coefficients
@@ -146,7 +148,7 @@ class _Columns:
         return count == 1 and first >= self.plan.n_seeds - self.plan.n_seeds % LANES
 
     def _beyond(self, state: int, piece: int) -> bool:
-        """Whether a vector there would go beyond the last tangent."""
+        """Whether a vector there would extend beyond the last tangent."""
         return self._place(state, piece) + LANES > len(self.program.states) * (1 + self.plan.n_seeds)
 
     def _zero(self, piece: int) -> str:
@@ -163,7 +165,7 @@ class _Columns:
             self.lines.append(f"{name} = lanes_at(x_at + {8 * at})[0]")
 
     def _store(self, state: int, piece: int, value: str) -> None:
-        """A vector may go beyond its row, into the next one, which is stored later."""
+        """A vector may extend into the next row, which is stored later."""
         at = self._place(state, piece)
         if self._is_number(piece):
             self.lines.append(f"dx[{at}] = {value}")
@@ -207,7 +209,7 @@ class _Columns:
         return f"{name}_w"
 
     def _text(self, batch: Batch, i: int, key: tuple[int, str]) -> str:
-        """A row of a part of a step, which the key stands for."""
+        """Source of row i of a partial derivative; ``key`` identifies the batch and the variable or parameter."""
         if batch.numbers is not None:
             return repr(float(batch.numbers[i]))
         if batch.of_parameters:
@@ -236,14 +238,14 @@ class _Columns:
                 yield self._text(batch.parameter_derivative(q), i, (id(batch), f"p{q}")), f"w{p}"
 
     def _multiplied(self, step: Linear, block: int) -> None:
-        """The unknowns of a linear block: its solution matrix times what is known."""
+        """The tangents of a linear block: its solution matrix times the tangents of the known slots."""
         at, width = self.layout.solutions[block], len(step.known)
         for i, row in enumerate(self.layout.needed[block]):
             known = [(j, slot) for j, slot in enumerate(step.known.tolist()) if slot in self._tangents]
             self._set(int(step.unknowns[row]), [(f"data[{at + i * width + j}]", f"d{slot}") for j, slot in known])
 
     def _implicit(self, step: Linear, base: int) -> None:
-        """A linear block whose matrix depends on parameters: dz = -inverse(A) (dA z + dg), with the latter under names from ``base`` on."""
+        """A linear block whose matrix depends on parameters: dz = -inverse(A) (dA z + dg); dA z + dg as slots from ``base`` on."""
         solved, equations, at = self._inverses[id(step)]
         n = len(step.unknowns)
         right: dict[int, list[tuple[str, str]]] = {e: [] for e in equations}

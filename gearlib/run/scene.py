@@ -188,7 +188,7 @@ class Scene:
     @cached_property
     def layout(self) -> Layout:
         """Memory layout of the derivatives in native code without tangents."""
-        return lay_out(self.program, self.shared, self.shared.size, hold=True)
+        return lay_out(self.program, self.shared, self.shared.size, keep=True)
 
     @cached_property
     def source(self) -> str:

@@ -146,6 +146,6 @@ def test_an_evaluation_of_a_star_costs_what_its_branches_cost() -> None:
     for branches in (30, 120):
         program = star(branches).translation.scene.program
         shared = Shared(len(star(branches).translation.model.parameters.names), star(branches).translation.scene.n_discrete, 0)
-        costs += [operations(program, lay_out(program, shared, shared.size, hold=hold)) for hold in (True, False)]
+        costs += [operations(program, lay_out(program, shared, shared.size, keep=keep)) for keep in (True, False)]
     assert costs[2] < 4.5 * costs[0]
     assert costs[3] < 4.5 * costs[1]
