@@ -15,7 +15,7 @@ from gearlib.program.interpret import Prepared, evaluate
 from gearlib.program.program import Program
 from gearlib.run.refusals.limits import refuse_start
 from gearlib.run.result import SimulatedResult
-from gearlib.run.scene import Scene
+from gearlib.run.scene import Scene, guess_of
 from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import values
 from gearlib.structure.incidence import Node
@@ -125,7 +125,7 @@ def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point)
         discrete = np.zeros((0, 1))
     else:
         discrete = scene.discrete(scene.numbers(parameters), now, x[:, None], u[:, None], start=point.guess)
-    guess = scene.guess(program, point.guess)
+    guess = guess_of(program, point.guess)
     return evaluate(prepared, now, x[:, None], u[:, None], discrete, guess)[:, 0], discrete[:, 0]
 
 

@@ -1,4 +1,4 @@
-"""Coefficients of a flat model's equations at one point, where structure alone does not decide; equations listed for messages."""
+"""Coefficients of a flat model's equations at one point, where structure alone does not decide; lists of equations for messages."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def partials_at(model: FlatModel, g: int, column: int, parameters: Floats, known
 
 
 def rest_at(model: FlatModel, g: int, parameters: Floats, known: Floats) -> Floats:
-    """Constant terms of a group's equations; NaN if they vary with time."""
+    """Constant terms of a group's equations; NaN if they vary with time. Arguments as for `partials_at`."""
     group = model.groups[g]
     if group.template.on_time:
         return np.full(len(group), np.nan)
@@ -62,7 +62,7 @@ def start_guess(model: FlatModel, parameters: Floats) -> Floats:
 
 
 def some(items: list[str], separator: str = "; ") -> str:
-    """The first few items of a list, and the number of the remaining ones."""
+    """The first eight items of a list, and the number of the remaining ones."""
     return separator.join([*items[:8], *([f"and {len(items) - 8} more"] if len(items) > 8 else [])])
 
 

@@ -1,10 +1,10 @@
-"""Equations whose highest derivatives cancel in a sum at the values of the parameters; the sum takes the place of one of them.
+"""Linear combinations of equations in which the highest derivatives cancel; each replaces one of its equations.
 
-Index reduction looks at structure, which does not see that three dampers between three massless nodes leave their common speed open, or
-that gears without inertia pass on no more torques than are put in. Where rows of constant coefficients A of the highest derivatives depend
-on each other, ``y' A = 0``, the sum of these equations with the weights y holds lower derivatives only: a constraint, which must be
-differentiated as others are (the springs at those nodes balance each other). It is put in place of the equation of the sum that is
-differentiated least often, which follows from it and the rest.
+Structural index reduction does not see numerical cancellation: three dampers between three massless nodes leave their common speed
+undetermined. Where the rows of constant coefficients A of the highest derivatives are linearly dependent, ``y' A = 0``, the sum of these
+equations with the weights y contains lower derivatives only: a hidden constraint, which must be differentiated like any other (the springs
+at those nodes balance each other). It replaces the equation of the sum that is differentiated least often, which follows from it and the
+others.
 
 References
 ----------
@@ -15,7 +15,7 @@ BIT Numerical Mathematics 57 (2017) 845-865, doi 10.1007/s10543-017-0655-z: the 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy
@@ -25,18 +25,19 @@ from gearlib.equations.template import Relation, Template, column_symbol, make_t
 from gearlib.flatten.model import EquationGroup, FlatModel, Floats
 from gearlib.reduce.coefficients import some
 from gearlib.reduce.reduction import Structure
+from gearlib.reduce.redundancy import without
 from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import Block, reach, sort_blocks
 
-DEPENDENT = 1e-11  # singular value of scaled rows that counts as zero
-CANCELLED = 1e-9  # sum of coefficients over the sum of their sizes
-MOST = 400  # unknowns of a block that is examined
-BESIDE = 1e-3  # relative change of a parameter with which it is seen whether what cancels depends on it
+DEPENDENT = 1e-11  # singular value of scaled rows, relative to the largest, that counts as zero
+CANCELLED = 1e-9  # sum of coefficients over the sum of their magnitudes that counts as zero
+MOST = 400  # unknowns of the largest block that is examined
+BESIDE = 1e-3  # relative perturbation of a parameter, which shows whether the cancellation depends on its value
 
 
 @dataclass(frozen=True)
 class CancellingSum:
-    """A sum of equations, and the one that it replaces.
+    """A sum of equations in which derivatives cancel, and the equation that it replaces.
 
     Attributes
     ----------
@@ -44,24 +45,25 @@ class CancellingSum:
     replaced : int
         One of these equations.
     gone : tuple of nodes
-        Variables with their orders that cancel.
+        Variables, with their orders, that cancel.
     decisive : tuple of int
-        Parameters that these cancel at certain values of only.
+        Parameters at whose present values only they cancel.
     """
 
     terms: tuple[tuple[int, int, float], ...]
     replaced: int
     gone: tuple[Node, ...]
-    decisive: tuple[int, ...]
+    decisive: tuple[int, ...] = ()
 
 
 def combinations(structure: Structure, parameters: Floats, targets: Iterable[Node]) -> tuple[CancellingSum, ...]:
-    """The sums in which what is computed for some targets cancels; none where nothing does, or where nothing is left.
+    """The sums of equations in which unknowns of some targets cancel; a sum in which nothing remains is left out.
 
     Parameters
     ----------
     structure : Structure
     parameters : array
+        The complete vector.
     targets : iterable of nodes
         What a run computes: the derivatives of its states.
     """
@@ -71,34 +73,27 @@ def combinations(structure: Structure, parameters: Floats, targets: Iterable[Nod
 
 
 def cancel(structure: Structure, found: Sequence[CancellingSum], parameters: Floats) -> bool:
-    """Whether what cancelled in sums of equations of a structure does with these parameters, too."""
+    """Whether the same derivatives cancel with these parameters, too."""
     return all(set(c.gone) <= _cancelled(structure, c.terms, parameters) for c in found)
 
 
 def replaced(structure: Structure, found: Sequence[CancellingSum]) -> FlatModel:
     """The model with the sums in place of equations."""
-    model, groups = structure.model, list(structure.model.groups)
+    model = structure.model
     sums = [_combined(structure, combination) for combination in found]
-    for g in {structure.model.places[c.replaced][0] for c in found}:
-        gone = [structure.model.places[c.replaced][1] for c in found if structure.model.places[c.replaced][0] == g]
-        group = groups[g]
-        groups[g] = EquationGroup(
-            group.template, np.delete(group.variables, gone, 0), np.delete(group.signs, gone, 0),
-            np.delete(group.parameters, gone, 0), np.delete(group.owners, gone, 0), np.delete(group.discretes, gone, 0),
-        )  # fmt: skip
-    return model.with_groups((*groups, *sums), model.redundant)
+    return model.with_groups((*without(model, [c.replaced for c in found]).groups, *sums), model.redundant)
 
 
 @dataclass(frozen=True)
 class _Equation:
-    """One equation, differentiated so often: its template, and what stands in the columns of that (sign 0: nothing)."""
+    """One equation, differentiated a number of times: a template, and the row of a group that holds its variables and parameters."""
 
     template: Template
     group: EquationGroup
     place: int
 
     def nodes(self) -> list[tuple[int, Node, int]]:
-        """(column, node, sign) of its variables."""
+        """(column, node, sign) of its variables, except those that are identically zero."""
         where = {name: j for j, name in enumerate(self.group.template.locals)}
         variables, signs = self.group.variables[self.place].tolist(), self.group.signs[self.place].tolist()
         named = [(c, where[name], order) for c, (name, order) in enumerate(self.template.columns)]
@@ -148,15 +143,13 @@ def _of_block(structure: Structure, block: Block, parameters: Floats) -> list[Ca
         held = {node for e, k, _ in terms for _, node, _ in _row(structure, e, k).nodes()}
         if not {(v, order - least) for v, order in block} & held <= gone or held <= gone:
             continue
-        combination = CancellingSum(terms, rows[lead][0], tuple(sorted(gone)), ())
-        found.append(
-            CancellingSum(terms, combination.replaced, combination.gone, _decisive(structure, combination, parameters))
-        )
+        combination = CancellingSum(terms, rows[lead][0], tuple(sorted(gone)))
+        found.append(replace(combination, decisive=_decisive(structure, combination, parameters)))
     return found
 
 
 def dependent_rows(matrix: Floats) -> list[Floats]:
-    """Weights with which rows add up to zero: as many as depend on the others, each without the first row of another.
+    """A basis of the weights with which rows add up to zero, in reduced echelon form: no vector contains the first row of another.
 
     Examples
     --------
@@ -195,7 +188,7 @@ def dependent_rows(matrix: Floats) -> list[Floats]:
 
 
 def _cancelled(structure: Structure, terms: Sequence[tuple[int, int, float]], parameters: Floats) -> set[Node]:
-    """The variables, with their orders, that stand in the terms with constant coefficients and not in their sum."""
+    """The variables, with their orders, that have constant coefficients in the terms, which cancel in the sum."""
     total: dict[Node, float] = {}
     size: dict[Node, float] = {}
     for e, k, weight in terms:
@@ -209,6 +202,7 @@ def _cancelled(structure: Structure, terms: Sequence[tuple[int, int, float]], pa
 
 
 def _decisive(structure: Structure, combination: CancellingSum, parameters: Floats) -> tuple[int, ...]:
+    """The parameters of the cancelling coefficients that undo the cancellation when they are perturbed."""
     involved: set[int] = set()
     for e, k, _ in combination.terms:
         row = _row(structure, e, k)

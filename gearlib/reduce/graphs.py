@@ -12,7 +12,7 @@ import networkx as nx
 
 from gearlib.reduce.reduction import Structure
 from gearlib.structure.incidence import Node
-from gearlib.structure.sorting import reach
+from gearlib.structure.sorting import reach, sort_blocks
 
 Vertex = tuple[str, int, int]
 
@@ -48,7 +48,7 @@ def flat_graph(structure: Structure) -> nx.Graph:
 def reduced_graph(structure: Structure, targets: Iterable[Node]) -> nx.DiGraph:
     """The graph of the index-reduced equations that some unknowns need, sorted into blocks.
 
-    An arc leads from each variable to the equations that contain it, and from an equation to the variable matched to it. An equation
+    An arc leads from an equation to the variable matched to it, and to the equation from every other variable in it. An equation
     has the attributes ``bipartite`` (0), ``path``, ``label``, ``differentiated`` (how often) and ``block``; a variable ``bipartite``
     (1), ``path`` (``der(...)`` for a derivative), ``state``, ``given`` and ``block`` (None for states and inputs). Blocks are numbered
     in evaluation order; the graph attribute ``blocks`` lists the variables of each.
@@ -61,7 +61,7 @@ def reduced_graph(structure: Structure, targets: Iterable[Node]) -> nx.DiGraph:
     """
     model = structure.model
     inside = sorted(reach(structure, targets, dynamic=True)[0])
-    blocks = _blocks(structure, inside)
+    blocks = sort_blocks(structure, inside)
     block_of = {node: b for b, block in enumerate(blocks) for node in block}
     graph: nx.DiGraph = nx.DiGraph(name="index-reduced equations")
 
@@ -83,15 +83,3 @@ def reduced_graph(structure: Structure, targets: Iterable[Node]) -> nx.DiGraph:
         graph.add_edges_from((variable(other), equation) for other in structure.columns(e, k) if other != node)
     graph.graph["blocks"] = tuple(tuple(("variable", *node) for node in block) for block in blocks)
     return graph
-
-
-def _blocks(structure: Structure, unknowns: list[Node]) -> list[tuple[Node, ...]]:
-    """Strongly connected components of the dependency graph, in topological order."""
-    inside = set(unknowns)
-    needs: nx.DiGraph = nx.DiGraph()
-    needs.add_nodes_from(unknowns)
-    needs.add_edges_from((other, node) for node in unknowns for other in structure.of(node) if other in inside)
-    condensed = nx.condensation(needs)
-    members = nx.get_node_attributes(condensed, "members")
-    order = nx.lexicographical_topological_sort(condensed, key=lambda c: min(members[c]))
-    return [tuple(sorted(members[c])) for c in order]

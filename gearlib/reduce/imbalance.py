@@ -111,8 +111,8 @@ def explained(model: FlatModel, balance: Imbalance) -> str:
 
 
 def _given_twice(model: FlatModel, balance: Imbalance) -> list[str]:
-    """Bound inputs that an equation of an enclosing component, or their own, would have to determine."""
-    excess = [e for e in balance.excess_equations if model.places[e] and _owner(model, e) is not None]
+    """Inputs, bound or given from outside, that an equation of their own or of an enclosing component would have to determine."""
+    excess = [e for e in balance.excess_equations if _owner(model, e) is not None]
     bound = {v for e in excess if _template(model, e).binds for v, _ in model.nodes(e, 0)}
     text: dict[str, None] = {}
     for e in excess:
@@ -169,7 +169,7 @@ def _loose_ends(model: FlatModel, balance: Imbalance, guess: bool) -> Iterator[s
             number = next(k for k, i in enumerate(model.instances) if i.path == owner)
             instance = model.instances[number]
             if local in loose.get(number, ()):
-                text[connector] = _nothing(instance, [local])
+                text[connector] = _unconnected(instance, [local])
             else:
                 off = _switch(instance, local)
                 text[connector] = f"Nothing determines {name}: connect {connector} to a component that does{off}."
@@ -187,19 +187,19 @@ def _loose_ends(model: FlatModel, balance: Imbalance, guess: bool) -> Iterator[s
         if not inside and ((alone and undetermined and guess) or number in blamed):
             for c in connectors:
                 text.pop(f"{path}.{c}", None)
-            text[path] = _nothing(instance, connectors)
+            text[path] = _unconnected(instance, connectors)
     yield from list(text.values())[:MOST_NAMED]
 
 
 def _massless(model: FlatModel, e: int, loose: dict[int, list[str]]) -> bool:
-    """Whether an equation contains the flow of an unconnected connector, and no derivative."""
+    """Whether an equation without derivatives contains the flow of an unconnected connector, or is a binding without unknowns."""
     g, i = model.places[e]
     group = model.groups[g]
     connectors = loose.get(int(group.owners[i]), ())
     if not connectors or any(order for _, order in group.template.columns):
         return False
     if group.template.binds:
-        return not model.nodes(e, 0) or not any(v not in set(model.inputs.tolist()) for v, _ in model.nodes(e, 0))
+        return {v for v, _ in model.nodes(e, 0)} <= set(model.inputs.tolist())
     instance = model.instances[int(group.owners[i])]
     flows = {
         f"{c}.{n}" for c in connectors for n, v in instance.declared.connectors[c].variables.items() if isinstance(v, Flow)
@@ -207,7 +207,7 @@ def _massless(model: FlatModel, e: int, loose: dict[int, list[str]]) -> bool:
     return any(name in flows for t in instance.record.templates if t.label == group.template.label for name in t.locals)
 
 
-def _nothing(instance: Instance, connectors: list[str]) -> str:
+def _unconnected(instance: Instance, connectors: list[str]) -> str:
     paths = [f"{instance.path}.{c}" for c in connectors]
     verb = "is" if len(paths) == 1 else "are"
     off = _switch(instance, connectors[0]) if len(paths) == 1 else f", or leave {instance.path} out"

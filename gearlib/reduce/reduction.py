@@ -1,7 +1,7 @@
 """`analyse`: index reduction and state selection of a flat model.
 
 The steps, in order: rigid loops (numerically), balance, Pantelides, state selection (numerically). Redundant equations are removed
-before the balance is checked, and one flow that is then undetermined is set to zero.
+before the balance is checked; for each of them one flow that is then undetermined is set to zero.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Structure(Dependence):
     complete : FlatModel
         Including the redundant equations.
     inverses : dict
-        Inverses of the matrices of linear blocks, those that were last computed.
+        Cache: the most recent inverses of the matrices of linear blocks.
     """
 
     model: FlatModel
@@ -52,7 +52,7 @@ class Structure(Dependence):
 
     @cached_property
     def angles(self) -> frozenset[Node]:
-        """States that are pure integrals: nothing depends on them."""
+        """Positions among the states on which nothing else depends: pure integrals of speeds."""
         model, plain_rates = self.model, integrals(self.model)
 
         def position(state: Node) -> bool:
@@ -71,7 +71,8 @@ class Structure(Dependence):
         what : str
             Its role, for error messages.
         refusal : pair of str
-            What a variable cannot be used for if the equations do not determine it, and what if only its derivatives are missing.
+            Ends of the error message, such as ("cannot be an output", "can"): for the name itself, and for the variable whose derivative
+            it is.
 
         Raises
         ------
@@ -98,7 +99,7 @@ class Structure(Dependence):
 
 
 def analyse(model: FlatModel, parameters: Floats) -> Structure:
-    """Perform index reduction and state selection on a flat model, with numbers at the start values where structure does not suffice.
+    """Perform index reduction and state selection on a flat model; coefficients are evaluated at the start values where needed.
 
     Raises
     ------
@@ -135,7 +136,7 @@ def analyse(model: FlatModel, parameters: Floats) -> Structure:
 
 
 def choose_again(structure: Structure, parameters: Floats, t: float, known: Floats) -> Structure | None:
-    """State selection at another point, given as to `partials_at`; None if there are no other states."""
+    """State selection at another point, with arguments as for `partials_at`; None if it yields no other states."""
     model, result = structure.model, structure.differentiation
     lower, varying = constraints(result, _entries(model, result, parameters, known, t)), _varying(model, result)
     by_declaration = {node: bad[:1] for node, bad in _badness(model, result).items()}
@@ -153,7 +154,7 @@ def _states(result: Differentiation, eliminated: Collection[Node]) -> tuple[Node
 
 
 def _varying(model: FlatModel, result: Differentiation) -> frozenset[int]:
-    """Constraints with coefficients that change during a run."""
+    """Differentiated equations with coefficients that change during a run."""
     return frozenset(e for e, (g, _) in enumerate(model.places) if result.counts[e] and not model.groups[g].template.linear)
 
 
@@ -261,7 +262,7 @@ def _entries(model: FlatModel, result: Differentiation, parameters: Floats, know
 
 
 def _badness(model: FlatModel, result: Differentiation) -> dict[Node, tuple[float, ...]]:
-    """Sort key of state candidates, least preferred highest: declaration, derivative order, no fixed start value."""
+    """Sort key of state candidates, the least preferred last: by declaration and derivative order, then by a fixed start value."""
     wanted = set(model.representative[model.started[model.start_fixed]].tolist())
     bad: dict[Node, tuple[float, ...]] = {}
     for v, order in result.orders.items():

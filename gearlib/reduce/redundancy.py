@@ -1,7 +1,7 @@
 """Redundant constraints: detection and removal, and closing of the flows that they leave undetermined.
 
 A rigid loop of gears has one redundant equation between its positions and, by duality, a torque that circulates in it and that no
-equation determines. Both are found numerically, since structure alone cannot distinguish a torque in the loop from one beside it.
+equation determines. Both are found numerically, since structure alone cannot tell a torque in the loop from one beside it.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def _written_by(model: FlatModel, e: int) -> tuple[Any, str]:
 
 
 def without(model: FlatModel, dropped: Collection[int]) -> FlatModel:
-    """The model without some equations."""
+    """The model without some equations, which are counted as redundant."""
     groups = list(model.groups)
     for g in {model.places[e][0] for e in dropped}:
         gone = [model.places[e][1] for e in dropped if model.places[e][0] == g]
@@ -115,13 +115,19 @@ def flows_beside(model: FlatModel, places: Iterable[tuple[int, int]]) -> frozens
 def balanced(
     model: FlatModel, parameters: Floats, known: Floats, wanted: frozenset[int], loops: Sequence[Sequence[str]] = ()
 ) -> tuple[FlatModel, tuple[str, ...]]:
-    """Check the balance; close the flows that redundant equations leave undetermined by setting them to zero, preferably ``wanted`` ones.
+    """Check the balance; flows that redundant equations leave undetermined are set to zero, preferably ``wanted`` ones.
 
-    ``loops`` are the components of each redundant equation's loop; other arguments as for `partials_at`.
+    ``loops`` are the components of each redundant equation's loop; other arguments as for `partials_at`. Returns the model, and the names
+    of the flows that were set to zero.
+
+    Raises
+    ------
+    BalanceError
+        Too many or too few equations, beyond those flows.
     """
     closed: list[int] = []
     given = set(model.inputs.tolist())
-    candidates: list[int] | None = None  # closing these leaves no flow undetermined, whatever the order of declaration
+    candidates: list[int] | None = None  # zero for these determines all flows; independent of the order of declaration
     while True:
         incidence = [list({v for v, _ in model.nodes(e, 0) if v not in given}) for e in range(len(model.places))]
         unknown = sorted({int(r) for r in np.unique(model.representative[model.sign != 0])} - given - set(closed))
@@ -186,7 +192,7 @@ def last_names(model: FlatModel, variables: Collection[int]) -> dict[int, str]:
 
 
 def _definitions(model: FlatModel) -> frozenset[int]:
-    """Equations that only define a variable, such as a sensor's power: nothing else depends on it, and they constrain no flow."""
+    """Equations that only define a variable that occurs nowhere else, such as a sensor's power; they constrain no flow."""
     plain = ~(model.flow | model.potential)
     plain[model.inputs] = False
     count: dict[int, int] = {}

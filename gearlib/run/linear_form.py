@@ -30,12 +30,12 @@ MOST_WRITTEN = 60  # states up to which the matrix entries are computed by gener
 
 @dataclass(eq=False)
 class LinearPlan:
-    """The parts of a scene's linear form that do not depend on numbers, and the inputs recognised last."""
+    """The parts of a scene's linear form that do not depend on numbers, and the most recent forms (caches)."""
 
     seeds: list[tuple[Batch, int]]
     added: list[int]
     derivatives: DerivativePlan  # of the rates with respect to states, inputs, and perturbations of slots
-    written: Any  # generated function for these, or None
+    written: Any  # generated scalar function for these derivatives, or None
     slots: NDArray[np.int64]  # parameters in the driving expressions
     last: tuple[Any, ...] = ()  # key, inputs, mix
     form: tuple[Any, ...] = ()  # numbers, key, the linear form, mix
@@ -79,7 +79,7 @@ def linear_form(scene: Scene, numbers: Prepared, signals: Sequence[Any]) -> Line
 
 
 def mixed_form(scene: Scene, numbers: Prepared, signals: Sequence[Any]) -> tuple[LinearForm, Floats] | str:
-    """The linear form of a scene, and the shares of its inputs in the program's inputs and driving terms; or why it has none."""
+    """The linear form of a scene, and the weights of its inputs in the program's inputs and driving terms; or why it has none."""
     program = scene.program
     if not program.is_linear:
         return "the equations are not linear with constant coefficients"
@@ -109,25 +109,31 @@ class LinearForms:
     Attributes
     ----------
     inputs : tuple
-        Tables, expressions of time, and one last: a constant, whose weights are numbers of the runs.
+        Tables, expressions of time, and finally the constant 1, whose column of B differs between runs.
     matrix : array, shape (states, states)
-        A of one of these runs.
+        A of one of the runs.
+    tables : tuple of int
+        Unbound inputs that are tables.
+    moving : tuple of int
+        Driving terms that depend on time, as indices of `LinearPlan.seeds`.
+    slots, values : arrays
+        Parameters in the moving terms, and the values that all runs must have for these.
     """
 
     scene: Scene
     inputs: tuple[Any, ...]
     matrix: Floats
     tables: tuple[int, ...]
-    moving: tuple[int, ...]  # driving terms that depend on time, and
-    slots: NDArray[np.int64]  # their parameters, with
+    moving: tuple[int, ...]
+    slots: NDArray[np.int64]
     values: Floats
 
     def alike(self, parameters: Floats) -> NDArray[np.bool_]:
-        """In which runs the inputs are these; ``parameters`` has the shape (parameters, runs)."""
+        """Mask of the runs that have these inputs; ``parameters`` has the shape (parameters, runs)."""
         return np.asarray((parameters[self.slots] == self.values[:, None]).all(axis=0))
 
     def of_runs(self, parameters: Floats, solutions: Sequence[Floats], numbers: Floats) -> tuple[Floats, Floats]:
-        """A, (runs, states, states), and B, (runs, states, inputs).
+        """A, shape (runs, states, states), and B, shape (runs, states, inputs).
 
         Parameters
         ----------
@@ -175,7 +181,7 @@ def linear_forms(scene: Scene, numbers: Prepared, signals: Sequence[Any]) -> Lin
 
 
 def _drives(scene: Scene, numbers: Prepared, signals: Sequence[Any], plan: LinearPlan) -> tuple[tuple[Any, ...], Floats]:
-    """The driving terms as expressions, and the weights with which each enters inputs and slots."""
+    """The inputs of the form as expressions, and their weights in the program's inputs and driving terms."""
     m = len(scene.program.inputs)
     expressions = [driving_expression(scene, batch, i, numbers.parameters) for batch, i in plan.seeds]
     constant = [k for k, e in enumerate(expressions) if e.is_number]

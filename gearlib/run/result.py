@@ -21,7 +21,7 @@ from gearlib.optional import optional
 from gearlib.records import altered
 from gearlib.run.request import Request
 from gearlib.run.scene import Scene
-from gearlib.run.segment import Segment
+from gearlib.run.segment import ADDED, Segment
 from gearlib.run.start_values import Start
 from gearlib.run.translation import Translation
 from gearlib.structure.incidence import Node
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 MOST_SHOWN = 30  # outputs in a notebook
-ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "work", "seconds")  # over the segments of a run
 
 
 class Statistics(dict[str, Any]):
@@ -428,6 +427,15 @@ class SimulatedResult(Result):
     """Result of a run in this process; what the run did not need is computed on demand.
 
     ``result.translation`` and ``result.request`` hold the model and the request.
+
+    Parameters
+    ----------
+    parts : sequence of (Segment, mapping, callable)
+        Each segment with its statistics, and a function that returns its named events.
+    translation : Translation
+    request : Request
+    run : callable
+        Repeats the run, with another request or scene.
     """
 
     def __init__(
@@ -518,9 +526,9 @@ class SimulatedResult(Result):
         return isinstance(name, str) and (name in model.discretes or model.find(model.column(name)[0]) is not None)
 
     def unit(self, name: str) -> str:
-        return self._told(name)[0]
+        return self._declared(name)[0]
 
-    def _told(self, name: str) -> tuple[str, str]:
+    def _declared(self, name: str) -> tuple[str, str]:
         """Unit and description of a variable."""
         name, model = one_name("name", name, "load.w"), self.scene.model
         if name in model.discretes:
@@ -549,7 +557,7 @@ class SimulatedResult(Result):
         else:
             chosen = self._computable(self.scene.model.names()) if translation.outputs is None else self.keys()
         histories, places = self._gathered(chosen)
-        model, numbers, described = self.scene.model, request.parameters.tolist(), [self._told(name) for name in chosen]
+        model, numbers, described = self.scene.model, request.parameters.tolist(), [self._declared(name) for name in chosen]
         table = model.parameters
         known = {name: x for k, (name, x) in enumerate(zip(table.names, numbers, strict=True)) if k not in table.written}
         return Record(
@@ -599,9 +607,10 @@ class SimulatedResult(Result):
             self._extended._compute_together([n for n in nodes if self.scene.missing(n)])
 
     def _extend(self, missing: Iterable[Node]) -> SimulatedResult:
-        """The run with additional states, integrated beside its stored motion, or anew: at first with the requested ones only.
+        """The run with additional states, integrated beside its stored motion, or else repeated.
 
-        The next time with all of them: so the run is integrated twice more at most.
+        The first time with the missing states only, the second time with all: so the run is repeated at most twice, unless a part of
+        the model that was not asked for cannot be integrated.
         """
         known = () if self._extended is None else self._extended.scene.states
         wanted = {*self.scene.states, *known, *missing}
@@ -678,7 +687,7 @@ class SimulatedResult(Result):
         return Start(states, guess, (), part.discrete_at(scene.program, t) if scene.n_discrete else None)
 
     def _finer(self, times: Floats) -> Segment:
-        """The run with other samples: integrated again to its end, with the same steps."""
+        """The run with other samples: integrated again to its end, in the same steps."""
         part: Segment = self._again(self.scene.states, np.union1d(times, self.time[-1:]))._segments[0]
         return part
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-MOST_FILLED = 20_000  # numbers of a data block up to which one is kept for the next run
+MOST_FILLED = 20_000  # numbers of the largest data block that is cached for the next run
 
 
 def node_name(model: FlatModel, node: Node) -> str:
@@ -53,7 +53,7 @@ class Scene:
     wanted : tuple of int
         Discrete variables that are outputs.
     outputs : tuple of nodes
-        Outputs that are not states; they are computed together.
+        Outputs that are not states; one program computes them together.
     """
 
     structure: Structure
@@ -138,7 +138,7 @@ class Scene:
 
     @cached_property
     def feeding(self) -> Integers | None:
-        """Places of the states that those which are not integrated depend on; None if all states are integrated."""
+        """Indices of the integrated states on which the others depend; None if all states are integrated."""
         targets = [(v, k + 1) for v, k in self.structure.states if (v, k) not in self.place_of]
         if not targets:
             return None
@@ -155,7 +155,7 @@ class Scene:
 
     @cached_property
     def searched(self) -> bool:
-        """Whether there are events that are searched for: relations that do not depend on time only."""
+        """Whether there are events located by root search: relations that do not depend on time only."""
         return self.relations is not None and not self.relations.on_time.all()
 
     @cached_property
@@ -170,7 +170,7 @@ class Scene:
 
     @cached_property
     def fastest_drive(self) -> FastestDrive:
-        """How fast time drives it."""
+        """The fastest explicit function of time in the equations."""
         return fastest_drive(self.program, self.relations)
 
     @cached_property
@@ -284,11 +284,11 @@ class Scene:
         return self._compiled[key].evaluator(prepared)
 
     def compiled_program(self, prepared: Prepared) -> Prepared:
-        """The same program, evaluated by compiled code: for many points, one after another."""
+        """A prepared program, evaluated by compiled code: pays for many points, one after another."""
         return replace(prepared, compiled=self._evaluator(prepared).slots)
 
     def compiled_numbers(self, parameters: Floats) -> tuple[Prepared, Evaluator]:
-        """The same, as programs that run as compiled code, and the evaluator that also gives derivatives: for many points, many times."""
+        """`numbers` with programs that run as compiled code, and an evaluator that also computes derivatives."""
         numbers = self.numbers(parameters)
         evaluator, relations = self._evaluator(numbers, self.jacobian), numbers.relations
         if relations is not None:
@@ -296,11 +296,11 @@ class Scene:
         return replace(numbers, compiled=evaluator.slots, relations=relations), evaluator
 
     def prepared(self, parameters: Floats) -> Prepared:
-        """The same, cached for the most recent parameters."""
+        """`numbers`, cached for the most recent parameters."""
         return recent(self._prepared, parameters.tobytes(), lambda: self.numbers(parameters))
 
     def can_be_prepared(self, parameters: Floats) -> bool:
-        """Whether equations that determine unknowns together are not singular, as far as their coefficients are constant."""
+        """Whether all blocks with constant coefficients are regular."""
         try:
             self.prepared(parameters)
         except SingularError:
@@ -318,7 +318,7 @@ class Scene:
         """
         if self.relations is None or numbers.relations is None:
             return np.zeros((self.n_discrete, len(t)))
-        guess = None if start is None else self.guess(self.relations.program, start)
+        guess = None if start is None else guess_of(self.relations.program, start)
         return discrete_at_start(self.model, self.relations, numbers.relations, t, states, inputs, discretes, guess)
 
     def data(
@@ -326,21 +326,17 @@ class Scene:
         slots: Floats | None = None,
     ) -> Floats:  # fmt: skip
         """The data block of a run; iterations start at values of variables, or at slots of the main program where it continues."""
-        guess = self.guess(self.program, start) if slots is None else slots
+        guess = guess_of(self.program, start) if slots is None else slots
 
         def guesses(program: Program) -> Floats:
             if program is self.program:
                 return guess
-            others = self.guess(program, start)
+            others = guess_of(program, start)
             for node in self.program.slots.keys() & program.slots.keys() if slots is not None and program.iterated else ():
                 others[program.slots[node]] = guess[self.program.slots[node]]
             return others
 
         return data_block(native, numbers, inputs, discrete, guesses)
-
-    def guess(self, program: Program, start: Floats) -> Floats:
-        """Initial guess of Newton's iterations."""
-        return guess_of(program, start)
 
 
 def guess_of(program: Program, start: Floats) -> Floats:

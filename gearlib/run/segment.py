@@ -17,7 +17,7 @@ from gearlib.program.interpret import Prepared, evaluate, owner_of, prepare
 from gearlib.program.program import Program
 from gearlib.program.relations import Relations, relations_of
 from gearlib.run.methods.run import Run
-from gearlib.run.scene import Scene, node_name, settle_once
+from gearlib.run.scene import Scene, guess_of, node_name, settle_once
 from gearlib.run.start_values import Start
 from gearlib.solvers.inputs.table import values
 from gearlib.solvers.problem import Solution
@@ -29,6 +29,17 @@ if TYPE_CHECKING:
     from gearlib.solvers.drive.trace import Trace
 
 Floats = NDArray[np.float64]
+ADDED = (
+    "steps",
+    "attempts",
+    "rejected",
+    "rhs",
+    "jac",
+    "events",
+    "restarts",
+    "work",
+    "seconds",
+)  # statistics that add up over a run
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +58,11 @@ class Segment:
     known: dict[Node, Floats] = field(default_factory=dict)
     computed: list[tuple[Program, Floats]] = field(default_factory=list)  # programs and the histories of their slots
     events: Floats = field(default_factory=lambda: np.empty(0))
-    finer: Callable[[Floats], Segment] | None = None  # the same segment at other times
-    branches: list[Branch] = field(default_factory=list)
+    finer: Callable[[Floats], Segment] | None = None  # returns the same segment at other times
+    branches: list[Branch] = field(default_factory=list)  # tracked solution branches of nonlinear equations
     varied: dict[Node, Floats] = field(default_factory=dict)  # tangents already computed
     trace: Trace | None = None  # the ends of the run's steps
-    begun: Callable[[Scene], Start] | None = None  # where a scene with more states begins
+    begun: Callable[[Scene], Start] | None = None  # returns the start of the run for a scene with more states
 
     @classmethod
     def of(
@@ -84,8 +95,8 @@ class Segment:
             else:
                 found = next((c for c in self.computed if node in c[0].slots), None) or self._compute(node)
                 history = self.known[node] = found[1][found[0].slots[node]]
-                if not math.isfinite(np.vdot(history, history)):  # the fastest test of all values at once
-                    self._tell(node, history)
+                if not math.isfinite(np.vdot(history, history)):  # one pass without a temporary array
+                    self._warn(node, history)
         return self.known[node]
 
     def tangents_of(self, node: Node) -> Floats:
@@ -103,7 +114,7 @@ class Segment:
             self.varied[node] = found[:, 0]
         return self.varied[node]
 
-    def _tell(self, node: Node, history: Floats) -> None:
+    def _warn(self, node: Node, history: Floats) -> None:
         """Warn of values that are not finite."""
         bad = np.flatnonzero(~np.isfinite(history))
         if len(bad):
@@ -149,7 +160,7 @@ class Segment:
         ``settle`` evaluates the relations that the run did not need; without it they are known at every time.
         """
         program = prepared.program
-        start = self.scene.guess(program, self.guess)
+        start = guess_of(program, self.guess)
         unknowns = np.concatenate([s.unknowns for s in program.iterated])
         by_slot = {slot: node for node, slot in program.slots.items()}
         nodes = [by_slot[slot] for slot in unknowns.tolist()]

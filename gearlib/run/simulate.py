@@ -69,9 +69,8 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
         from gearlib.run.sampling.instants import given_before
 
         signals = given_before(translation.controllers, earlier[0].request.signals, signals)
-        first = begun(begin)
-    else:
-        first = begun(begin)
+    first = begun(begin)
+    if not earlier:
         if translation.controllers:
             from gearlib.run.sampling.instants import begun_with
 
@@ -139,7 +138,7 @@ def _label(translation: Translation, grid: Floats) -> str:
 
 
 def start_of(translation: Translation, request: Request, scene: Scene, signals: tuple[Any, ...]) -> Start:
-    """Where a run of a scene begins, with certain inputs.
+    """Start values of a run of a scene with certain inputs.
 
     Raises
     ------
@@ -200,7 +199,7 @@ def checked_request(
 def _interval_and_options(
     translation: Translation, t_start: Any, t_end: Any, samples: Any, times: Any, options: tuple[Any, ...]
 ) -> tuple[float, Floats]:
-    """The start time and the output times of a run, whose arguments are checked unless they are those of the last run."""
+    """The start time and the output times of a run; arguments equal to those of the last run are not checked again."""
     again = times.tobytes() if type(times) is np.ndarray and times.dtype == float and times.ndim == 1 else times
     given = (t_start, t_end, samples, again, *options)
     key = *map(type, given), *given  # the types first: a number equals some that are refused, an array has no truth value

@@ -19,7 +19,7 @@ from gearlib.program.program import Program
 from gearlib.program.relations import Relations, relations_of
 from gearlib.reduce.coefficients import start_guess
 from gearlib.reduce.reduction import Structure
-from gearlib.run.scene import Scene, discrete_at_start, node_name
+from gearlib.run.scene import Scene, discrete_at_start, guess_of, node_name
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
@@ -259,7 +259,7 @@ class _Constraints:
             none = np.zeros((model.n_discrete, 1))
             return lambda x: none
         prepared = prepare(relations.program, self.here.structure, parameters)
-        start = self.here.guess(relations.program, guess)
+        start = guess_of(relations.program, guess)
         return lambda x: discrete_at_start(model, relations, prepared, t, x[:, None], inputs, discretes, start)
 
 
@@ -279,7 +279,7 @@ def _satisfy(
     here, program, plan = constraints.here, constraints.program, constraints.plan
     prepared = prepare(program, structure, parameters)
     wanted = np.array([fixed[v][0] for v, _ in others])
-    start = here.guess(program, guess)
+    start = guess_of(program, guess)
     slots_of = program.output_slots
     u, now = inputs[:, None], np.array([t])
     settle = constraints.discrete(parameters, now, u, guess, discretes)

@@ -18,7 +18,7 @@ from gearlib.run.methods.method import Integrates, explained
 from gearlib.run.methods.method_table import integrate
 from gearlib.run.methods.native_problem import Floats, memory
 from gearlib.run.methods.run import Run
-from gearlib.run.scene import Scene, needed_states
+from gearlib.run.scene import Scene, guess_of, needed_states
 from gearlib.run.start_values import Start
 from gearlib.solvers.inputs.table import values
 from gearlib.solvers.problem import Solution
@@ -75,7 +75,7 @@ def _following(run: Run, left: Solution, switched: Switched) -> Run:
         n for v, order in orders.items() for k in range(order) if not scene.missing(n := (v, k)) and n not in scene.place_of
     ]
     program = build(structure, nodes, scene.states, dynamic=False)
-    guess = scene.guess(program, run.start.guess)
+    guess = guess_of(program, run.start.guess)
     for node, slot in program.slots.items():  # on the solution branch of the run
         if node in scene.program.slots:
             guess[slot] = here[scene.program.slots[node]]

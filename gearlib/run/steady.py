@@ -37,7 +37,7 @@ from gearlib.run.methods.implicit import Implicit
 from gearlib.run.methods.method_table import integrate
 from gearlib.run.methods.run import Run
 from gearlib.run.refusals.limits import too_small
-from gearlib.run.scene import Scene, node_name
+from gearlib.run.scene import Scene, guess_of, node_name
 from gearlib.run.start_values import Start
 from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import reach
@@ -47,7 +47,7 @@ CONTRACTS = 0.5  # ratio of a correction to the step before it: the step follows
 AIM = 0.1  # contraction targeted by step-size control
 LONGER, SHORTER = 100.0, 0.05  # bounds on the change of the step size
 LONGEST = 1e10  # step times the largest rate of the linearised equations: slower modes count as not moving
-MOST_STEPS = 400  # before the search gives up; at the growth `LONGER` six of them lead from the shortest to the longest
+MOST_STEPS = 400  # before the search gives up; growing by `LONGER`, the step takes six of them from the shortest to the longest
 ACROSS = 1e-3  # step times the largest rate met so far: a step this short may cross a jump
 MOST_JUMPS = 10  # of these, after which something sticks: the rates push the states back across the same jump
 RUNS = (0.1, 1.0, 10.0, 100.0, 1000.0)  # s
@@ -60,7 +60,7 @@ ROUNDING = 1e3  # unit roundoffs of the terms of an equation that count as zero
 UNSTABLE = 1e-9  # growth rate over the largest rate beyond which a motion is unstable
 LARGEST_EXAMINED = 400  # states
 NOTHING = 1e-15  # relative to the largest derivative of a rate: smaller ones are rounding
-NEVER = 1e-18  # 1/s: derivatives of rates below this move nothing (what sticks, where no other rate is there to compare with)
+NEVER = 1e-18  # 1/s: smaller derivatives of rates count as zero, also where all rates are as small (everything sticks)
 LOCKED = 1e3  # times the rounding of a rate that no state affects: stuck elements must not creep
 GROWN = 1e3  # factor by which the rounding of a rate may exceed that at the start values, if it hides the rate met there
 MARGIN = 1e-11  # by which a relation that a run holds is satisfied where states are moved to it
@@ -142,7 +142,7 @@ class Search:
         """The program linearised at x."""
         scene, now, column, inputs = self.scene, np.array([self.t]), x[:, None], self.inputs[:, None]
         discrete = self.discrete(x)
-        guess = scene.guess(scene.program, self.begin.guess)
+        guess = guess_of(scene.program, self.begin.guess)
         return At(self.numbers, now, evaluate(self.numbers, now, column, inputs, discrete, guess), discrete)
 
     def equations(self, x: Floats) -> tuple[Floats, Floats, Floats]:
@@ -177,7 +177,7 @@ class Search:
         return float(np.abs(f).max()), float(noise.max())
 
     def hidden(self, noise: Floats) -> bool:
-        """Whether the rates at the start values would vanish in the rounding of a state so far away: what vanishes there says nothing."""
+        """Whether rounding at this point, far from the start, is so large that it would hide even the rates at the start values."""
         try:
             first, rounding = self._first
         except SolverError:
@@ -366,9 +366,7 @@ def _run_to_rest(search: Search, end: End) -> End:
             discrete = outcome.discrete[-1]
             x, held = _sticking(search, outcome.x[-1], discrete)
             end = _closed(replace(search, held=held), x)
-            if (
-                held is not None and not end.steady
-            ):  # where what is held leaves nothing that could take up the rounding of the run
+            if held is not None and not end.steady:  # the directions that are left cannot absorb the rounding errors of the run
                 end = _closed(search, x)
             if end.steady:
                 return end
@@ -394,7 +392,7 @@ def _sticking(search: Search, x: Floats, discrete: Floats) -> tuple[Floats, Floa
     if len(states):
         at = scene.model.n_relations
         first[at : at + 2 * len(states)], first[-1] = np.tile(states, 2), 1.0
-    guess, before = scene.guess(relations.program, search.begin.guess), x
+    guess, before = guess_of(relations.program, search.begin.guess), x
     rows: list[Floats] = []
     for _ in range(5):
         fresh = search.discrete(x)[:, 0]

@@ -1,9 +1,9 @@
 """Switching times of a scene's time-dependent relations: symbolic once per scene, numeric per parameter set.
 
 Most conditions compare time with a function of the parameters: g = a + b t vanishes at -a / b, with a and b as functions of the
-parameters. The others are passed to `switches` whenever their parameters or the interval change.
+parameters. The others are passed to `times_of_breakpoints` whenever their parameters or the interval change.
 
-A sinusoid of time does not switch, but turns at a rate: the fastest one limits the steps of a run.
+Sinusoids of time do not switch; the frequency of the fastest one limits the steps of a run.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class TimeSwitches:
 
 
 def time_switches(relations: Relations | None) -> TimeSwitches:
-    """Collect the time relations for evaluation."""
+    """The time relations that a scene uses, prepared for evaluation."""
     if relations is None or not relations.on_time.any():
         return TimeSwitches(())
     numbers = relations.used[relations.on_time]
@@ -140,11 +140,11 @@ class FastestDrive:
     Attributes
     ----------
     known : bool
-        Whether all of them are; time may drive a scene by an expression that has no such rate.
+        Whether all rates are known; an expression of time other than a sinusoid may have none.
     constant : float
-        The largest of those that are numbers, rad/s.
+        The largest rate that does not depend on parameters, rad/s.
     varying : tuple
-        Of the others: a function of the parameters, and which entries of the parameter table these are for each instance.
+        The other rates: a function of parameters, and the indices of these in the parameter table, a row per instance.
     """
 
     known: bool
@@ -187,7 +187,7 @@ def fastest_drive(program: Program, relations: Relations | None) -> FastestDrive
 
 
 def _driven(program: Program, relations: Relations | None) -> Iterable[Batch]:
-    """Batches that hold time; not conditions on time alone, whose switches are stepped to."""
+    """Batches that contain time, except conditions on time alone: steps end exactly at their switches."""
     programs = [program] if relations is None else [program, relations.program]
     for step in (step for p in programs for step in p.steps):
         for batch in [step] if isinstance(step, Batch) else step.residuals if isinstance(step, Newton) else ():

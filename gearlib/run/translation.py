@@ -42,9 +42,9 @@ Integers = NDArray[np.int64]
 States = tuple[Node, ...]
 Rounds = tuple[tuple["CancellingSum", ...], ...]
 NONE = np.empty(0, np.int64)
-FLATTENED = 0.4  # share of the time of a large model
-MOST_ROUNDS = 10  # in which sums take the place of equations, each of which raises the index of what it acts on
-MOST_COMBINED = 8  # translations with such sums that are kept
+FLATTENED = 0.4  # share of flattening in the translation time of a large model
+MOST_ROUNDS = 10  # rounds in which sums replace equations; each raises the index
+MOST_COMBINED = 8  # cached translations with such sums
 
 
 def translate(
@@ -58,7 +58,7 @@ def translate(
     outputs : tuple of str or None
         Requested variables; None makes everything available.
     tell : callable, optional
-        Is told the fraction done, roughly, as the phases end.
+        Called with the fraction done, roughly, at the end of each phase.
 
     Raises
     ------
@@ -105,7 +105,7 @@ class Variants:
     known: dict[Special, Translation] = field(default_factory=dict)  # keyed by the substituted values
     chosen: dict[Special, Translation] = field(default_factory=dict)  # keyed by the values that make a coefficient zero
     combined: dict[Special, dict[Rounds, Translation]] = field(default_factory=dict)  # with sums in place of equations
-    _cancelled: dict[bytes, Special] = field(default_factory=dict)  # of the last parameters in sums
+    _cancelled: dict[bytes, Special] = field(default_factory=dict)  # `special` for the most recent parameters in sums
 
     def special(self, parameters: Floats) -> Special:
         """The parameters, with their values, that make a variable's coefficient zero."""
@@ -121,7 +121,7 @@ class Variants:
         return np.unique(np.concatenate([places.ravel() for _, places in self.sums]))
 
     def ordinary(self, parameters: Floats) -> NDArray[np.bool_]:
-        """In which runs no coefficient is zero; ``parameters`` has the shape (parameters, runs)."""
+        """Mask of the runs in which no coefficient is zero; ``parameters`` has the shape (parameters, runs)."""
         return nothing_special(self.factors, self.sums, parameters)
 
     def translated(self, substituted: Special, parameters: Floats, model: FlatModel | None = None) -> Translation:
@@ -170,7 +170,7 @@ class Variants:
                     while len(known) >= MOST_COMBINED:
                         del known[next(iter(known))]
                     return known.setdefault(other.rounds, other)
-        except ModelError:  # nothing is left that determines what cancels
+        except ModelError:  # no equation is left that determines the unknowns that cancel
             pass
         return found
 
@@ -183,7 +183,7 @@ class Variants:
             if can_be_solved(general.scene, parameters):
                 return general
         except ModelError:
-            pass  # not solvable with the zeros substituted: fall through to the general translation
+            pass  # the general equations cannot be solved with these values: substitute them
         try:
             found = self.translated(special, parameters)
             self.without_cancelling(found, parameters).scene.prepared(parameters)
@@ -298,7 +298,7 @@ class Translation:
         Raises
         ------
         ModelError
-            What is left of them determines nothing.
+            The remaining equations do not determine the unknowns.
         """
         from gearlib.reduce.combinations import replaced
 

@@ -19,9 +19,8 @@ from gearlib.program.interpret import constant_values
 from gearlib.program.program import Newton, Program
 from gearlib.run.scene import Scene
 
-Sums = tuple[
-    tuple[Kernel, Integers], ...
-]  # coefficients such as ``1 - ratio`` with their parameters: one row per argument, one column each
+# Coefficients such as ``1 - ratio``, with their parameters: one row per argument of the kernel, one column per equation
+Sums = tuple[tuple[Kernel, Integers], ...]
 
 
 def factors(model: FlatModel) -> Integers:
@@ -56,7 +55,7 @@ def special_values(multiplied: Integers, added: Sums, parameters: Floats) -> Spe
 
 
 def nothing_special(multiplied: Integers, added: Sums, parameters: Floats) -> NDArray[np.bool_]:
-    """In which runs there are no `special_values`; parameters of the shape (parameters, runs)."""
+    """Mask of the runs without `special_values`; ``parameters`` has the shape (parameters, runs)."""
     ordinary: NDArray[np.bool_] = (parameters[multiplied] != 0.0).all(axis=0)
     for kernel, places in added:
         with np.errstate(all="ignore"):

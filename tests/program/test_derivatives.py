@@ -17,6 +17,7 @@ from gearlib.program.derivative_plan import derivative_plan, state_plan
 from gearlib.program.derivatives import At, dense, derivatives, entries
 from gearlib.program.interpret import evaluate
 from gearlib.program.program import Linear, Newton
+from gearlib.run.scene import guess_of
 from tests.program.exact_program import ExactProgram, difference_quotients
 from tests.stress.described import Model
 from tests.stress.hybrid_draw import hybrid_train
@@ -83,7 +84,7 @@ def check(system: gl.System, values: dict[str, float], seed: int, most: int = 12
     )
     if flags is None:
         flags = scene.discrete(scene.numbers(parameters), np.array([t]), x[:, None], u[:, None])[:, 0]
-    guess = scene.guess(program, np.zeros(system.translation.model.n_variables))
+    guess = guess_of(program, np.zeros(system.translation.model.n_variables))
     slots = evaluate(prepared, np.array([t]), x[:, None], u[:, None], flags[:, None], guess)[:, 0]
     used = {int(p) for s in program.steps for b in _batches(s) for p in b.parameters.ravel()}
     upstream = {p for p in range(len(table.names)) if any(k in used for k, *_ in table.derivatives(parameters, [p], given))}

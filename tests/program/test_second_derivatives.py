@@ -16,6 +16,7 @@ from gearlib.program.derivatives import At, derivatives
 from gearlib.program.interpret import evaluate
 from gearlib.program.program import Linear, Newton
 from gearlib.program.second_derivatives import Direction, entry_changes
+from gearlib.run.scene import guess_of
 from tests.program.exact_program import DIGITS, ExactProgram, exact_table
 from tests.program.test_derivatives import Bound, Loop
 from tests.stress.described import Model
@@ -60,7 +61,7 @@ def check(system: gl.System, values: dict[str, float], seed: int, most: int = 4)
     x, u = scene.nominal * rng.uniform(-1.0, 1.0, n), rng.normal(size=m)
     now = np.array([t])
     flags = scene.discrete(scene.numbers(parameters), now, x[:, None], u[:, None])[:, 0]
-    guess = scene.guess(program, np.zeros(system.translation.model.n_variables))
+    guess = guess_of(program, np.zeros(system.translation.model.n_variables))
     slots = evaluate(prepared, now, x[:, None], u[:, None], flags[:, None], guess)[:, 0]
     used = {int(p) for s in program.steps for b in _batches(s) for p in b.parameters.ravel()}
     upstream = [p for p in range(len(table.names)) if any(k in used for k, *_ in table.derivatives(parameters, [p], given))]

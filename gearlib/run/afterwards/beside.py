@@ -1,9 +1,9 @@
 """States that a run did not integrate, integrated beside its stored motion: they depend on it, and it does not depend on them.
 
 Most are integrals: absolute angles, heat, work. Their derivatives are evaluated at Gauss' points between the ends of the run's steps
-(`Trace`), for all times at once; integrals of integrals follow in turn. Everything is computed twice, with a coarser method and coarser
-polynomials the first time. Where the two disagree, a state depends on itself, or on an event that the run did not look for, the run is
-repeated.
+(`Trace`), for all times at once; integrals of integrals follow in turn. Everything is computed twice, the first time with a coarser
+method and coarser polynomials. The run is repeated where the two disagree, or where an additional state depends on itself or on an event
+that the run did not locate.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Level = tuple[Node, ...]
 
-FINER = (1, 4, 16)  # parts of each step
+FINER = (1, 4, 16)  # parts into which each step is divided, tried in turn
 AGREE = 0.5  # times the tolerance: difference allowed between the two computations
 AT_ONCE = 2_000_000  # numbers in the memory of an evaluation (16 MB)
 

@@ -1,9 +1,9 @@
 """Solution branches of nonlinear algebraic equations, tracked along a run independently of the samples.
 
-sin(b - a) = 0.3 sin(b) has many solutions b for one a. The run follows one of them from its start; what is computed after the run must
+sin(b - a) = 0.3 sin(b) has many solutions b for one a. The run follows one of them from its start; variables computed after the run must
 be on the same branch. So the equations are solved along the run, at times independent of the samples, in steps that are halved until
 the values and slopes at both ends agree: the slope, taken over a tiny interval, reveals a jump to another branch or a lost turn. At
-events the unknowns may jump; each event is approached to just before it. Iterations for the samples start from interpolated values.
+events the unknowns may jump, so that steps end just before them. Iterations for the samples start from interpolated values.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SLOPE = 1 / 64  # of the distance between two candidates: the interval over whic
 AGREE, SMALL = 0.02, 0.001  # of a step's length and of the range so far: agreement required of values and slopes
 BETWEEN, NARROWEST = 16, 1e-10  # points inserted where a step fails; fraction of the run below which that is a jump
 BEFORE = 1e-12  # of the largest time: distance of the point just before an event
-MOST_EVENTS = 2000  # at which the trajectory is looked at on both sides
+MOST_EVENTS = 2000  # events at which the trajectory is evaluated on both sides
 
 
 @dataclass(frozen=True)

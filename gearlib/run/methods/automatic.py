@@ -29,14 +29,20 @@ if TYPE_CHECKING:
     from gearlib.solvers.rungekutta.rungekutta import RungeKutta
     from gearlib.solvers.taylor.taylor import Taylor
 
-# Order of Runge-Kutta: steps, and share of the run, after which it is compared; steps of a pilot, and in which its steps grow; least work
-# of the rest of the run, in pilots, that justifies one; pace of an order that is taken, over the other's; work of preparing a run, ns
-SETTLED, EARLY, PILOT, GROWN, WORTH, BETTER, PREPARED = 120, 0.1, 60, 8, 6.0, 1.2, 2e5
-# Order 8 whose steps something else limits to less than half of what the tolerance allows is left for order 5, where the rest of the run
-# is worth the preparation; that is looked at every so many steps
+# Choice of the Runge-Kutta order by a pilot run, see `OrderChoice`
+SETTLED, EARLY = 120, 0.1  # steps, and share of the run, before the orders are compared
+PILOT, GROWN = (
+    60,
+    8,
+)  # steps of the given order that are compared; steps in which the step size of the other order grows beforehand
+WORTH = 6.0  # least work in the rest of the run, relative to that of a pilot, for which a pilot pays
+BETTER = 1.2  # pace, relative to that of the given order, from which the other one is taken
+PREPARED = 2e5  # work of preparing a run, ns
+# Order 8 is given up for order 5 where the tolerance would allow steps LIMITED times as long as the longest step, and the rest of the run
+# takes SAVED preparations; checked every LOOK steps
 LIMITED, SAVED, LOOK = 2.0, 3.0, 16
-# Largest right-hand side, ns, whose Taylor series are used: they are never slower than Runge-Kutta, but their compilation takes a
-# millisecond for each, once per structure
+# Most expensive right-hand side, ns, whose Taylor series are used: they are no slower than Runge-Kutta, but compiling them, once per
+# structure, takes about a millisecond per nanosecond (measured)
 AT_ONCE = 250.0
 COUNTED = ("steps", "attempts", "rejected", "rhs", "jac", "restarts", "work")  # summed over the legs of a run
 
@@ -111,7 +117,7 @@ def _alternated(run: Run, callbacks: Callbacks, why: str) -> Solution:
 
 
 def _series(run: Run, start: Problem) -> TaylorSeries | None:
-    """The Taylor coefficients, where they exist and are compiled soon enough."""
+    """The function for Taylor coefficients, if it exists and its compilation pays."""
     if start.rhs_cost > AT_ONCE or TaylorSeriesMethod().fits(run):
         return None
     found = run.scene.series
@@ -142,22 +148,22 @@ def _in_turns(
 
 
 class OrderChoice:
-    """Choice of the order of Runge-Kutta by a pilot: both orders integrate the same stretch of the motion, and their work is compared.
+    """Choice of the Runge-Kutta order by a pilot run: both orders integrate the same stretch of the motion, and their work is compared.
 
-    Only where the rest of the run costs much more than that; otherwise the order is that which the tolerance suggests.
+    A short rest of the run does not pay for a pilot; then the order is the one that the tolerance suggests.
 
     Attributes
     ----------
     order : int
     work : float
-        Of pilots whose motion was thrown away, ns.
+        Work of pilots whose motion is discarded, ns.
     """
 
     def __init__(self, run: Run, callbacks: Callbacks, order: int) -> None:
         self.run, self.callbacks, self.order, self.work = run, callbacks, order, 0.0
 
     def begun(self, start: Problem, legs: list[Leg]) -> tuple[Driver, RungeKutta]:
-        """The run after its first steps, integrated with the better order from there on; what the other has done becomes a leg."""
+        """A driver after the first steps of the run, with the better order; if the order has changed, the steps so far become a leg."""
         from gearlib.solvers.rungekutta.rungekutta import RungeKutta
 
         stepper = RungeKutta(self.order)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class Integrates(Protocol):
-    """Anything that can integrate a run: a `Method`, or a solver without time steps."""
+    """Anything that can integrate a run: a `Method`, or a choice among several."""
 
     name: str
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from gearlib.run.tangents.tangents import Tangents
 
 Floats = NDArray[np.float64]
-# Longest step in periods of the fastest sinusoid of time: enough for the stages of a step to see it; for events, of which one may last
-# a tenth of a period
+# Longest step in periods of the fastest sinusoid of time: short enough for the stages of a step to sample it; and for root search, since
+# the interval between two events may be a tenth of a period
 SEEN, SEARCHED = 0.5, 1 / 16
 LATE = 100.0  # start time over run length at which the clock's resolution counts as coarse
 LEAST_STEPS = 100  # assumed number of steps before it is known
@@ -45,9 +45,9 @@ class Run:
     form: str = "ode"  # form of the equations for IDA
     backend: str = "native"  # backend of IDA
     tangents: Tangents | None = None  # integrated along with the states
-    tell: Callable[[float], None] | None = None  # is told the time that was reached, now and then
-    may_stop: bool = False  # whether an interrupt ends the run where it is
-    traced: bool = False  # whether the ends of its steps are kept, for states that are asked for afterwards
+    tell: Callable[[float], None] | None = None  # called now and then with the time reached
+    may_stop: bool = False  # whether an interrupt ends the run at its present time, instead of being raised
+    traced: bool = False  # whether the ends of its steps are stored, for states that are requested afterwards
 
     @property
     def handed(self) -> SceneForm | None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gearlib.errors import SolverError, StartError
 from gearlib.flatten.model import FlatModel
 from gearlib.program.interpret import Prepared, evaluate, prepare
-from gearlib.run.scene import Scene
+from gearlib.run.scene import Scene, guess_of
 from gearlib.run.segment import Segment
 from gearlib.run.start_values import Start
 from gearlib.structure.incidence import Node
@@ -89,7 +89,7 @@ def _too_small(
             program = scene.computing(node)
             known = np.concatenate([given, np.zeros((max(0, len(program.inputs) - width), 1))])[: len(program.inputs)]
             prepared = prepare(program, scene.structure, numbers.parameters)
-            slots = evaluate(prepared, now, column, known, discrete, scene.guess(program, begin.guess))
+            slots = evaluate(prepared, now, column, known, discrete, guess_of(program, begin.guess))
             value = int(scene.model.sign[v]) * slots[program.slots[node]]
         if value[0] < least - MISSED * ACCURATE * _size(scene, node, column.T, value):
             return v, float(value[0]), least

@@ -1,7 +1,7 @@
 """Delays of a compiled model: the histories of their signals, by the method of steps.
 
-A run with delays is cut into pieces that are no longer than the shortest of them. In each piece the delayed signals are known functions
-of time: cubic splines through the history of the pieces before, between the times at which it may jump or bend.
+A run with delays is cut into pieces no longer than the shortest delay. In each piece the delayed signals are known functions of time:
+cubic splines through the history of earlier pieces, between the times at which it may jump or have a kink.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gearlib.solvers.inputs.table import Table, concatenated
 
 Floats = NDArray[np.float64]
 FEWEST, MOST = 32, 16384  # points of a history in a piece
-SHARE = 0.3  # of the relative tolerance: the error of the interpolation
+SHARE = 0.3  # of the relative tolerance: admissible error of the interpolation
 APART = 1e-10  # of a piece: how far from a jump the history is read, on both sides
 # Steps of a signal, and of its slope times the length of a table, relative to its largest value: below these it counts as smooth
 JUMP, KINK = 1e-8, 1e-3
@@ -42,7 +42,7 @@ class Delay:
 
 @dataclass
 class DelayHistory:
-    """What a delay gives, as far as that is known.
+    """The delayed signal, as far as it is known.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class DelayHistory:
     bends : list of float
         Times at which it may jump or bend.
     largest : float
-        Of the signal so far.
+        Largest magnitude of the signal so far.
     """
 
     delay: float
@@ -94,7 +94,7 @@ class DelayHistory:
             self.tables.append(table)
 
     def error(self, read: Sequence[tuple[Floats, Floats]]) -> float:
-        """Estimated error of the splines through some points, beside the largest value."""
+        """Estimated error of the splines through some points, relative to the largest value: of order 4, by halving the points."""
         worst = 0.0
         for t, u in read:
             if len(t) > 8:
@@ -120,7 +120,7 @@ def _smooth(before: Table, after: Table, largest: float) -> bool:
 
 
 def points(times: Sequence[float], end: float, length: float, count: int) -> list[Floats]:
-    """Times at which to read a history between some others, ``count`` in a piece of a length; not at these, since it may jump there."""
+    """Times at which to read a history: ``count`` per ``length``, in the intervals between some times, at which it may jump."""
     found = []
     for a, b in zip(times, [*times[1:], end], strict=True):
         n = max(math.ceil(count * (b - a) / length), 8)
@@ -132,7 +132,7 @@ def points(times: Sequence[float], end: float, length: float, count: int) -> lis
 
 
 def separate(times: Sequence[float], begin: float, end: float) -> list[float]:
-    """The start of a piece and the times in it, without those that are next to another one."""
+    """The start of a piece and the times in it; of times that lie too close together only the first."""
     found = [begin]
     least = 1e-7 * (end - begin)
     for t in sorted(times):
@@ -142,12 +142,12 @@ def separate(times: Sequence[float], begin: float, end: float) -> list[float]:
 
 
 def more_points(count: int, path: str, t: float) -> int:
-    """Twice as many.
+    """Twice the number of points.
 
     Raises
     ------
     SolverError
-        These are too many.
+        There are too many already.
     """
     if count >= MOST:
         raise SolverError(

@@ -22,7 +22,7 @@ from gearlib.run.methods.method_table import BY_TURNS, METHODS
 from gearlib.run.methods.run import Run
 from gearlib.run.sampling.controllers import Controller
 from gearlib.run.sampling.delays import FEWEST, SHARE, Delay, DelayHistory, more_points, points, separate
-from gearlib.run.segment import Segment
+from gearlib.run.segment import ADDED, Segment
 from gearlib.run.start_values import Start
 from gearlib.run.state_switching import Switched, integrate_through
 from gearlib.solvers.inputs.table import Table, breakpoints, values
@@ -30,9 +30,8 @@ from gearlib.solvers.problem import Solution
 
 Floats = NDArray[np.float64]
 MOST_CUTS = 1_000_000  # pieces of a run, each an integration of its own
-MOST_PASSES = 60  # for the signal at the start
-STEPS = 8  # of a piece with delays: a pulse in what they give must not be stepped over
-ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "work", "seconds")  # over the pieces of a run
+MOST_PASSES = 60  # of the iteration for delayed signals at the start
+STEPS = 8  # least number of steps in a piece with delays: a pulse in a delayed signal must not be stepped over
 
 
 @dataclass(frozen=True)
@@ -44,9 +43,9 @@ class Pieces:
     times : tuple of float
         When its pieces begin, s.
     signals : tuple of tuple
-        All inputs from there on.
+        All inputs in each piece.
     histories : mapping of int to Table
-        Inputs that delays give, by number, to one delay after the end.
+        Inputs that delays set, by number, up to one delay after the end.
     after : tuple
         All inputs with which the run goes on.
     """
@@ -169,20 +168,20 @@ def _with_history(
 
 
 def begun_with(begin: Callable[[tuple[Any, ...]], Start], run: Run, controllers: Sequence[Controller | Delay]) -> Run:
-    """A run with its start, and with what delays give at it: the signal's value at the start.
+    """A run with its start; every delay sets its input to the value of its signal at the start.
 
     Parameters
     ----------
     begin : callable
-        The start with certain inputs.
+        Returns the start with certain inputs.
     run : Run
-        With the inputs, but for those that delays give.
+        With the inputs, except for those that delays set.
     controllers : sequence of Controller and Delay
 
     Raises
     ------
     StartError
-        A signal at the start that follows from itself, and does not settle.
+        A delayed signal at the start follows from itself, and the iteration does not converge.
     """
     delays = [d for d in controllers if isinstance(d, Delay) and not isinstance(run.signals[d.gives[0]], Table)]
     for _ in range(MOST_PASSES if delays else 1):
@@ -227,7 +226,7 @@ def _at(signals: Sequence[Any], controllers: Sequence[Controller | Delay], t: fl
 
 
 def _asked(run: Run, t: float, controllers: Sequence[Controller]) -> tuple[Any, ...]:
-    """The inputs from a time on, after controllers were called."""
+    """The inputs from a time on, as set by controllers that act then."""
     signals = list(run.signals)
     if controllers:
         segment = _segment(run, t)

@@ -27,8 +27,8 @@ from gearlib.solvers.inputs.table import Table
 from gearlib.solvers.rungekutta.rungekutta import RungeKutta
 
 Floats = NDArray[np.float64]
-AHEAD = 200.0  # advances ahead for which time events are computed at once
-LONG = 10.0  # work of stiff Runge-Kutta steps, in trials, before IDA takes over, and of IDA before the two are compared again
+AHEAD = 200.0  # number of advances for which time events are computed at a time
+LONG = 10.0  # work of stiff Runge-Kutta steps, in trials of IDA, before IDA takes over; and of IDA before the two are compared again
 
 
 def can_live(run: Run, method: Integrates) -> bool:

@@ -22,8 +22,10 @@ class TangentDirections:
         Paths of parameters, and of start values as ``"start(load.w)"``.
     entries : tuple of (parameter, column)
         Entries of the parameter table that a column changes.
+    weights : array
+        Derivative of each of these entries along its column.
     starts : tuple of (variable, column, sign)
-        Start values that are a column themselves: of representative variables.
+        Start values that are themselves directions, by representative variable.
     sizes : array
         Typical size of each direction, in its unit.
     """

@@ -29,7 +29,7 @@ from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import Prepared, evaluate
 from gearlib.program.program import Program
 from gearlib.run.methods.run import Run
-from gearlib.run.scene import Scene
+from gearlib.run.scene import Scene, guess_of
 from gearlib.run.tangents.directions import TangentDirections
 from gearlib.run.tangents.tangents import TangentCode, Tangents
 from gearlib.solvers.inputs.moving import Callbacks, Wrapped
@@ -142,7 +142,7 @@ class EventTangents:
         self.size = len(problem.data)
         others = relations.program
         both = [n for n in scene.program.slots if n in others.slots] if others.iterated else []
-        self.first_guess = scene.guess(others, run.start.guess)
+        self.first_guess = guess_of(others, run.start.guess)
         self.shared_slots = (
             np.array([scene.program.slots[n] for n in both], np.int64), np.array([others.slots[n] for n in both], np.int64),
         )  # fmt: skip

@@ -24,7 +24,7 @@ from gearlib.structure.incidence import Node
 Floats = NDArray[np.float64]
 Run = Callable[[Translation, Request, Scene], Histories]
 RADIANS = 3.0  # of the fastest motion that a step spans at first
-MOST_AT_FIRST = 5000  # steps
+MOST_AT_FIRST = 5000  # steps at first
 
 
 def gradient_of(
@@ -35,7 +35,7 @@ def gradient_of(
     Raises
     ------
     ArgumentError, NameLookupError
-        What cannot be differentiated, by name.
+        Unknown names, or something that cannot be differentiated, by name.
     """
     given = by_name("weights", weights, "arrays of weights, one number per sample, by path of a variable", "load.w")
     chosen = name_list("names", names, "shaft.c")
@@ -77,15 +77,7 @@ def gradient_of(
     assert start.changes is not None, "they were asked for"
     linear = scene.program.is_linear
     method = "rk8" if linear else request.method
-    tight = replace(
-        request,
-        method=method,
-        rtol=min(request.rtol, TIGHTEST),
-        atol=None,
-        directions=None,
-        progress=False,
-        max_step=request.max_step,
-    )
+    tight = replace(request, method=method, rtol=min(request.rtol, TIGHTEST), atol=None, directions=None, progress=False)
 
     def motion(at: Floats) -> Floats:
         if len(at) == 1 and at[0] == begin:
@@ -101,7 +93,7 @@ def gradient_of(
 
 
 def _steps_at_first(scene: Scene, request: Request, states: Floats, signals: tuple[Any, ...], begin: float, end: float) -> int:
-    """Steps that the fastest motion at the start needs."""
+    """Number of steps for the fastest motion, from the Jacobian at the start."""
     _, evaluator = scene.compiled_numbers(request.parameters)
     t = np.array([begin])
     inputs = values(signals, t, len(scene.program.inputs))

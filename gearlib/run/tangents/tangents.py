@@ -74,7 +74,9 @@ class TangentHistory:
     directions : TangentDirections
     states : array, shape (samples, states, directions)
     discrete : tuple of int
-        Entries of the discrete state that are `carried`, and their tangents.
+        Entries of the discrete state that are `carried`.
+    discretes : array, shape (samples, carried entries, directions)
+        Their tangents.
     """
 
     directions: TangentDirections
