@@ -16,7 +16,6 @@ doi:10.1109/TAC.1978.1101743.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -215,12 +214,9 @@ def _cornered(
 
 @dataclass(frozen=True, eq=False)
 class ExactRun:
-    """A linear scene with its chosen algorithm, and the reason; `solve` integrates."""
+    """A linear scene with its chosen algorithm; `solve` integrates."""
 
-    n: int  # states
     algorithm: str  # "dense" or "action"
-    reason: str  # for statistics
-    seconds: float  # estimated time of `solve`
     _times: Floats
     _forcing: Forcing
     _stretches: list[Stretch]
@@ -241,7 +237,7 @@ class ExactRun:
         """
         x0 = np.asarray(x0, dtype=float)
         if x0.shape != self._shape:
-            raise ArgumentError(f"start values of shape {x0.shape} for {self.n} states")
+            raise ArgumentError(f"start values of shape {x0.shape} for {self._shape[-1]} states")
         out = np.empty((len(self._times), *self._shape))
         out[: self._at_start] = x0
         with np.errstate(over="ignore", invalid="ignore"):
@@ -318,7 +314,7 @@ def prepare(
     Examples
     --------
     >>> from gearlib.solvers.exponential.forcing import recognise
-    >>> forcing, times = recognise([4.0], 0.0, 1.0), [0.0, 0.5 * math.log(2)]
+    >>> forcing, times = recognise([4.0], 0.0, 1.0), [0.0, 0.5 * np.log(2)]
     >>> prepare(np.array([[-2.0]]), np.array([[1.0]]), forcing, times).solve([0.0])
     array([[0.],
            [1.]])
@@ -335,8 +331,8 @@ def prepare(
     weights = B if changes is None else np.concatenate([np.asarray(B)[None], changes.B])
     shape = (n,) if changes is None else (len(matrices), n)
 
-    def run(algorithm: str, reason: str, seconds: float, groups: _Groups) -> ExactRun:
-        return ExactRun(n, algorithm, reason, seconds, times, forcing, cuts, at_start, groups, shape, jumps or {})
+    def run(algorithm: str, groups: _Groups) -> ExactRun:
+        return ExactRun(algorithm, times, forcing, cuts, at_start, groups, shape, jumps or {})
 
     steps = {(forcing.pieces[c.piece].key, c.h): c for c in cuts if c.h}
     count = sum(c.count for c in cuts)
@@ -350,8 +346,7 @@ def prepare(
     if algorithm == "dense" or (algorithm == "auto" and small):
         if n > DENSE_LIMIT:
             raise SolverError(f"{n} states: a dense exponential of more than {DENSE_LIMIT} takes too much memory")
-        groups = _dense_groups(matrices, weights, parts)
-        return run("dense", f"{n} states, {len(steps)} different steps", math.nan, groups)
+        return run("dense", _dense_groups(matrices, weights, parts))
     from gearlib.solvers.exponential.sparse_stepping import SparseStepping
 
     actions = SparseStepping(matrices, weights, n, max(forcing.t_end - forcing.t0, same), rtol, known)
@@ -359,14 +354,16 @@ def prepare(
     sizes = [n] if isinstance(parts[0], slice) else [len(part) for part in parts]
     speed = actions.fastest
     dense = products * sum(estimate(size, [speed * c.h for c in steps.values()], count) for size in sizes)
-    reason = f"{n} states, rates up to {speed:.2g} 1/s: estimated {sparse:.2g} s, dense exponentials {dense:.2g} s"
     dense_fits = max(sizes) <= DENSE_LIMIT and dense <= SECONDS_LIMIT
     if algorithm == "auto":
         if dense_fits and dense < max(2.0 * sparse, 2e-3):
-            return run("dense", reason, dense, _dense_groups(matrices, weights, parts))
+            return run("dense", _dense_groups(matrices, weights, parts))
         if sparse > SECONDS_LIMIT:
-            raise SolverError(f"no exact solution within {SECONDS_LIMIT:g} s: {reason}. Use method='ida' or method='rk'")
-    return run("action", reason, sparse, [(slice(None), actions.advance)])
+            raise SolverError(
+                f"no exact solution within {SECONDS_LIMIT:g} s: {n} states, rates up to {speed:.2g} 1/s: estimated {sparse:.2g} s, dense "
+                f"exponentials {dense:.2g} s. Use method='ida' or method='rk'"
+            )
+    return run("action", [(slice(None), actions.advance)])
 
 
 def _check(A: Any, B: Any, forcing: Forcing, times: Floats, algorithm: str) -> None:
