@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from gearlib.fmi.exported_model import ExportedModel
 from gearlib.fmi.preparation import INVERT, Part, begin_body, next_time_body, preparation_body
-from gearlib.native.events import root_numbers, roots_body, settle_body, update_body
+from gearlib.native.events import roots_body, settle_body, update_body
 from gearlib.native.jacobian import Pattern, jacobian_body, pattern_of
 from gearlib.native.layout import Shared, lay_out
 from gearlib.native.linear_solve import SOLVE
@@ -100,7 +100,7 @@ def model_source(exported: ExportedModel) -> ModelSource:
         for number in (ROOTS, UPDATE, SETTLE):
             add(number, Body(), fired=number == UPDATE)
     else:
-        n_roots = len(root_numbers(relations))
+        n_roots = len(relations.searched)
         layout = lay_out(relations.program, shared, end)
         body = roots_body(relations, layout) if n_roots else Body()
         add(ROOTS, body)

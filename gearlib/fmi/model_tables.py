@@ -11,7 +11,6 @@ import numpy as np
 from gearlib.compiler.small_language import fields_of
 from gearlib.fmi.exported_model import ExportedModel
 from gearlib.fmi.model_source import ModelSource
-from gearlib.native.events import root_numbers
 from gearlib.run.scene import relation_names
 from gearlib.solvers.rungekutta.record import LoopRecord
 
@@ -44,7 +43,7 @@ def model_tables(exported: ExportedModel, source: ModelSource, token: str, toler
     names: Sequence[str] = ()
     if exported.relations is not None:
         labels = relation_names(scene.structure, exported.relations)
-        names = [labels[int(k)] for k in root_numbers(exported.relations)]
+        names = [labels[int(k)] for k in exported.relations.searched]
     arrays = {
         "parameter_places": ("int64_t", parameters),
         "settable": ("uint8_t", settable),

@@ -18,16 +18,11 @@ MOST_ITERATIONS = 100  # bound on the iterations, inner and outer, after which t
 MOST_STEPS = 10  # outer iterations that are recorded, for the tangents
 
 
-def root_numbers(relations: Relations) -> Integers:
-    """Indices of the relations that need a root search, in the order of the native root functions."""
-    return relations.used[~relations.on_time]
-
-
 def roots_body(relations: Relations, layout: Layout) -> Body:
     """Root functions of the relations that compare more than time, signed so that zero counts as negative."""
     body = looped(relations.program, layout)
     body.lines = body.lines[:-CLOSING]
-    numbers = root_numbers(relations)
+    numbers = relations.searched
     for phase in relations.event_iteration.event_functions:
         strict, negated = relation_of(phase.batch)
         sign = "" if strict != negated else "-"  # positive where a strict relation holds, or where a non-strict one does not
@@ -46,7 +41,7 @@ def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: 
     outer iterations, and for the first `MOST_STEPS` of them the discrete state and the states before the re-initialisations.
     """
     body = looped(relations.program, layout, keep=False)  # the discrete state changes from one iteration to the next
-    numbers = root_numbers(relations)
+    numbers = relations.searched
     passes = _passes(body, relations, model, numbers)
     iteration = relations.event_iteration
     for batch in iteration.reinits:

@@ -140,10 +140,10 @@ def compile_scene(
         body, end = jacobian_body(program, layout, jacobian, copies)
         jac = compile_function("jac", function("jac", ["x", "values", "data", "index"], body, JAC), body, layout)
     if relations is not None:
-        from gearlib.native.events import MOST_STEPS, root_numbers, roots_body, update_body
+        from gearlib.native.events import MOST_STEPS, roots_body, update_body
 
         layout = lay_out(relations.program, shared, end, keep=True)
-        if len(root_numbers(relations)):
+        if len(relations.searched):
             body = roots_body(relations, layout)
             roots = compile_function("roots", function("roots", ["x", "values", "data", "index"], body, ROOTS), body, layout)
         body = update_body(relations, layout, model, guards, tangents is not None)

@@ -35,9 +35,19 @@ class Relations:
     on_time: NDArray[np.bool_]  # per used relation: compares nothing but time
 
     @cached_property
+    def timed(self) -> Integers:
+        """The relations that compare nothing but time: their switching times are known beforehand."""
+        return self.used[self.on_time]
+
+    @cached_property
+    def searched(self) -> Integers:
+        """The other relations, located by root search, in the order of the native root functions."""
+        return self.used[~self.on_time]
+
+    @cached_property
     def event_iteration(self) -> EventIteration:
         """How the discrete state is determined at an event."""
-        return event_iteration(self.batches, self.discretes, self.reinits, self.used[self.on_time])
+        return event_iteration(self.batches, self.discretes, self.reinits, self.timed)
 
 
 def relations_of(structure: Structure, program: Program, wanted: Sequence[int] = ()) -> Relations:

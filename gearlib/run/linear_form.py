@@ -25,7 +25,9 @@ from gearlib.solvers.problem import LinearForm
 
 Floats = NDArray[np.float64]
 TIME: Any = sympy.Symbol("time", real=True)
-MOST_WRITTEN = 60  # states up to which the matrix entries are computed by generated scalar code
+# States up to which A is dense, with entries from generated scalar code: a quarter of the time of arrays at 59 states, half of it at 119,
+# for about 10 ms of code generation once per structure (measured); larger ones are sparse
+MOST_WRITTEN = 60
 
 
 @dataclass(eq=False)
@@ -48,20 +50,17 @@ def linear_plan(scene: Scene) -> LinearPlan:
         program = scene.program
         seeds = affine_seeds(program)
         added = [int(batch.targets[i]) for batch, i in seeds]
-        slots = [np.empty(0, np.int64), *(_parameters_of(scene, batch, i) for batch, i in seeds)]
         entering = [(slot, k) for k, slot in enumerate([*range(len(program.states) + len(program.inputs)), *added])]
         derivatives = derivative_plan(program, entering, program.output_slots)
         written = linear_function(program, derivatives) if len(scene.states) < MOST_WRITTEN else None
-        scene.forms["linear"] = LinearPlan(seeds, added, derivatives, written, np.unique(np.concatenate(slots)))
+        scene.forms["linear"] = LinearPlan(seeds, added, derivatives, written, _slots_of(scene, seeds))
     found: LinearPlan = scene.forms["linear"]
     return found
 
 
-def _parameters_of(scene: Scene, batch: Batch, row: int) -> NDArray[np.int64]:
-    """The parameters in the equation of a batch's row."""
-    g, i = scene.structure.model.places[int(batch.equations[row])]
-    found: NDArray[np.int64] = scene.model.groups[g].parameters[i]
-    return found
+def _slots_of(scene: Scene, seeds: Sequence[tuple[Batch, int]]) -> NDArray[np.int64]:
+    """The parameters in the equations of some rows of batches, sorted."""
+    return np.unique(np.array([p for seed in seeds for p in parameter_slots(scene, *seed).values()], np.int64))
 
 
 def linear_form(scene: Scene, numbers: Prepared, signals: Sequence[Any]) -> LinearForm | str:
@@ -173,7 +172,7 @@ def linear_forms(scene: Scene, numbers: Prepared, signals: Sequence[Any]) -> Lin
         return "equations that are solved together depend on what they determine"
     tables = tuple(k for k, s in enumerate(signals) if isinstance(s, Table))
     moving = tuple(k for k, (batch, _) in enumerate(plan.seeds) if not batch.rest.of_parameters)
-    slots = np.unique(np.concatenate([np.empty(0, np.int64), *(_parameters_of(scene, *plan.seeds[k]) for k in moving)]))
+    slots = _slots_of(scene, [plan.seeds[k] for k in moving])
     drives = [driving_expression(scene, *plan.seeds[k], numbers.parameters) for k in moving]
     matrix = form.A if isinstance(form.A, np.ndarray) else form.A.toarray()
     inputs = (*(signals[k] for k in tables), *drives, sympy.Integer(1))
@@ -255,11 +254,16 @@ def driving_expression(scene: Scene, batch: Batch, row: int, parameters: Floats)
     return int(batch.signs[row]) * of_time(rest_of(batch.kernel), parameter_values(scene, batch, row, parameters))
 
 
+def parameter_slots(scene: Scene, batch: Batch, row: int) -> dict[str, int]:
+    """The parameters in the equation of a batch's row: entries of the parameter table, by their names there."""
+    g, i = scene.model.places[int(batch.equations[row])]
+    group = scene.model.groups[g]
+    return dict(zip(group.template.parameters, group.parameters[i].tolist(), strict=True))
+
+
 def parameter_values(scene: Scene, batch: Batch, row: int, parameters: Floats) -> dict[str, Any]:
     """The values of the parameters in the equation of a batch's row, by their names there."""
-    g, i = scene.structure.model.places[int(batch.equations[row])]
-    names, slots = scene.model.groups[g].template.parameters, scene.model.groups[g].parameters[i].tolist()
-    return {name: sympy.Float(parameters[slot], 17) for name, slot in zip(names, slots, strict=True)}
+    return {name: sympy.Float(parameters[slot], 17) for name, slot in parameter_slots(scene, batch, row).items()}
 
 
 def of_time(kernel: Kernel, value: Mapping[str, Any]) -> Any:

@@ -99,6 +99,13 @@ class Segment:
                     self._warn(node, history)
         return self.known[node]
 
+    def guess_on_branch(self) -> Floats:
+        """The guesses for iterations, at the first sample: on the solution branch of the run."""
+        guess = self.guess.copy()
+        for v in self.scene.program.undifferentiated[0].tolist():
+            guess[v] = self.history((v, 0))[0]
+        return guess
+
     def tangents_of(self, node: Node) -> Floats:
         """Tangents of a variable that depends on the integrated states, shape (samples, directions)."""
         assert self.tangents is not None, "the run was asked for sensitivities"
@@ -159,11 +166,11 @@ class Segment:
 
         ``settle`` evaluates the relations that the run did not need; without it they are known at every time.
         """
+        from gearlib.run.afterwards.branch import follow, iterated_unknowns
+
         program = prepared.program
         start = guess_of(program, self.guess)
-        unknowns = np.concatenate([s.unknowns for s in program.iterated])
-        by_slot = {slot: node for node, slot in program.slots.items()}
-        nodes = [by_slot[slot] for slot in unknowns.tolist()]
+        unknowns, nodes = iterated_unknowns(program)
         branch = next((b for b in self.branches if set(nodes) <= set(b.nodes)), None)
         if branch is None:
             if self.finer is None or not len(self.time) or self.time[-1] <= self.begin:
@@ -176,8 +183,6 @@ class Segment:
                 discrete = part.discrete.T if settle is not None else part._discrete_for(program, inputs)
                 chosen = np.searchsorted(part.time, times)
                 return part.states.T[:, chosen], inputs[:, chosen], discrete[:, chosen]
-
-            from gearlib.run.afterwards.branch import follow
 
             branch = follow(
                 self.scene.compiled_program(prepared), path, self.begin, float(self.time[-1]), self.events, start, settle

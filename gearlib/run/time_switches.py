@@ -97,10 +97,9 @@ class TimeSwitches:
 
 def time_switches(relations: Relations | None) -> TimeSwitches:
     """The time relations that a scene uses, prepared for evaluation."""
-    if relations is None or not relations.on_time.any():
+    if relations is None or not len(relations.timed):
         return TimeSwitches(())
-    numbers = relations.used[relations.on_time]
-    found = ((batch, np.flatnonzero(np.isin(batch.targets, numbers))) for batch in relations.batches)
+    found = ((batch, np.flatnonzero(np.isin(batch.targets, relations.timed))) for batch in relations.batches)
     return TimeSwitches(tuple(_timed(batch, rows) for batch, rows in found if len(rows)))
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
 from gearlib.program.interpret import Prepared, evaluate
+from gearlib.program.program import Program
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
@@ -59,6 +60,13 @@ class Branch:
         return result
 
 
+def iterated_unknowns(program: Program) -> tuple[NDArray[np.int64], tuple[Node, ...]]:
+    """Slots of the unknowns of a program's nonlinear blocks, and the variables that they hold."""
+    unknowns = np.concatenate([step.unknowns for step in program.iterated])
+    by_slot = {slot: node for node, slot in program.slots.items()}
+    return unknowns, tuple(by_slot[slot] for slot in unknowns.tolist())
+
+
 def follow(
     prepared: Prepared, path: Path, begin: float, end: float, events: Floats, guess: Floats, settle: Settle | None = None
 ) -> Branch:
@@ -93,10 +101,7 @@ class _Tracking:
         self, prepared: Prepared, path: Path, begin: float, end: float, events: Floats, guess: Floats, settle: Settle | None
     ) -> None:
         self.prepared, self.path, self.start, self.settle = prepared, path, guess, settle
-        program = prepared.program
-        self.unknowns = np.concatenate([s.unknowns for s in program.iterated])
-        by_slot = {slot: node for node, slot in program.slots.items()}
-        self.nodes = tuple(by_slot[slot] for slot in self.unknowns.tolist())
+        self.unknowns, self.nodes = iterated_unknowns(prepared.program)
         self.span = end - begin
         inside = np.unique(events[(events > begin) & (events <= end)])[:MOST_EVENTS]
         before = inside - BEFORE * max(abs(begin), abs(end))

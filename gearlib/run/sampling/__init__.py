@@ -1,1 +1,1 @@
-"""Sampled controllers: Python functions that a run calls at exact instants."""
+"""Sampled controllers, Python functions that a run calls at exact instants; delays of signals."""

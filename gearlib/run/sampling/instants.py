@@ -252,12 +252,8 @@ def _following(run: Run, solution: Solution, t: float) -> Run:
     """The continuation of a run after a piece."""
     discrete = solution.discrete[-1].copy() if run.scene.n_discrete else None
     here = replace(run, start=replace(run.start, states=solution.x[-1].copy(), steady=False), discrete=discrete, slots=None)
-    program = run.scene.program
-    if program.iterated:  # on the solution branch of the run
-        segment, guess = _segment(here, t), run.start.guess.copy()
-        for v in program.undifferentiated[0].tolist():
-            guess[v] = segment.history((v, 0))[0]
-        here = replace(here, start=replace(here.start, guess=guess))
+    if run.scene.program.iterated:
+        here = replace(here, start=replace(here.start, guess=_segment(here, t).guess_on_branch()))
     return here
 
 

@@ -201,13 +201,9 @@ class SteppedRun:
         """A state checked against the minima of its variables, with guesses on its solution branch."""
         if here.scene.model.bounded:
             refuse_too_small([_part(here, here.signals)], self._rtol)
-        program = here.scene.program
-        if not program.iterated:
-            return here
-        part, guess = _part(here, here.signals), here.guess.copy()
-        for v in program.undifferentiated[0].tolist():
-            guess[v] = part.history((v, 0))[0]
-        return replace(here, guess=guess)
+        if here.scene.program.iterated:
+            here = replace(here, guess=_part(here, here.signals).guess_on_branch())
+        return here
 
     def _go_to(self, times: Floats) -> None:
         now, controllers, switched = self._now, self._translation.controllers, self._translation.switched

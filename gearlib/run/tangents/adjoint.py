@@ -89,7 +89,7 @@ class Adjoint:
     directions: TangentDirections
 
     def gradient(self, rtol: float, steps: int) -> Floats:
-        """The derivatives in all directions.
+        """The derivatives in all directions, to a relative tolerance; ``steps``: least number of steps at first.
 
         Raises
         ------

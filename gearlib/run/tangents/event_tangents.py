@@ -50,7 +50,7 @@ class EventPlan:
     ----------
     program : Program
     functions, discretes, reinits : arrays, shape (number, 2)
-        Relation, entry of the discrete state, or state; and the slot that it is compared with or set from.
+        Relation, entry of the discrete state, or state; and the slot of its event function or new value.
     plan : DerivativePlan
         Derivatives of these slots in the directions, and in one more along which no parameter changes. Seeds enter at states,
         parameters, time, inputs, and carried discrete variables.
@@ -129,8 +129,6 @@ class EventTangents:
         self.events = event_plan(scene, tangents.directions, code.discrete)
         prepared = run.numbers.relations
         self.prepared = Prepared(self.events.program, prepared.structure, prepared.parameters, prepared.solutions)
-        self.timed = relations.used[relations.on_time]
-        self.searched = relations.used[~relations.on_time]
         self.discretes = tangents.discretes(code.discrete)
         self.started = False
         double, whole = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
@@ -165,7 +163,9 @@ class EventTangents:
         held = numbers[self.shared.relations :][: self.shared.n_discrete]
         states, before = everything[: self.n].copy(), held.copy()
         crossed = (
-            self.searched[np.ctypeslib.as_array(fired, (len(self.searched),)) != 0] if len(self.searched) else self.searched
+            self.relations.searched[np.ctypeslib.as_array(fired, (len(self.relations.searched),)) != 0]
+            if len(self.relations.searched)
+            else self.relations.searched
         )
         starting, self.started = not self.started, True
         f = np.zeros(self.n) if starting else self._rates(t, x, data, index)
@@ -176,7 +176,7 @@ class EventTangents:
         if starting:
             delay = np.zeros(self.count)
         else:
-            switched = self.timed[held[self.timed] != before[self.timed]]
+            switched = self.relations.timed[held[self.relations.timed] != before[self.relations.timed]]
             delay = self._delay(t, numbers, states, before, f, crossed if len(crossed) else switched, here)
         moved = here + np.outer(f, delay)
         if code == 2 or self.code.discrete:

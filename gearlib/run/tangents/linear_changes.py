@@ -19,9 +19,8 @@ from gearlib.equations.kernel import derivative_of, rest_of
 from gearlib.language.expressions import SquareWave
 from gearlib.program.derivatives import At, entries
 from gearlib.program.interpret import Prepared
-from gearlib.program.program import Batch
 from gearlib.program.second_derivatives import Direction, entry_changes
-from gearlib.run.linear_form import LinearPlan, linear_plan, mixed_form, of_time, parameter_values
+from gearlib.run.linear_form import LinearPlan, linear_plan, mixed_form, of_time, parameter_slots, parameter_values
 from gearlib.run.scene import Scene
 from gearlib.run.tangents.directions import TangentDirections
 from gearlib.solvers.problem import LinearChanges, LinearForm, MovedSwitch
@@ -68,7 +67,7 @@ def _drives(
     switches: list[MovedSwitch] = []
     varied = {p for p, _, _ in seeds}
     for row, (batch, i) in enumerate(plan.seeds):
-        slots = _slots(scene, batch, i)
+        slots = parameter_slots(scene, batch, i)
         if varied.isdisjoint(slots.values()):
             continue
         kernel, sign = rest_of(batch.kernel), int(batch.signs[i])
@@ -104,13 +103,6 @@ def _drives(
         if any(any(switch.changes) for switch in found):
             switches += found
     return _Drives(constant, moving, tuple(switches))
-
-
-def _slots(scene: Scene, batch: Batch, row: int) -> dict[str, int]:
-    """The parameters in the equation of a batch's row: entries of the parameter table, by their names there."""
-    g, i = scene.structure.model.places[int(batch.equations[row])]
-    group = scene.model.groups[g]
-    return dict(zip(group.template.parameters, group.parameters[i].tolist(), strict=True))
 
 
 def _form(
