@@ -181,8 +181,8 @@ class System(Compiled):
         ----------
         reduced : bool
             False: the bipartite graph of the flat equations and their variables, as written, after alias elimination. True: the
-            index-reduced equations that the states' derivatives and the outputs need: an arc leads from a variable to the equations
-            that contain it, and from an equation to the variable matched to it.
+            index-reduced equations that the states' derivatives and the outputs need: an arc leads from an equation to the
+            variable matched to it, and to the equation from every other variable in it.
 
         Returns
         -------
