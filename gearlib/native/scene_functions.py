@@ -62,9 +62,7 @@ class NativeScene:
     vectors: TangentVectors | None = None  # where the right-hand side is that of `vector_body`
     noted_steps: int = 0  # offset of the outer iterations recorded by `update_body`
     common: list[Any] = field(default_factory=list)  # cache: what the problems of all runs have in common, made by `problem_of`
-    filled: list[Any] = field(
-        default_factory=list
-    )  # cache of `data_block`: the last solution matrices, and a data block with them
+    filled: list[Any] = field(default_factory=list)  # cache of `data_block`: solution matrices, and a block with them
 
     def parts(self, numbers: Prepared, relations: Prepared | None) -> Iterator[tuple[NativeFunction, Prepared]]:
         """The functions, each with the numbers of its program."""

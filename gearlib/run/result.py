@@ -568,7 +568,7 @@ class SimulatedResult(Result):
         )  # fmt: skip
 
     def _computable(self, names: Iterable[str]) -> list[str]:
-        """Those of some variables that the model's equations determine, and the recorded discrete variables."""
+        """The variables among some names that the model's equations determine, and the recorded discrete variables."""
         kept = []
         for name in [*names, *self.scene.model.discretes]:
             with suppress(NameLookupError):

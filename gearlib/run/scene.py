@@ -386,7 +386,7 @@ def relation_names(structure: Structure, relations: Relations | None) -> dict[in
 
 
 def root_names(relations: Relations | None, names: Mapping[int, str]) -> tuple[str, ...]:
-    """Those of the names of relations that belong to root functions: relations on time have none."""
+    """Names of the root functions, from those of all relations."""
     return () if relations is None else tuple(names[int(n)] for n in relations.searched)
 
 

@@ -29,17 +29,8 @@ if TYPE_CHECKING:
     from gearlib.solvers.drive.trace import Trace
 
 Floats = NDArray[np.float64]
-ADDED = (
-    "steps",
-    "attempts",
-    "rejected",
-    "rhs",
-    "jac",
-    "events",
-    "restarts",
-    "work",
-    "seconds",
-)  # statistics that add up over a run
+# Statistics that add up over the segments or pieces of a run
+ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "work", "seconds")
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,10 +31,8 @@ if TYPE_CHECKING:
 
 # Choice of the Runge-Kutta order by a pilot run, see `OrderChoice`
 SETTLED, EARLY = 120, 0.1  # steps, and share of the run, before the orders are compared
-PILOT, GROWN = (
-    60,
-    8,
-)  # steps of the given order that are compared; steps in which the step size of the other order grows beforehand
+PILOT = 60  # steps of the given order that are compared
+GROWN = 8  # steps before the comparison in which the step size of the other order grows
 WORTH = 6.0  # least work in the rest of the run, relative to that of a pilot, for which a pilot pays
 BETTER = 1.2  # pace, relative to that of the given order, from which the other one is taken
 PREPARED = 2e5  # work of preparing a run, ns

@@ -79,7 +79,7 @@ class Method(ABC):
         return self.name
 
     def fits(self, run: Run) -> str | None:
-        """What a run lacks for this method, as the rest of a sentence ("needs ..."); None if the method can integrate it."""
+        """The reason why the method cannot integrate a run, as the rest of a sentence ("needs ..."); None if it can."""
         return None
 
     @abstractmethod

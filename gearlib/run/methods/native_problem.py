@@ -98,7 +98,7 @@ def _handed_problem(run: Run, callbacks: Callbacks, form: SceneForm) -> Problem:
 
 
 def _common(scene: Scene | SceneForm, native: NativeScene) -> Problem:
-    """What the problems of all runs with these functions have in common; made once."""
+    """The common part of the problems of all runs with these functions; made once."""
     if native.common:
         known: Problem = native.common[0]
         return known

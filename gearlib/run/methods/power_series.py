@@ -19,7 +19,7 @@ class TaylorSeriesMethod(Method):
     name = "taylor"
 
     def fits(self, run: Run) -> str | None:
-        """What a run lacks for Taylor series, or None."""
+        """The reason why a run cannot be integrated by Taylor series, or None."""
         if run.tangents is not None:
             return "does not integrate sensitivities"
         if run.form != "ode":

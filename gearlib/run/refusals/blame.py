@@ -15,7 +15,7 @@ AHEAD = (0.0, *np.logspace(-16, -3, 14).tolist())  # fractions of the run at whi
 
 
 def culprit(scene: Scene, numbers: Prepared, t: float, span: float, x: Floats, inputs: Floats, discrete: Floats) -> str:
-    """What cannot be evaluated at the end of a failed run, as part of its message; otherwise the state that changes fastest.
+    """The expression that cannot be evaluated at the end of a failed run, as part of its message; else the state that changes fastest.
 
     Parameters
     ----------

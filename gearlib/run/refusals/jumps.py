@@ -93,7 +93,7 @@ def _holds(template: Template, j: int, symbols: tuple[Any, ...], numbers: list[f
 
 @memoised
 def _compared(template: Template, j: int, symbols: tuple[Any, ...]) -> Function:
-    """What a relation of an equation compares with zero, as a function of time and the parameters."""
+    """The event function of a relation, as a function of time and the parameters."""
     return array_function((TIME, *symbols), template.relations[j].g)
 
 

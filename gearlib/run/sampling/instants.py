@@ -210,7 +210,7 @@ def given_before(controllers: Sequence[Controller | Delay], before: Sequence[Any
 
 
 def _acting(controllers: Sequence[Controller], t0: float, t1: float) -> dict[float, tuple[Controller, ...]]:
-    """Which controllers act at which time; instants that differ by rounding are merged."""
+    """The controllers that act at each sample instant; instants that differ by rounding are merged."""
     found: dict[float, tuple[Controller, ...]] = {}
     last, same = -math.inf, rounding(t0, t1)
     for t, k in sorted((t, k) for k, controller in enumerate(controllers) for t in controller.instants(t0, t1)):

@@ -107,7 +107,7 @@ class Adjoint:
         raise SolverError(f"the gradient still changes with the step at {steps} steps; the motion may be chaotic, or stiff")
 
     def _places(self, program: Program) -> list[tuple[int, int]]:
-        """Where derivatives are taken: at the states, and at the entries of the parameter table that directions change."""
+        """Seeds of the derivatives: the states, and the entries of the parameter table that directions change."""
         chosen = dict.fromkeys(p for p, _ in self.directions.entries)
         return [*((i, 0) for i in range(len(program.states))), *((program.n_slots + p, 0) for p in chosen)]
 
