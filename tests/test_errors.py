@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import builtins
 import re
+from pathlib import Path
 
 import pytest
 
 import gearlib as gl
 from gearlib import errors
+
+ROOT = Path(__file__).resolve().parents[1]
 
 
 def test_every_exception_is_in_the_drawn_tree() -> None:
@@ -49,3 +53,13 @@ def test_a_missing_name_is_not_printed_in_quotes() -> None:
 )
 def test_nearest(name: str, valid: list[str], advice: str) -> None:
     assert errors.nearest(name, valid).startswith(advice)
+
+
+def test_docstrings_name_the_exceptions_that_are_raised() -> None:
+    texts = [path.read_text(encoding="utf-8") for top in ("gearlib", "library") for path in (ROOT / top).rglob("*.py")]
+    own = [name for text in texts for name in re.findall(r"^class (\w+)\(Exception\)", text, re.M)]
+    known = {"LinAlgError", *vars(errors), *vars(builtins), *own}
+    for text in texts:
+        for margin, section in re.findall(r"^( *)Raises\n +-+\n(.*?)(?=\n\n|\"\"\")", text, re.M | re.S):
+            for line in re.findall(rf"^{margin}(\S.*)", section, re.M):
+                assert {*line.split(", ")} <= known, section

@@ -258,7 +258,7 @@ def stability(
 
     Raises
     ------
-    Unknown signal, or a loop that cannot be closed.
+    ArgumentError, NameLookupError
         No such signal, or a loop that cannot be closed.
 
     Examples

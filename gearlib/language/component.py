@@ -356,7 +356,7 @@ class Component:
 
         Raises
         ------
-        Nothing rotates, or gears have axes carried by a shaft without forming a planetary set.
+        ModelError
             Nothing in it turns, or gears whose axes are carried by a shaft without being a planetary set.
 
         Examples

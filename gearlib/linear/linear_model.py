@@ -67,7 +67,7 @@ def state_space(model: LinearModel, name: str | None = None) -> Any:
 
     Raises
     ------
-    Two signals would have the same name.
+    ArgumentError
         Two signals that would have one name.
     """
     import control
