@@ -25,6 +25,7 @@ from gearlib.recent import recent
 
 Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
+NUMBERS = re.compile(r"([0-9]+)")
 MOST_AFFECTED = 64  # cached sets of dependents, by the sets of given parameters
 
 
@@ -34,9 +35,7 @@ def alphabetical(name: str) -> tuple[tuple[int, int, str], ...]:
     >>> sorted(["body[10].w", "body[9].w", "axle"], key=alphabetical)
     ['axle', 'body[9].w', 'body[10].w']
     """
-    return tuple(
-        (int(part.isdigit()), int(part) if part.isdigit() else 0, part) for part in re.split(r"([0-9]+)", name) if part
-    )
+    return tuple([(1, int(part), part) if part.isdigit() else (0, 0, part) for part in NUMBERS.split(name) if part])
 
 
 @dataclass(frozen=True)
@@ -370,12 +369,11 @@ class FlatModel:
         """
         paths = [instance.path for instance in self.instances]
         by_path = sorted(range(len(paths)), key=lambda k: (-paths[k].count("."), alphabetical(paths[k])))
-        place, own = 0, np.arange(len(self.representative))
-        for k in by_path:
-            instance = self.instances[k]
-            count = len(instance.declared.variables)
-            own[instance.first_variable : instance.first_variable + count] = np.arange(place, place + count)
-            place += count
+        counts = np.array([len(instance.declared.variables) for instance in self.instances])
+        shifts = np.empty(len(paths), np.int64)  # from the number of a variable to its place
+        shifts[by_path] = np.cumsum(counts[by_path]) - counts[by_path]
+        own = np.arange(len(self.representative))
+        own[: self.auxiliary] += np.repeat(shifts - self._firsts, counts)
         found = np.full(len(self.representative), -1)
         moving = self.sign != 0
         np.maximum.at(found, self.representative[moving], own[moving])

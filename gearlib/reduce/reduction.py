@@ -264,11 +264,11 @@ def _entries(model: FlatModel, result: Differentiation, parameters: Floats, know
 def _badness(model: FlatModel, result: Differentiation) -> dict[Node, tuple[float, ...]]:
     """Sort key of state candidates, the least preferred last: by declaration and derivative order, then by a fixed start value."""
     wanted = set(model.representative[model.started[model.start_fixed]].tolist())
+    declared = (3.0 - model.preference).tolist()
     bad: dict[Node, tuple[float, ...]] = {}
     for v, order in result.orders.items():
         for k in range(order):
-            preference = int(model.preference[v])
-            bad[v, k] = (3.0 - preference if k == 0 else max(2.0, 3.0 - preference), float(v not in wanted))
+            bad[v, k] = (declared[v] if k == 0 else max(2.0, declared[v]), float(v not in wanted))
     for v in _reinitialised(model):
         if (v, 0) in bad:
             bad[v, 0] = (-1.0, 0.0)

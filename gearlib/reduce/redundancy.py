@@ -35,16 +35,13 @@ def redundant_rows(model: FlatModel, parameters: Floats, known: Floats) -> dict[
         eligible = ~(model.flow[group.variables] & (group.signs != 0)).any(axis=1)
         if not eligible.any():
             continue
-        partials = [partials_at(model, g, c, parameters, known) for c in range(len(t.columns))]
-        rest = rest_at(model, g, parameters, known)
-        for i in np.flatnonzero(eligible).tolist():
-            row: dict[int, float] = {}
-            for c, (j, _) in enumerate(t.local_columns):
-                v = int(group.variables[i, j])
-                row[v] = row.get(v, 0.0) + int(group.signs[i, j]) * float(partials[c][i])
-            candidates.append(model.first_equations[g] + i)
-            coefficients.append(row)
-            constants.append(-float(rest[i]))
+        rows = np.flatnonzero(eligible)
+        places = [j for j, _ in t.local_columns]
+        partials = [partials_at(model, g, c, parameters, known)[rows] for c in range(len(places))]
+        variables, factors = group.variables[rows][:, places], group.signs[rows][:, places] * np.transpose(partials)
+        candidates += (model.first_equations[g] + rows).tolist()
+        coefficients += [dict(zip(*row, strict=True)) for row in zip(variables.tolist(), factors.tolist(), strict=True)]
+        constants += (-rest_at(model, g, parameters, known)[rows]).tolist()
     order, coefficients, standing = _by_name(model, candidates, coefficients)
     candidates, constants = [candidates[r] for r in order], [constants[r] for r in order]
     redundant, contradictory = examine(coefficients, constants, frozenset())
@@ -129,8 +126,8 @@ def balanced(
     given = set(model.inputs.tolist())
     candidates: list[int] | None = None  # zero for these determines all flows; independent of the order of declaration
     while True:
-        incidence = [list({v for v, _ in model.nodes(e, 0) if v not in given}) for e in range(len(model.places))]
-        unknown = sorted({int(r) for r in np.unique(model.representative[model.sign != 0])} - given - set(closed))
+        incidence = [[v for v, _ in model.nodes(e, 0) if v not in given] for e in range(len(model.places))]
+        unknown = sorted({*model.representative[model.sign != 0].tolist()} - given - set(closed))
         balance = dulmage_mendelsohn(incidence, unknown)
         if balance is None:
             return model, tuple(last_names(model, closed).values())

@@ -592,9 +592,8 @@ def asked_scene(structure: Structure, outputs: tuple[str, ...] | None, read: tup
     model = structure.model
     if outputs is None:
         discretes = list(range(len(model.discretes)))
-        wanted = [s for s in structure.states if s not in structure.angles]
-        targets = [(v, k + 1) for v, k in wanted] + [n for d in discretes for n in discrete_nodes(model, d)]
-        targets += output_nodes(structure, read)
+        wanted = [s for s in structure.states if s not in structure.angles]  # which depend on no angle
+        targets = [*(n for d in discretes for n in discrete_nodes(model, d)), *output_nodes(structure, read)]
         return Scene(structure, tuple(sorted({*wanted, *needed_states(structure, targets)})), tuple(discretes))
     discretes = [model.discretes.index(n) for n in outputs if n in model.discretes]
     nodes = output_nodes(structure, [*(n for n in outputs if n not in model.discretes), *read])

@@ -23,7 +23,8 @@ def reach(dependence: Dependence, targets: Iterable[Node], dynamic: bool, events
     """
     unknowns: dict[Node, None] = {}
     states: set[Node] = set()
-    stack = [t for t in targets if t[0] not in dependence.given]
+    given = dependence.given
+    stack = [t for t in targets if t[0] not in given]
     seen = set(stack)
     while stack:
         node = stack.pop()
@@ -32,12 +33,12 @@ def reach(dependence: Dependence, targets: Iterable[Node], dynamic: bool, events
             following = [(node[0], node[1] + 1)] if dynamic else []
         else:
             unknowns[node] = None
-            following = dependence.of(node)
-            if events:
-                decisive = dependence.at_events.get(dependence.equation(node)[0], ())
-                following = [*following, *(n for n in decisive if n[0] not in dependence.given)]
+            e, k = dependence.equation(node)
+            following = dependence.columns(e, k)
+            if events and e in dependence.at_events:
+                following = [*following, *dependence.at_events[e]]
         for other in following:
-            if other not in seen:
+            if other not in seen and other[0] not in given:
                 seen.add(other)
                 stack.append(other)
     return list(unknowns), states
