@@ -104,8 +104,6 @@ class System(Compiled):
         The compiled model that runs and analyses work on.
     name : str
         Class name of the component.
-    states : tuple of str
-        Paths of the integrated states.
     outputs : tuple of str or None
         The requested outputs.
     """
@@ -114,7 +112,11 @@ class System(Compiled):
         self.translation = translation
         self.name = translation.name
         self.outputs = translation.outputs
-        self.states = translation.states
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Paths of the integrated states."""
+        return self.translation.states
 
     @property
     def variables(self) -> tuple[str, ...]:

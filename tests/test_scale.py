@@ -118,22 +118,30 @@ class SideBySide(gl.Component):
 @pytest.mark.parametrize("model", [Hub, SideBySide, lambda N: SideBySide(N=N, rigid=False)])
 def test_one_shaft_with_many_parts_is_compiled_in_linear_time(model: Any) -> None:
     """Function calls, Python's own among them, of trains that differ by a factor of eight."""
+    _, small, large = (calls_of_compiling(model(N=size)) for size in (50, 50, 400))  # the first meets the classes
+    assert large < 8.5 * small
+
+
+def calls_of_compiling(model: gl.Component) -> int:
     calls = 0
 
     def count(frame: Any, event: str, argument: Any) -> None:
         nonlocal calls
         calls += event in ("call", "c_call")
 
-    spent = []
-    for size in (50, 50, 400):  # the first meets the classes
-        calls, system = 0, model(N=size)
-        sys.setprofile(count)
-        try:
-            gl.compile(system)
-        finally:
-            sys.setprofile(None)
-        spent.append(calls)
-    assert spent[2] < 8.5 * spent[1]
+    sys.setprofile(count)
+    try:
+        gl.compile(model)
+    finally:
+        sys.setprofile(None)
+    return calls
+
+
+def test_a_component_costs_few_calls() -> None:
+    """A bound on the work for each of the many instances of a class, which takes most of the time of large models."""
+    gl.compile(Chain(N=10))
+    small, large = (calls_of_compiling(Chain(N=n)) for n in (1000, 2000))
+    assert (large - small) / 2000 < 300  # with a component's share of the connections and of all later phases
 
 
 def spent_on(model: gl.Component) -> tuple[int, int]:

@@ -27,6 +27,7 @@ class ClassRecord:
     declared: Declared
     variable_index: dict[str, int]
     parameter_index: dict[str, int]
+    connector_index: dict[str, int]
     templates: tuple[Template, ...]
     local: bool  # the equations contain only the component's own variables and parameters
     updates: tuple[Update, ...]
@@ -56,8 +57,9 @@ def class_record(component: Component, met: Met | None = None) -> ClassRecord:
         ) from None
     extras = _plain_attributes(component)
     whole = id(component) if extras is None else (key, extras)
-    if met is not None and whole in met:
-        return met[whole]
+    found = None if met is None else met.get(whole)
+    if found is not None:
+        return found
     check_declarations(kind)
     equations = equations_of(component)
     parts = tuple((n, type(p), tuple(structural_of(p).items())) for n, p in parts_of(component).items()) if equations else ()
@@ -112,6 +114,7 @@ def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassReco
         declared,
         {n: i for i, n in enumerate(declared.variables)},
         {n: i for i, n in enumerate(declared.parameters)},
+        {n: i for i, n in enumerate(declared.connectors)},
         templates,
         own and not updates and not any(t.discretes for t in templates),
         updates,

@@ -76,7 +76,9 @@ def unite(n: int, left: Integers, right: Integers, sign: Integers, rank: Integer
         parent[rb], parity[rb] = ra, sa * s * sb
         size[ra] += size[rb]
 
-    roots, signs = np.array([find(x) for x in range(n + 1)], np.int64).T
+    roots, signs = np.array(parent), np.array(parity)
+    while (roots[roots] != roots).any():
+        roots, signs = roots[roots], signs * signs[roots]
     first = np.lexsort((np.arange(n), rank))  # the last write wins: the first of each class
     lead = np.arange(n + 1)
     lead[roots[first[::-1]]] = first[::-1]

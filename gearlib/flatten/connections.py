@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
-import networkx as nx
 import numpy as np
 import sympy
 
@@ -32,10 +31,14 @@ def connection_sets(links: Iterable[Sequence[int]]) -> list[list[int]]:
     >>> connection_sets([(4, 2), (1, 7), (2, 9)])
     [[1, 7], [2, 4, 9]]
     """
-    graph = nx.Graph()
+    set_of: dict[int, list[int]] = {}
     for link in links:
-        nx.add_path(graph, link)
-    return sorted(sorted(s) for s in nx.connected_components(graph))
+        largest = max((set_of.setdefault(node, [node]) for node in link), key=len)
+        for node in link:
+            if (other := set_of[node]) is not largest:
+                largest += other
+                set_of.update(dict.fromkeys(other, largest))
+    return sorted(sorted(s) for s in {id(s): s for s in set_of.values()}.values())
 
 
 def without_opposites(members: SignedSum, aliases: Aliases) -> SignedSum:

@@ -302,28 +302,22 @@ def _connections(tree: Tree) -> tuple[list[SignedSum], list[tuple[int, int, int]
     connected = {node for s in sets for node in s}
     sums: list[SignedSum] = []
     equalities: list[tuple[int, int, int]] = []
-    places: dict[tuple[int, str, type], list[int]] = {}  # (class record, connector, kind) -> offsets of variables
 
-    def variables_of(node: int, kind: type) -> list[int]:
-        number, connector = tree.ports[node // 2]
+    def variables_of(port: int) -> tuple[list[int], list[int]]:
+        """Potentials and flows."""
+        number, connector = tree.ports[port]
         instance = tree.instances[number]
-        key = (id(instance.record), connector, kind)
-        if key not in places:
-            declared, index = instance.declared.connectors[connector].variables, instance.record.variable_index
-            places[key] = [index[f"{connector}.{n}"] for n, v in declared.items() if isinstance(v, kind)]
-        return [instance.first_variable + offset for offset in places[key]]
+        potentials, flows = instance.declared.ends[connector]
+        return [instance.first_variable + i for i in potentials], [instance.first_variable + i for i in flows]
 
     for members in sets:
-        lead = variables_of(members[0], Potential)
-        for node in members[1:]:
-            equalities += [(v, first, 1) for v, first in zip(variables_of(node, Potential), lead, strict=True)]
-        signs = tuple(-1 if node % 2 else 1 for node in members)  # a composite's own connector, seen from inside
-        sums += [
-            tuple(zip(flows, signs, strict=True)) for flows in zip(*(variables_of(node, Flow) for node in members), strict=True)
-        ]
+        (lead, *others), flows = zip(*[variables_of(node // 2) for node in members], strict=True)
+        equalities += [(v, first, 1) for potentials in others for v, first in zip(potentials, lead, strict=True)]
+        signs = [-1 if node % 2 else 1 for node in members]  # a composite's own connector, seen from inside
+        sums += [tuple(zip(addends, signs, strict=True)) for addends in zip(*flows, strict=True)]
     loose = [port for port in range(len(tree.ports)) if 2 * port not in connected]
     for port in loose:
-        equalities += [(v, -1, 0) for v in variables_of(2 * port, Flow)]
+        equalities += [(v, -1, 0) for v in variables_of(port)[1]]
     inner = sorted(node // 2 for node in connected if node % 2)
     tree.loose_ports, tree.inner_ports = [tree.ports[port] for port in loose], [tree.ports[port] for port in inner]
     return sums, equalities, len(sets)

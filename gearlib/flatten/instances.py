@@ -85,11 +85,10 @@ def _add_instance(tree: Tree, component: Component, record: ClassRecord, path: s
     tree.instances.append(Instance(path, type(component).__name__, record, tree.n_variables, len(tree.parameter_names)))
     tree.n_variables += len(declared.variables)
     prefix = f"{path}." if path else ""
-    for name, p in declared.parameters.items():
-        tree.parameter_names.append(prefix + name)
-        tree.parameter_values.append(float("nan"))
-        tree.lower.append(p.min)
-        tree.upper.append(p.max)
+    tree.parameter_names += [prefix + name for name in declared.parameters]
+    tree.parameter_values += [float("nan")] * len(declared.parameters)
+    tree.lower += [p.min for p in declared.parameters.values()]
+    tree.upper += [p.max for p in declared.parameters.values()]
     if record.discretes:
         tree.first_discrete[number_] = len(tree.discrete_names)
         for name, discrete in record.discretes.items():
@@ -99,9 +98,8 @@ def _add_instance(tree: Tree, component: Component, record: ClassRecord, path: s
     if record.local:
         for template in record.templates:
             tree.local_rows[template].append(number_)
-    for name in declared.connectors:
-        tree.port_numbers[number_, name] = len(tree.ports)
-        tree.ports.append((number_, name))
+    tree.first_port.append(len(tree.ports))
+    tree.ports += [(number_, name) for name in declared.connectors]
     return number_
 
 
@@ -122,21 +120,24 @@ def _add_links(tree: Tree, component: Component, number_: int, connections: Sequ
                     "which is not part of it; assign the part to an attribute (self.name = ...; a list after it is filled), and "
                     "connect parts of this model only"
                 )
-            link.append(2 * tree.port_numbers[where, port.connector.name] + inside)
+            link.append(
+                2 * (tree.first_port[where] + tree.instances[where].record.connector_index[port.connector.name]) + inside
+            )
         if link:
             tree.links.append(link)
 
 
 def _add_signals(tree: Tree, component: Component, number_: int) -> None:
     for part, local, source in joined_signals(component, tree.instances[number_].path):
-        key = tree.numbers[id(part)], local
-        if key in tree.signals:
-            path = tree.instances[key[0]].path
+        target = tree.numbers[id(part)]
+        known = tree.signals.setdefault(target, {})
+        if local in known:
+            path = tree.instances[target].path
             raise ConnectionError(
-                f"{path or tree.instances[key[0]].kind}: '{local}' takes two signals: {source}, which "
-                f"{tree.instances[number_].path or type(component).__name__} joins to it, and {tree.signals[key][1]}"
+                f"{path or tree.instances[target].kind}: '{local}' takes two signals: {source}, which "
+                f"{tree.instances[number_].path or type(component).__name__} joins to it, and {known[local][1]}"
             )
-        tree.signals[key] = component, source
+        known[local] = component, source
 
 
 def _bind_all(tree: Tree, root: Component) -> None:
@@ -162,15 +163,16 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
             read is not None and name not in record.own_names and not interior.parts_of(component)
         ):  # what only its default reads has no effect
             interior.choices_read_of(component).intersection_update(read)
-    for name, variable in instance.declared.variables.items():
+    signals = tree.signals.get(number_, {})
+    for name, variable in (instance.declared.variables if signals else instance.declared.valued).items():
         if isinstance(variable, Input):
             bound = bindings[name] if name in bindings else _evaluated(variable.default, component, prefix + name)
             own = instance.variable(name)
-            if (number_, name) in tree.signals:
+            if name in signals:
                 if name in bindings and bindings[name] is not None:
                     raise BindingError(
                         f"{prefix}{name} is bound to {shown(bindings[name])}, and connected to the signal "
-                        f"{tree.signals[number_, name][1]}; leave one of them out"
+                        f"{signals[name][1]}; leave one of them out"
                     )
             elif bound is NO_VALUE or bound is None:
                 tree.inputs.append(own)
@@ -178,8 +180,8 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
                 _bind_input(
                     tree, component, parent if name in bindings else component, own, prefix + name, bound, variable.unit
                 )
-        if (number_, name) in tree.signals:
-            scope, signal = tree.signals[number_, name]
+        if name in signals:
+            scope, signal = signals[name]
             _bind_input(tree, component, scope, instance.variable(name), prefix + name, signal, variable.unit)
         if variable.start is not None and name not in interior.starts_of(component):
             _set_start(tree, prefix, name, instance.variable(name), variable.start, None, True, variable.unit)

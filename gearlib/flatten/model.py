@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import accumulate
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +38,7 @@ def alphabetical(name: str) -> tuple[tuple[int, int, str], ...]:
     return tuple([(1, int(part), part) if part.isdigit() else (0, 0, part) for part in NUMBERS.split(name) if part])
 
 
-@dataclass(frozen=True)
-class Instance:
+class Instance(NamedTuple):
     """An instance of a class: its path, the record of its class, and its first variable and parameter numbers."""
 
     path: str
@@ -338,17 +337,18 @@ class FlatModel:
         return list(accumulate(map(len, self.groups), initial=0))
 
     @cached_property
-    def _nodes(self) -> list[list[tuple[int, int]]]:
+    def rows(self) -> list[list[tuple[int, int]]]:
+        """Variables and derivative orders in each equation."""
         return [row for group in self.groups for row in group.nodes]
 
     def nodes(self, e: int, k: int) -> list[tuple[int, int]]:
         """Variables and derivative orders in the k-th derivative of equation e."""
         if k == 0:
-            return self._nodes[e]
+            return self.rows[e]
         g, i = self.places[e]
         group = self.groups[g]
         if group.template.linear:
-            return [(v, order + k) for v, order in self._nodes[e]]
+            return [(v, order + k) for v, order in self.rows[e]]
         variables, signs = group.lists
         columns = differentiated(group.template, k).local_columns
         return list(dict.fromkeys((variables[i][j], order) for j, order in columns if signs[i][j]))

@@ -32,9 +32,9 @@ class Tree:
     ports: list[tuple[int, str]] = field(default_factory=list)  # (instance, connector)
     loose_ports: list[tuple[int, str]] = field(default_factory=list)  # connected to nothing outside,
     inner_ports: list[tuple[int, str]] = field(default_factory=list)  # or to parts inside
-    port_numbers: dict[tuple[int, str], int] = field(default_factory=dict)
+    first_port: list[int] = field(default_factory=list)  # of each instance
     numbers: dict[int, int] = field(default_factory=dict)  # id(component) -> instance
-    signals: dict[tuple[int, str], tuple[Component, Any]] = field(default_factory=dict)  # (instance, input) -> scope, signal
+    signals: dict[int, dict[str, tuple[Component, Any]]] = field(default_factory=dict)  # instance -> input -> scope, signal
     n_variables: int = 0
     discrete_names: list[str] = field(default_factory=list)
     discrete_starts: list[float] = field(default_factory=list)

@@ -110,7 +110,7 @@ def connect(*ports: Port) -> Connection:
     >>> float(gl.simulate(Drive(), t_end=1.0, samples=3)["load.w"][-1])
     1.0
     """
-    if ports and all(isinstance(port, sympy.Symbol) for port in ports):
+    if ports and isinstance(ports[0], sympy.Symbol) and all(isinstance(port, sympy.Symbol) for port in ports):
         return _joined_signals(ports)
     for port in ports:
         if not isinstance(port, Port):
@@ -232,6 +232,7 @@ class Component:
     _given: dict[str, Any]
     _declarations: ClassVar[dict[str, Declaration]] = {}
     _bindable: ClassVar[dict[str, Declaration]] = {}
+    _choices: ClassVar[dict[str, Structural]] = {}
     _bounded: ClassVar[tuple[Structural, ...]] = ()
     # signals of the enclosing component, and the instance's own signals that are joined to them
     _joined: tuple[tuple[Any, str], ...] = ()
@@ -259,7 +260,8 @@ class Component:
         cls._declarations = {**inherited, **own}
         cls._members = []
         cls._bindable = {n: d for n, d in cls._declarations.items() if isinstance(d, (Parameter, Input, Structural))}
-        cls._bounded = tuple(d for d in cls._declarations.values() if isinstance(d, Structural) and d.is_bounded)
+        cls._choices = {n: d for n, d in cls._declarations.items() if isinstance(d, Structural)}
+        cls._bounded = tuple(d for d in cls._choices.values() if d.is_bounded)
         for name, declared in cls._declarations.items():
             if isinstance(declared, Connector) and declared.when is not None:
                 if not isinstance(cls._declarations.get(declared.when), Structural):
@@ -284,12 +286,6 @@ class Component:
                 raise BindingError(
                     f"{kind}: {what} is {shown(given)}; expected {kind_of} by name, such as {what}={{'{name}': {example}}}"
                 )
-        self.__dict__.update(
-            _parent=None, _name="", _parts={}, _connections=None, _made=NOTHING, _start=dict(start or {}), _guess=dict(guess or {}),
-            _nominal=dict(nominal or {}), _state=dict(state or {}),
-        )  # fmt: skip
-        structural: dict[str, Any] = {}
-        given_names = set(bindings)
         for name in bindings:
             if name not in self._bindable:
                 if name in self._declarations:
@@ -297,11 +293,17 @@ class Component:
                 else:
                     what, advice = "not a parameter, input or structural choice", nearest(name, self._bindable)
                 raise BindingError(f"{kind}: '{name}' is {what}, and cannot be given by keyword; {advice}")
-        for name, declared in self._bindable.items():
-            if isinstance(declared, Structural):
-                structural[name] = self._structural_value(declared, bindings.pop(name, declared.default))
-        given = {name: value for name, value in structural.items() if name in given_names}
-        self.__dict__.update(_given=given, _read=set(), _structural=structural, _bindings=bindings)
+        structural: dict[str, Any] = {}
+        chosen: dict[str, Any] = {}
+        for name, choice in self._choices.items():
+            structural[name] = self._structural_value(choice, bindings.get(name, choice.default))
+            if name in bindings:
+                chosen[name] = structural[name]
+                del bindings[name]
+        self.__dict__.update(
+            _parent=None, _name="", _parts={}, _connections=None, _made=NOTHING, _start=dict(start or {}), _guess=dict(guess or {}),
+            _nominal=dict(nominal or {}), _state=dict(state or {}), _structural=structural, _bindings=bindings, _given=chosen, _read=set(),
+        )  # fmt: skip
 
     def equations(self) -> Sequence[Eq | When]:
         """The equations that the class adds to those of its bases, on symbols that stand for any instance."""
@@ -490,29 +492,31 @@ class Component:
         """The connections of a composite, which is assembled on first use."""
         if self._connections is None:
             self._check_bounds()
-            attributes, parts = set(self.__dict__), set(self._parts)
             object.__setattr__(self, "_connections", [])
-            try:
-                with inside(self), _explained(f"{type(self).__name__}.assemble()"):
-                    returned = self.assemble()
-                connections = list(returned) if isinstance(returned, Iterable) else [returned]
-                if not isinstance(returned, Iterable) or not all(isinstance(c, Connection) for c in connections):
-                    bad = next((c for c in connections if not isinstance(c, Connection)), returned)
-                    raise ModelError(
-                        f"{type(self).__name__}.assemble() must return a list of connect(...) calls; got {shown(bad)}"
-                    )
-                object.__setattr__(self, "_connections", connections)
-                if self._changes:
-                    with inside(self):
-                        for change in self._changes:
-                            change(self)
-            except BaseException:
-                self._remember_made(attributes, parts)
-                self._forget()
-                raise
-            self._remember_made(attributes, parts)
+            if type(self).assemble is not Component.assemble or self._changes:
+                self._assemble()
         result: Sequence[Connection] = self._connections
         return result
+
+    def _assemble(self) -> None:
+        attributes, parts = set(self.__dict__), set(self._parts)
+        try:
+            with inside(self), _explained(f"{type(self).__name__}.assemble()"):
+                returned = self.assemble()
+            connections = list(returned) if isinstance(returned, Iterable) else [returned]
+            if not isinstance(returned, Iterable) or not all(isinstance(c, Connection) for c in connections):
+                bad = next((c for c in connections if not isinstance(c, Connection)), returned)
+                raise ModelError(f"{type(self).__name__}.assemble() must return a list of connect(...) calls; got {shown(bad)}")
+            object.__setattr__(self, "_connections", connections)
+            if self._changes:
+                with inside(self):
+                    for change in self._changes:
+                        change(self)
+        except BaseException:
+            self._remember_made(attributes, parts)
+            self._forget()
+            raise
+        self._remember_made(attributes, parts)
 
     def _check_bounds(self) -> None:
         for declared in self._bounded:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar, Literal, Protocol, Self, get_args, overload
 
 import numpy as np
@@ -380,6 +381,21 @@ class Declared:
     connectors: dict[str, Connector]
     discretes: dict[str, Discrete]
     derivatives: dict[str, str]  # aliases of derivatives, such as {"a": "der(w)"}
+
+    @cached_property
+    def valued(self) -> dict[str, Variable]:
+        """The variables that are given a value by their declaration or where a part is made: inputs, and those with a start value."""
+        return {n: v for n, v in self.variables.items() if isinstance(v, Input) or v.start is not None or v.guess}
+
+    @cached_property
+    def ends(self) -> dict[str, tuple[list[int], list[int]]]:
+        """For each connector the positions of its potentials and of its flows among the variables."""
+        position = {n: i for i, n in enumerate(self.variables)}
+        found: dict[str, tuple[list[int], list[int]]] = {}
+        for name, connector in self.connectors.items():
+            places = [(position[f"{name}.{n}"], v) for n, v in connector.variables.items()]
+            found[name] = [i for i, v in places if isinstance(v, Potential)], [i for i, v in places if isinstance(v, Flow)]
+        return found
 
 
 def declared_by(component: Owner) -> Declared:

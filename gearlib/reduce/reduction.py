@@ -116,7 +116,8 @@ def analyse(model: FlatModel, parameters: Floats) -> Structure:
         model = without(model, dropped)
     model, closed = balanced(model, parameters, known, beside, loops)
     given = frozenset(model.inputs.tolist())
-    result = pantelides(len(model.places), lambda e, k: [n for n in model.nodes(e, k) if n[0] not in given])
+    unknowns = (lambda e, k: [n for n in model.nodes(e, k) if n[0] not in given]) if given else model.nodes
+    result = pantelides(len(model.places), unknowns)
     _refuse_differentiated_inputs(model, result, given)
     lower = constraints(result, _entries(model, result, parameters, known))
     eliminated, failed = select_columns(lower, _badness(model, result), _varying(model, result), ranks=model.ranks)

@@ -38,9 +38,9 @@ def redundant_rows(model: FlatModel, parameters: Floats, known: Floats) -> dict[
         rows = np.flatnonzero(eligible)
         places = [j for j, _ in t.local_columns]
         partials = [partials_at(model, g, c, parameters, known)[rows] for c in range(len(places))]
-        variables, factors = group.variables[rows][:, places], group.signs[rows][:, places] * np.transpose(partials)
+        columns, factors = group.variables[rows][:, places], group.signs[rows][:, places] * np.transpose(partials)
         candidates += (model.first_equations[g] + rows).tolist()
-        coefficients += [dict(zip(*row, strict=True)) for row in zip(variables.tolist(), factors.tolist(), strict=True)]
+        coefficients += [dict(zip(*row, strict=True)) for row in zip(columns.tolist(), factors.tolist(), strict=True)]
         constants += (-rest_at(model, g, parameters, known)[rows]).tolist()
     order, coefficients, standing = _by_name(model, candidates, coefficients)
     candidates, constants = [candidates[r] for r in order], [constants[r] for r in order]
@@ -126,7 +126,7 @@ def balanced(
     given = set(model.inputs.tolist())
     candidates: list[int] | None = None  # zero for these determines all flows; independent of the order of declaration
     while True:
-        incidence = [[v for v, _ in model.nodes(e, 0) if v not in given] for e in range(len(model.places))]
+        incidence = [[v for v, _ in row if v not in given] for row in model.rows]
         unknown = sorted({*model.representative[model.sign != 0].tolist()} - given - set(closed))
         balance = dulmage_mendelsohn(incidence, unknown)
         if balance is None:

@@ -25,12 +25,10 @@ Sums = tuple[tuple[Kernel, Integers], ...]
 
 def factors(model: FlatModel) -> Integers:
     """Parameters that multiply a variable of some equation."""
-    found: set[int] = set()
-    for group in model.groups:
-        for p, name in enumerate(group.template.parameters):
-            if name in group.template.factors:
-                found.update(group.parameters[:, p].tolist())
-    return np.array(sorted(found), np.int64)
+    groups = [(group, [name in group.template.factors for name in group.template.parameters]) for group in model.groups]
+    return np.unique(
+        np.concatenate([np.empty(0, np.int64), *(group.parameters[:, factor].ravel() for group, factor in groups)])
+    )
 
 
 def sums(model: FlatModel) -> Sums:

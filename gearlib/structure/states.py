@@ -91,7 +91,7 @@ def select_columns(
     """
     work = {r: {v: a for v, a in row.items() if a != 0.0} for r, row in rows.items()}
     scale, holders = sizes_of(work), holders_of(work)
-    largest = {v: max(abs(work[r][v]) / scale[r] for r in rs) for v, rs in holders.items()}
+    largest = {v: max([abs(work[r][v]) / scale[r] for r in rs]) for v, rs in holders.items()}
     entries = {v: len(rs) for v, rs in holders.items()}
 
     def key(v: Node) -> Any:
@@ -112,8 +112,8 @@ def select_columns(
         usable = [r for r in holders[column] & open_rows if abs(work[r][column]) > zero * scale[r]]
         if not usable:
             continue
-        best = max(abs(work[r][column]) / scale[r] for r in usable)
-        good = (r for r in usable if abs(work[r][column]) >= 0.1 * best * scale[r])
+        best = max([abs(work[r][column]) / scale[r] for r in usable])
+        good = [r for r in usable if abs(work[r][column]) >= 0.1 * best * scale[r]]
         pivot = min(good, key=lambda r: (len(work[r]), r))
         row = work[pivot]
         if pivot[0] in varying:
