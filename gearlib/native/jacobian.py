@@ -210,7 +210,7 @@ def _scattered(
 
 
 def _plain(body: Body, base: str, targets: Integers, sources: Integers) -> None:
-    """Add entries without a factor."""
+    """Add entries to others, without a factor."""
     body.lines += [
         f"f, g, a = {body.array(sources)}, {body.array(targets)}, {body.array([len(sources)])}",
         "for j in range(index[a]):",

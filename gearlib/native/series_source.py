@@ -122,7 +122,7 @@ class _Writer:
         return self._rows[a.name, ""]
 
     def reserved(self, name: str) -> int:
-        """A row for a quantity that is computed later on."""
+        """Offset of a new row, for a quantity that is computed later on."""
         at = self._rows[name, ""] = self.rows * ROW
         self.rows += 1
         return at
@@ -284,7 +284,7 @@ class _Writer:
         return self.integral((name, a), f"{name}({a.name})", [(a, self.row(inner[name]()))])
 
     def angle(self, y: PowerSeries, x: PowerSeries) -> PowerSeries:
-        """atan2."""
+        """``atan2(y, x)``."""
         square = self.plus(self.times(x, x), self.times(y, y))
         a, b = self.over(x, square), self.negative(self.over(y, square))
         slopes = [(y, self.row(a))] * y.varies + [(x, self.row(b))] * x.varies

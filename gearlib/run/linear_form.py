@@ -198,7 +198,7 @@ def _drives(scene: Scene, numbers: Prepared, signals: Sequence[Any], plan: Linea
 
 
 def _matrices(scene: Scene, numbers: Prepared, plan: LinearPlan, mix: Floats) -> tuple[Any, Floats]:
-    """A and B."""
+    """A (dense, or sparse if it is large) and B of the linear form."""
     program, table = scene.program, plan.derivatives
     n = len(program.states)
     if plan.written is not None:

@@ -97,7 +97,7 @@ class SceneForm:
 
     @cached_property
     def native_with_jacobian(self) -> NativeScene:
-        """Compiled functions."""
+        """Compiled functions with a Jacobian."""
         return compile_scene(self.program, self.relations, lambda: self.slot_names, self.scene.model, state_plan(self.program))
 
     def numbers(self, parameters: Floats) -> Prepared:
@@ -122,7 +122,7 @@ class SceneForm:
         return relations_of(scene.structure, build(scene.structure, scene.outputs, scene.states, dynamic=True), scene.wanted)
 
     def discrete(self, parameters: Floats, t: float, start: Start, inputs: Floats) -> Floats:
-        """Relations and discrete variables at the start."""
+        """Relations and discrete variables at the start, shape (n_discrete,)."""
         scene, relations = self.scene, self._start_relations
         if relations is None:
             return np.zeros(scene.n_discrete)

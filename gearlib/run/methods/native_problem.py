@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 NO_TIMES = np.empty(0)
-MOST_STEPS = 100_000_000  # a minute or more of the smallest models, at 0.5 us per step, hours of large ones: the run has no end
+MOST_STEPS = 100_000_000  # about a minute for the smallest models, at 0.5 us per step, hours for large ones: the run has no end
 MOST_STEPS_CONSTRAINED = 500_000  # with nonlinear constraints, whose steps shrink without end near a singularity
 _MODEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *(ctypes.c_void_p,) * 4)
 # Measured, ns: call of a native function, one addition in it, call of a Python function, look-up in a table

@@ -27,7 +27,7 @@ ACCURATE = 1e-9  # tolerance of a state at the start, where no integration error
 
 
 def refuse_too_small(parts: Sequence[Segment], rtol: float) -> None:
-    """Check a run.
+    """Refuse a run in which a variable is below its minimum.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def refuse_too_small(parts: Sequence[Segment], rtol: float) -> None:
 
 
 def refuse_start(scene: Scene, parameters: Floats, t: float, inputs: Floats, begin: Start) -> None:
-    """Check start values, whether or not the run has a sample there.
+    """Refuse such start values, whether or not the run has a sample there.
 
     Raises
     ------

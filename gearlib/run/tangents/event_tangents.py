@@ -38,7 +38,7 @@ from gearlib.solvers.problem import Problem
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-INSTANT = 1e-6  # relative to time (at least 1 s): the interval over which an input's slope is taken
+INSTANT = 1e-6  # relative to time (at least 1 ms): the interval over which an input's slope is taken
 MOST_PASSES = 100  # for the tangents of discrete variables that follow from each other
 
 
