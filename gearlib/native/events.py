@@ -10,11 +10,17 @@ from numpy.typing import NDArray
 from gearlib.flatten.model import FlatModel
 from gearlib.native.layout import EACH, Layout
 from gearlib.native.source import CLOSING, Body, loop, looped
-from gearlib.program.event_iteration import DiscretesPhase, RelationsPhase, UnknownsPhase, compares_with_before, relation_of
+from gearlib.program.event_iteration import (
+    MOST_ITERATIONS,
+    DiscretesPhase,
+    RelationsPhase,
+    UnknownsPhase,
+    compares_with_before,
+    relation_of,
+)
 from gearlib.program.relations import Relations
 
 Integers = NDArray[np.int64]
-MOST_ITERATIONS = 100  # bound on the iterations, inner and outer, after which the event iteration has failed to converge
 MOST_STEPS = 10  # outer iterations that are recorded, for the tangents
 
 

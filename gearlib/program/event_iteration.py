@@ -17,6 +17,7 @@ from gearlib.program.program import Batch
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+MOST_ITERATIONS = 100  # of a pass, and of all, after which the event iteration has failed to converge
 _COMPARED = {">=": np.greater_equal, ">": np.greater, "<=": np.less_equal, "<": np.less}
 
 

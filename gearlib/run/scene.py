@@ -16,7 +16,7 @@ from gearlib.flatten.model import FlatModel
 from gearlib.native.layout import Layout, Shared, fill, lay_out
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import DerivativePlan, state_plan
-from gearlib.program.event_iteration import DiscretesPhase, RelationsPhase, UnknownsPhase, right_hand
+from gearlib.program.event_iteration import MOST_ITERATIONS, DiscretesPhase, RelationsPhase, UnknownsPhase, right_hand
 from gearlib.program.interpret import Prepared, batch_values, evaluate, labelled, prepare
 from gearlib.program.program import Newton, Program
 from gearlib.program.relations import Relations, relations_of
@@ -397,8 +397,8 @@ def discrete_at_start(
     """Relations and discrete variables of a run that starts at a time, shape (n_discrete, times)."""
     n, d = model.n_relations, len(model.discretes)
     discrete = np.repeat(model.initial_discrete(discretes)[:, None], len(t), axis=1)
-    for _ in range(100):
-        for _ in range(100):
+    for _ in range(MOST_ITERATIONS):
+        for _ in range(MOST_ITERATIONS):
             # only the final discrete state must admit a solution: on the way, a moving friction element may be tried as stuck
             new = settle_once(relations, prepared, t, states, inputs, discrete, guess, forgiving=True)
             settled, discrete = bool((new == discrete).all()), new

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import NameLookupError, SolverError
+from gearlib.program.event_iteration import MOST_ITERATIONS
 from gearlib.program.interpret import Prepared, evaluate, owner_of, prepare
 from gearlib.program.program import Program
 from gearlib.program.relations import Relations, relations_of
@@ -210,7 +211,7 @@ def _settled(
     discrete: Floats, guess: Floats | None,
 ) -> Floats:  # fmt: skip
     """The discrete state after iterating some relations to a fixed point."""
-    for _ in range(100):
+    for _ in range(MOST_ITERATIONS):
         passed = settle_once(found, prepared, t, states, inputs, discrete, guess)
         restless = passed[new] != discrete[new]
         if not restless.any():
