@@ -67,11 +67,6 @@ class KeptMatrix:
     factors: EliminationOrder | None
 
     @property
-    def entries(self) -> int:
-        """Offset of the entries or factors."""
-        return self.place + 1 + len(self.discrete)
-
-    @property
     def size(self) -> int:
         stored = len(self.needed) * len(self.known) if self.factors is None else factors_size(self.factors)
         return 1 + len(self.discrete) + stored
