@@ -56,7 +56,7 @@ def followed(samples: Samples, eigenvalues: Complexes, shapes: Complexes) -> Bra
             known, known_sizes = kept[before][0].copy(), kept[before][1].copy()
             there, modes = same_modes(known, known_sizes, now, sizes)
             # An oscillating mode that was overdamped before, for instance
-            new = np.setdiff1d(np.arange(k), modes)[: n - known.shape[1]]
+            new = np.setdiff1d(np.arange(k), modes)
             there = np.concatenate([there, known.shape[1] + np.arange(len(new))])
             modes = np.concatenate([modes, new])
             known = np.concatenate([known, now[:, new]], axis=1)

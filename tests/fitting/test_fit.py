@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 from typing import Any
@@ -222,6 +223,28 @@ def test_runs_with_events() -> None:
     found = gl.fit(rattle, {"time": time, "load.w": run["load.w"]}, {"gap.c": (100.0, 5e3)})
     assert found["gap.c"] == pytest.approx(640.0, rel=1e-3)
     assert not found.approximate or "Derivatives of histories are differences of runs" in str(found)
+
+
+@pytest.mark.parametrize("why", ["", "the run leaves its tangents"])
+def test_tangents_are_asked_for_until_they_are_missing(why: str) -> None:
+    """Of each experiment on its own: what has no exact derivatives is not run with tangents again, and the result says why."""
+
+    class Told(gl.MeasuredHistories):
+        why = ""
+
+        def predicted(self, system: Any, free: Any, exact: bool = True) -> Any:
+            asked.setdefault(self.why, []).append(exact)
+            return replace(super().predicted(system, free, exact), approximate=self.why)
+
+    asked: dict[str, list[bool]] = {}
+    experiments = [Told({"time": TIME, "load.w": histories(0)["load.w"]}, **PLANS[0]) for _ in range(2)]
+    experiments[1].why = why
+    found = gl.fit(system(), experiments, {"shaft.c": (1e2, 1e4)})
+    assert found.approximate == why
+    assert ("Derivatives of histories are differences of runs" in str(found)) == bool(why)
+    assert all(asked[""])
+    if why:
+        assert asked[why] == [True] + [False] * (found.evaluations - 1)
 
 
 def test_evaluations_that_run_out() -> None:

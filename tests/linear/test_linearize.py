@@ -205,6 +205,9 @@ def test_moment_of_a_run_has_its_inputs_and_parameters(gap_drive: gl.System) -> 
     assert other == pytest.approx(by_hand(1e4, 3.0, -8 * w[-1] / 100), rel=1e-9)
     with pytest.raises(gl.GearlibError, match="a run of another system than Fan"):
         gl.compile(Fan()).linearize(["torque.tau"], at=(run, 0.0))
+    for outside in (-0.1, 2.1):
+        with pytest.raises(gl.GearlibError, match=rf"^at names the time {outside}; the run goes from 0 to 2 s$"):
+            gap_drive.linearize(["torque.tau"], at=(run, outside))
 
 
 class Relay(gl.Component):

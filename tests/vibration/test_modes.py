@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from typing import Any
@@ -330,6 +331,13 @@ def test_text_and_table(paper: gl.System) -> None:
     text = str(found)
     assert "train.x_unit.ring_mesh 96 %" in text
     assert "Decays without oscillation, 1/s: 32.1307, 393.955" in text
+    lines = text.splitlines()  # the names are long: kinetic and potential energies below each other
+    at = lines[0].index("kinetic energy, and potential energy below it")
+    for k in range(3):
+        assert lines[1 + 2 * k].startswith(f"{k:4d}  {found.frequencies[k]:13.6g}  {found.damping[k]:9.5f} ")
+        for line, shares in zip(lines[1 + 2 * k : 3 + 2 * k], (found.kinetic[k], found.potential[k]), strict=True):
+            assert line[at - 1] == " "
+            assert [int(n) for n in re.findall(r"(\d+) %", line[at:])] == [round(share) for share in np.sort(shares)[:-3:-1]]
     table = found.to_dataframe()
     assert table["kinetic, %"].sum(axis=1).to_numpy() == pytest.approx(100, abs=1e-3)
     assert table["potential, %"].sum(axis=1).to_numpy() == pytest.approx(100, abs=1e-3)

@@ -9,10 +9,13 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.drawing.icons import INK
 from gearlib.drawing.scheme.routing import RouteSearch
 from gearlib.drawing.scheme.train import train_of
 from gearlib.errors import ModelError
 from gearlib.language.outline import outline
+
+SVG = "{http://www.w3.org/2000/svg}"
 
 
 class TwoStages(gl.Component):
@@ -114,6 +117,34 @@ def test_all_parts_are_drawn_and_each_shaft_is_one_line(name) -> None:
         assert len({next(k for k, c in enumerate(nx.connected_components(graph)) if i in c) for i in own}) <= 1
 
 
+def numbers_of(element, *names):
+    return tuple(float(element.get(name)) for name in names)
+
+
+@pytest.mark.parametrize("name", TRAINS)
+def test_the_picture_holds_the_lines_and_breaks_them_at_crossings(name) -> None:
+    scheme = TRAINS[name]().scheme()
+    root = ET.fromstring(scheme.svg)
+    left, upper, width, height = (float(n) for n in root.get("viewBox").split())
+    drawing = next(g for g in root.iter(SVG + "g") if g.get("transform", "").startswith("translate"))
+    dx, dy = (float(n) for n in drawing.get("transform")[len("translate(") : -1].split())
+    lines = [(numbers_of(e, "x1", "y1", "x2", "y2"), e.get("stroke")) for e in drawing.findall(SVG + "line")]
+    drawn = np.array([ends for ends, stroke in lines if stroke == INK])
+    for line in scheme.routing.lines:
+        assert np.abs(drawn - line[:4]).max(axis=1).min() < 0.01, line
+    level = [line for line in scheme.routing.lines if line[1] == line[3]]
+    upright = [line for line in scheme.routing.lines if line[0] == line[2]]
+    crossed = [
+        (v[0], h[1]) for h in level for v in upright
+        if v[4] != h[4] and min(h[0], h[2]) < v[0] < max(h[0], h[2]) and min(v[1], v[3]) < h[1] < max(v[1], v[3])
+    ]  # fmt: skip
+    broken = [((x1 + x2) / 2, y1) for (x1, y1, x2, _), stroke in lines if stroke == "white"]
+    assert np.array(sorted(broken)) == pytest.approx(np.array(sorted(crossed)), abs=0.01)
+    for (x1, y1, x2, y2), _ in lines:
+        assert left <= min(x1, x2) + dx <= max(x1, x2) + dx <= left + width
+        assert upper <= min(y1, y2) + dy <= max(y1, y2) + dy <= upper + height
+
+
 @pytest.mark.parametrize("name", ["simpson", "one set"])
 def test_lines_of_all_arrangements_are_horizontal_or_vertical(name) -> None:
     search, random = RouteSearch(TRAINS[name]().scheme().axes), Random(1)
@@ -191,7 +222,7 @@ def test_ladders_are_straight_lines() -> None:
              for h in ("carrier", "large_sun")}  # fmt: skip
     picture = flows["carrier"].speed_ladder("1st gear", {"2nd gear": flows["large_sun"]})
     root = ET.fromstring(picture.svg)
-    groups = [g for g in root.iter("{http://www.w3.org/2000/svg}g") if g[0].text in ("1st gear", "2nd gear")]
+    groups = [g for g in root.iter(SVG + "g") if g[0].text in ("1st gear", "2nd gear")]
     assert len(groups) == 2
     for group in groups:
         at = np.array([(float(c.get("cx")), float(c.get("cy"))) for c in group if c.tag.endswith("circle")])

@@ -71,6 +71,23 @@ def test_a_mesh_with_the_values_of_a_pair_is_drawn_like_the_pair():
             assert wheel.pitch_radius == pytest.approx(same.pitch_radius)
 
 
+@pytest.mark.parametrize("internal", [False, True])
+@pytest.mark.parametrize(("z_1", "z_2", "x_1"), [(25, 60, 0.0), (30, 75, 0.3), (35, 70, -0.2)])
+def test_tips_stay_a_quarter_module_off_the_roots(internal, z_1, z_2, x_1):
+    """Along the line of centres of a mesh whose teeth follow from its path of contact."""
+    pair = gp.GearPair(z_1, z_2, 3e-3, 0.02, x_1=x_1, internal=internal)
+    kind = gp.DetailedInternalMesh if internal else gp.DetailedExternalMesh
+    mesh = kind(d=0.0, **pair.mesh_values())
+    a, b = mesh.drawn_gears().wheels
+    m = 2 * mesh.r_a / (math.cos(mesh.alpha) * mesh.z_a)
+    r_a, r_b = (np.hypot(*wheel.outline.T) for wheel in (a, b))
+    if internal:
+        off = r_a.max() - (b.orbit + r_b.max()), r_a.min() - (b.orbit + r_b.min())
+    else:
+        off = b.orbit - r_a.max() - r_b.min(), b.orbit - r_a.min() - r_b.max()
+    assert off == pytest.approx((0.25 * m, 0.25 * m), rel=1e-6)
+
+
 def test_what_is_not_known_is_not_drawn():
     assert gp.DetailedExternalMesh(r_a=0.1, r_b=0.2, c=1e8, d=0.0).drawn_gears() is None
     assert gp.PlanetaryUnit(R_s=0.03, R_p=0.02, **UNIT).drawn_gears() is None
