@@ -119,6 +119,31 @@ def test_one_word_for_one_failure(name: str) -> None:
         integrate(driver(problem(failing, [0.0]), [0.0, 1.0], STEPPERS[name](), rtol=1e-6))
 
 
+@steppers
+@pytest.mark.parametrize("left", [0.5, 0.3])
+def test_event_functions_that_cannot_be_evaluated(name: str, left: float) -> None:
+    """Beyond x = 0.5 the run ends with a word, unless an event at 0.3 has given them another branch."""
+
+    def roots(t: float, x: Any, g: Any, data: Any) -> int:
+        g[0] = x[0] - 0.3 if left < 0.5 and data[0] == 0.0 else 1.0
+        return -1 if x[0] > 0.5 and data[0] == 0.0 else 0
+
+    def update(t: float, x: Any, fired: Any, data: Any) -> int:
+        if fired[0] == 1:
+            data[0], fired[0] = 1.0, 2
+        return 0
+
+    rising = problem(
+        lambda t, x, dx, data: dx.__setitem__(0, 1.0), [0.0], roots=roots, n_roots=1, update=update, modes=slice(0, 1)
+    )
+    run = driver(rising, [0.0, 1.0], STEPPERS[name](), rtol=1e-6)
+    if left < 0.5:
+        assert integrate(run).x[-1] == pytest.approx(1.0, abs=1e-6)
+        return
+    with pytest.raises(SolverError, match=r"evaluated"):
+        integrate(run)
+
+
 def test_what_a_method_in_python_raises_comes_out() -> None:
     class Wrong(Heun):
         def advance(self, t: float, x: Floats, stop: float) -> tuple[float, Floats]:

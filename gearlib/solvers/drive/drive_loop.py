@@ -23,7 +23,8 @@ from gearlib.solvers.drive.drive_record import DriveRecord
 STEPPED, FOUND, RETRY = 0, 1, 2  # results of a step
 ROOT, TIMED, START = 0, 1, 2  # reasons for a restart
 DONE, MORE, LOG_FULL, STIFF = 0, 1, 2, 3  # results of ``advance``, besides failure codes:
-RHS_FAILED, UPDATE_FAILED, UNSETTLED, CHATTER, STEP_LIMIT = -101, -102, -103, -104, -105
+RHS_FAILED, UPDATE_FAILED, UNSETTLED, CHATTER, STEP_LIMIT, ROOTS_FAILED = -101, -102, -103, -104, -105, -106
+EVALUATED = {RHS_FAILED: "the right-hand side", ROOTS_FAILED: "the event functions"}
 
 STEP = Prototype("int32", ("int", "float"))
 INTERPOLATE = Prototype("int32", ("int", "float", "int"))

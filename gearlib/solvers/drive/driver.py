@@ -368,10 +368,10 @@ def integrate(driver: Driver) -> Solution:
         driver.close()
 
 
-def no_further_step(driver: Driver, where: str, too_small: bool) -> SolverError:
-    """The exception of an explicit stepper: its steps became too small, or the right-hand side cannot be evaluated."""
-    text = f"the right-hand side cannot be evaluated {where}"
-    if too_small:
+def no_further_step(driver: Driver, where: str, unknown: str | None) -> SolverError:
+    """The exception of an explicit stepper: what cannot be evaluated, or that its steps became too small."""
+    text = f"{unknown} cannot be evaluated {where}"
+    if unknown is None:
         text = f"the step became too small {where}: the solution goes to infinity, jumps, or cannot be evaluated further on"
     return SolverError(text + driver.blamed)
 

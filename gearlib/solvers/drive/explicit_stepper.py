@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gearlib.errors import SolverError
-from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, STEPPED
+from gearlib.solvers.drive.drive_loop import EVALUATED, FOUND, RHS_FAILED, ROOTS_FAILED, STEPPED
 from gearlib.solvers.drive.driver import Driver
 from gearlib.solvers.drive.python_stepper import FailedError, PythonStepper
 from gearlib.solvers.problem import Floats
@@ -44,18 +44,22 @@ class ExplicitStepper(PythonStepper):
             raise FailedError(RHS_FAILED)
         return out
 
+    def _event_functions(self, t: float, x: Floats) -> Floats:
+        g = np.empty(len(self._sides))
+        if self.root_values(t, np.ascontiguousarray(x), g) != 0:
+            raise FailedError(ROOTS_FAILED)
+        return g
+
     def _crossed(self, t: float, x: Floats) -> Floats:
         """Directions in which event functions have crossed zero."""
-        g = np.empty(len(self._sides))
-        self.root_values(t, np.ascontiguousarray(x), g)
+        g = self._event_functions(t, x)
         directions: Floats = np.where(g * self._sides < 0.0, -self._sides, np.where(self._sides == 0.0, np.sign(g), 0.0))
         return directions
 
     def restart(self, changed: int, why: int) -> None:
         self._t, self._x = self.record.t, self.driver.x.copy()
         self._slope = self.f(self._t, self._x)
-        g = np.empty(len(self._sides))
-        self.root_values(self._t, self._x, g)
+        g = self._event_functions(self._t, self._x)
         fired = self.driver.fired  # the side of each event function, where the event iteration determines it
         self._sides = np.where(np.abs(fired) == 2, fired // 2, np.sign(g))
 
@@ -105,7 +109,7 @@ class ExplicitStepper(PythonStepper):
         return {"steps": self.record.steps, "rejected": 0, "rhs": self._evaluations}
 
     def leaves(self, code: int) -> bool:
-        return code == RHS_FAILED
+        return code in EVALUATED
 
     def failure(self, code: int) -> SolverError:
-        return SolverError(f"the right-hand side cannot be evaluated beyond t = {self.driver.t:.9g} s{self.driver.blamed}")
+        return SolverError(f"{EVALUATED[code]} cannot be evaluated beyond t = {self.driver.t:.9g} s{self.driver.blamed}")

@@ -13,14 +13,13 @@ import math
 
 from gearlib.compiler.small_language import Prototype, floats, floats_at, int32, int32s_at, ints_at, native
 from gearlib.native.layout import MODEL
-from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, START, STEPPED, TIMED
+from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, ROOTS_FAILED, START, STEPPED, TIMED
 from gearlib.solvers.ida.ida_stepper import (
     CHUNK,
     EPS,
     NEGATIVE_ZERO,
     PROBES,
     REACH,
-    ROOTS_FAILED,
     SLOPE_OVER,
     STALLED,
     START_FAILED,

@@ -11,7 +11,7 @@ import numpy as np
 
 from gearlib.arguments import shown
 from gearlib.errors import ArgumentError, GearlibError, SolverError, StartError
-from gearlib.solvers.drive.drive_loop import RHS_FAILED
+from gearlib.solvers.drive.drive_loop import RHS_FAILED, ROOTS_FAILED
 from gearlib.solvers.drive.driver import PATIENCE, Driver, Stepper
 from gearlib.solvers.ida.iteration_matrix import plan
 from gearlib.solvers.ida.start_matrices import WATCHED, Watch, of_algebraic
@@ -30,7 +30,7 @@ TIGHT, NEWTON, NEWTON_TIGHT = 1e-12, 0.33, 0.033
 FINEST = 1e-15  # IDA rejects relative tolerances below a few units of rounding
 
 # Failure codes, besides the driver's and IDA's own return values (-1 to -99)
-ROOTS_FAILED, START_FAILED = -106, -107
+START_FAILED = -107
 ERROR_TEST = -3  # the error test fails repeatedly with ever smaller steps: one of the latter
 STALLED = -108  # IDA merely warns when t + h equals t
 CHUNK = 1000  # steps between checks that t still advances

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from gearlib.errors import SolverError
-from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, START, STEPPED, TIMED
+from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, ROOTS_FAILED, START, STEPPED, TIMED
 from gearlib.solvers.drive.driver import Driver
 from gearlib.solvers.drive.python_stepper import FailedError, PythonStepper
 from gearlib.solvers.ida.ida_stepper import (
@@ -29,7 +29,6 @@ from gearlib.solvers.ida.ida_stepper import (
     NEGATIVE_ZERO,
     PROBES,
     REACH,
-    ROOTS_FAILED,
     SLOPE_OVER,
     STALLED,
     START_FAILED,

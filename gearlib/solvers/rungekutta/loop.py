@@ -9,10 +9,10 @@ import math
 
 from gearlib.compiler.small_language import int32, native
 from gearlib.native.layout import MODEL
-from gearlib.solvers.drive.drive_loop import FOUND, RETRY, RHS_FAILED, START, STEPPED, STIFF, TIMED
+from gearlib.solvers.drive.drive_loop import FOUND, RETRY, RHS_FAILED, ROOTS_FAILED, START, STEPPED, STIFF, TIMED
 from gearlib.solvers.rungekutta.first_step import first_step, is_stiff, note
 from gearlib.solvers.rungekutta.record import LoopRecord
-from gearlib.solvers.rungekutta.root_finding import OLD, SLOPE_OLD, crossing, row, slopes
+from gearlib.solvers.rungekutta.root_finding import OLD, SLOPE_OLD, crossing, look, slopes
 from gearlib.solvers.rungekutta.stages import step_error, take_step
 from gearlib.solvers.rungekutta.step_size import adapt, begin_phase
 from gearlib.solvers.rungekutta.within_step import LOCATED, ROUNDING, end_of_step, establish_sides
@@ -40,7 +40,10 @@ def rk_restart(address: int, changed: int, why: int) -> int32:
     if MODEL(s.rhs, s.origin + s.t, s.x, s.k, s.data, s.index) != 0:
         return RHS_FAILED
     if s.n_roots > 0:
-        MODEL(s.roots, s.origin + s.t, s.x, row(s, OLD), s.data, s.index)
+        s.unknown = 0
+        look(s, s.t, s.x, OLD)
+        if s.unknown != 0:
+            return ROOTS_FAILED
         slopes(s, s.t, max(s.h, 1e-6 * s.h_max), s.x, s.k, OLD, SLOPE_OLD)
         establish_sides(s)
     if why == START:

@@ -40,6 +40,7 @@ class LoopRecord(DriveRecord):
     dense: int  # whether ``c`` belongs to the current step
     fresh: int  # no step accepted since the last restart
     known: int  # see ``step_size``
+    unknown: int  # whether event functions could not be evaluated where the current step needs them
     next_phase: int
     rtol: float
     span: float

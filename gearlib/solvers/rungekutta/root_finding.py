@@ -20,7 +20,7 @@ from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.stages import dense_output, interpolate, last_stage
 from gearlib.solvers.rungekutta.vectors import add_slope
 
-__all__ = ["crossing", "flipped", "just_beyond", "row", "slopes"]
+__all__ = ["crossing", "flipped", "just_beyond", "look", "row", "slopes"]
 
 OLD, NEW, SLOPE_OLD, SLOPE_NEW, LOW, HIGH, FREE = range(7)
 _ROUNDING = 4.4e-16  # two spacings of doubles at 1: accuracy to which a fraction of a step is determined
@@ -60,17 +60,24 @@ def slopes(s: LoopRecord, t: float, h: float, x: int, f: int, i: int, j: int) ->
     """Row j of ``g`` = time derivative of the event functions of row i, by a difference quotient along the solution."""
     dt = max(SLOPE_OVER * h, CLOCK * abs(s.origin))
     add_slope(x, dt, f, s.y, s.size)
-    MODEL(s.roots, s.origin + (t + dt), s.y, row(s, j), s.data, s.index)
+    look(s, t + dt, s.y, j)
     g, slope = floats_at(row(s, i)), floats_at(row(s, j))
     for k in range(s.n_roots):
         slope[k] = (slope[k] - g[k]) / dt
 
 
 @native
-def _look(s: LoopRecord, t: float, h: float, theta: float, i: int) -> None:
+def look(s: LoopRecord, t: float, x: int, i: int) -> None:
+    """Row i of ``g`` = event functions at some states."""
+    if MODEL(s.roots, s.origin + t, x, row(s, i), s.data, s.index) != 0:
+        s.unknown = 1
+
+
+@native
+def _look_within(s: LoopRecord, t: float, h: float, theta: float, i: int) -> None:
     """``y`` and row i of ``g`` = state and event functions at ``t + theta h``, from the dense output."""
     interpolate(s, theta, h, s.y)
-    MODEL(s.roots, s.origin + (t + theta * h), s.y, row(s, i), s.data, s.index)
+    look(s, t + theta * h, s.y, i)
 
 
 @native
@@ -103,12 +110,12 @@ def _dip(s: LoopRecord, t: float, h: float) -> float:
                 break
             last = theta
             dense_output(s, t, h)
-            _look(s, t, h, theta, FREE)
+            _look_within(s, t, h, theta, FREE)
             if flipped(s, FREE):
                 _copy(s, FREE, HIGH)
                 return theta
             over = max(SLOPE_OVER * width, CLOCK * abs(s.origin) / h)
-            _look(s, t, h, theta + over, HIGH)
+            _look_within(s, t, h, theta + over, HIGH)
             slope = sign * (high[k] - free[k]) / over
             if slope < 0.0:
                 left, a, da = theta, sign * free[k], slope
@@ -140,7 +147,7 @@ def _locate(s: LoopRecord, t: float, h: float, low: float, high: float, toleranc
         if trial > 15 and trial % 2 == 0:  # discontinuous, as an input may be: secants give no information
             fraction = 0.5
         theta = high - (high - low) * min(max(fraction, margin), 1.0 - margin)
-        _look(s, t, h, theta, free)
+        _look_within(s, t, h, theta, free)
         if flipped(s, free):
             high, hi, free = theta, free, hi
             alpha = 0.5 * alpha if last_moved == 1 else 1.0
@@ -156,18 +163,28 @@ def _locate(s: LoopRecord, t: float, h: float, low: float, high: float, toleranc
 
 @native
 def crossing(s: LoopRecord, t: float, h: float, error: float) -> tuple[int, float]:
-    """Look for the first event in the step from ``x`` to ``x_new``.
+    """Look for the first event in the step from ``x`` to ``x_new``, see `_search`; half the step is to be repeated if one cannot look."""
+    s.unknown = 0
+    found, theta = _search(s, t, h, error)
+    if s.unknown != 0:
+        return -1, 0.5
+    return found, theta
+
+
+@native
+def _search(s: LoopRecord, t: float, h: float, error: float) -> tuple[int, float]:
+    """Look for the first event.
 
     Returns ``(found, theta)``. Without an event the step stands (found = 0). With one, ``x_new`` becomes the state just after the flip,
     at ``t + theta h``, and row NEW of ``g`` is evaluated there (found = 1). Where the dense output is not accurate enough for the
     tolerance, the step is to be repeated up to there (found = -1).
     """
-    MODEL(s.roots, s.origin + (t + h), s.x_new, row(s, NEW), s.data, s.index)
+    look(s, t + h, s.x_new, NEW)
     slopes(s, t + h, h, s.x_new, last_stage(s), NEW, SLOPE_NEW)
     low, high = 0.0, 1.0
     if flipped(s, OLD):  # on the wrong side from the start
         dense_output(s, t, h)
-        _look(s, t, h, AT_ONCE, HIGH)
+        _look_within(s, t, h, AT_ONCE, HIGH)
         if flipped(s, HIGH):
             _take(s, h, AT_ONCE)
             return 1, AT_ONCE
@@ -198,8 +215,9 @@ def just_beyond(s: LoopRecord, t: float, dt: float) -> bool:
     Row NEW of ``g`` is then evaluated there.
     """
     add_slope(s.x_new, dt, last_stage(s), s.y, s.size)
-    MODEL(s.roots, s.origin + (t + dt), s.y, row(s, HIGH), s.data, s.index)
-    if not flipped(s, HIGH):
+    s.unknown = 0
+    look(s, t + dt, s.y, HIGH)
+    if s.unknown != 0 or not flipped(s, HIGH):
         return False
     _copy(s, HIGH, NEW)
     return True
@@ -213,7 +231,7 @@ def _on_the_clock(s: LoopRecord, t: float, h: float, theta: float) -> float:
         at = math.nextafter(at, math.inf)
     later = min((at - t) / h, 1.0)
     if theta < later:
-        _look(s, t, h, later, FREE)
+        _look_within(s, t, h, later, FREE)
         if flipped(s, FREE):
             _copy(s, FREE, HIGH)
             return later

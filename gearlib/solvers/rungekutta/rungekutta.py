@@ -137,12 +137,12 @@ class RungeKutta(Stepper):
         }  # fmt: skip
 
     def leaves(self, code: int) -> bool:
-        return code in (loop.UNDERFLOW, drive_loop.RHS_FAILED)
+        return code == loop.UNDERFLOW or code in drive_loop.EVALUATED
 
     def failure(self, code: int) -> SolverError:
         record, driver = self.record, self.driver
         where = f"at t = {driver.t:.9g} s after {record.steps} steps ({record.rejected} rejected, the next of {record.h:.1g} s)"
-        return no_further_step(driver, where, code == loop.UNDERFLOW)
+        return no_further_step(driver, where, drive_loop.EVALUATED.get(code))
 
 
 def work(problem: Problem, order: int, steps: int, events: int) -> float:

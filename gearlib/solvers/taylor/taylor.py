@@ -111,7 +111,7 @@ class Taylor(Stepper):
         }  # fmt: skip
 
     def leaves(self, code: int) -> bool:
-        return code in (taylor_loop.UNDERFLOW, taylor_loop.NOT_FINITE, drive_loop.RHS_FAILED)
+        return code in (taylor_loop.UNDERFLOW, taylor_loop.NOT_FINITE, *drive_loop.EVALUATED)
 
     def failure(self, code: int) -> SolverError:
         record, driver = self.record, self.driver
@@ -119,7 +119,7 @@ class Taylor(Stepper):
         if code == taylor_loop.NOT_FINITE:
             text = f"the Taylor coefficients are not finite {where}: a root of zero, or a pole; use method='rk'"
             return SolverError(text + driver.blamed)
-        return no_further_step(driver, where, code == taylor_loop.UNDERFLOW)
+        return no_further_step(driver, where, drive_loop.EVALUATED.get(code))
 
 
 def _functions() -> tuple[int, int, int, int, int]:

@@ -7,9 +7,9 @@ import math
 from gearlib.compiler.small_language import floats_at, int32, native
 from gearlib.native.layout import MODEL
 from gearlib.native.series_source import SERIES
-from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, STEPPED, STIFF
+from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, ROOTS_FAILED, STEPPED, STIFF
 from gearlib.solvers.rungekutta.record import LoopRecord
-from gearlib.solvers.rungekutta.root_finding import OLD, SLOPE_OLD, crossing, row, slopes
+from gearlib.solvers.rungekutta.root_finding import OLD, SLOPE_OLD, crossing, look, slopes
 from gearlib.solvers.rungekutta.vectors import move
 from gearlib.solvers.rungekutta.within_step import LOCATED, ROUNDING, end_of_step, establish_sides
 from gearlib.solvers.taylor.polynomial import defect, evaluate, norm, product, reach, weigh
@@ -45,7 +45,10 @@ def taylor_restart(address: int, changed: int, why: int) -> int32:
     if MODEL(s.rhs, s.origin + s.t, s.x, s.k, s.data, s.index) != 0:
         return RHS_FAILED
     if s.n_roots > 0:
-        MODEL(s.roots, s.origin + s.t, s.x, row(r, OLD), s.data, s.index)
+        r.unknown = 0
+        look(r, s.t, s.x, OLD)
+        if r.unknown != 0:
+            return ROOTS_FAILED
         slopes(r, s.t, 1e-6 * s.h_max, s.x, s.k, OLD, SLOPE_OLD)
         establish_sides(r)
     return 0
@@ -183,6 +186,8 @@ def taylor_step(address: int, stop: float) -> int32:
     move(s.ahead + 8 * s.size, s.k + 8 * s.size, s.size)
     if s.n_roots > 0:
         found, theta = crossing(r, t, h, 0.0)
+        if found < 0:
+            return ROOTS_FAILED
     found = end_of_step(r, stop, stop if last_of_span and found == 0 else t + theta * h, h, found)
     s.ready = 1 - found
     s.since += 1
