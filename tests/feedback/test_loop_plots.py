@@ -94,6 +94,11 @@ def test_nichols() -> None:
     assert -180 in cross.get_xdata()
 
 
+@pytest.mark.parametrize(("gain", "shown"), [(1e-9, (-126, 18)), (1e9, (-126, 126)), (1.0, (-126, 18))])
+def test_nichols_shows_at_most_120_db_up_and_down(gain: float, shown: tuple[float, float]) -> None:
+    assert gl.nichols_plot(gain * control.tf([1.0], [1, 3, 3, 1])).get_ylim() == pytest.approx(shown)
+
+
 def test_bode(paper: gl.System) -> None:
     gain, phase = gl.bode_plot(paper, ("tau_in", "w_out"))
     assert "gain margin 44.73 dB at 934.3 Hz" in texts(gain)

@@ -109,6 +109,9 @@ def test_a_grid_has_an_axis_for_each_parameter(drive: gl.System) -> None:
     assert runs.shape == (2, 3)
     assert runs["load.w"].shape == (2, 3, 7)
     assert runs["peak"].shape == runs.done.shape == runs["J"].shape == (2, 3)
+    assert np.array(runs.parameters["J"]).tolist() == [J, J]
+    assert np.array(runs.parameters["shaft.c"]).tolist() == [[100.0] * 3, [200.0] * 3]
+    assert runs.parameters["torque.tau"] == tau
     single = drive.simulate(1.0, samples=7, parameters={"J": 3.0, "shaft.c": 100.0}, inputs=TORQUE)
     assert runs["load.w"][0, 2].tobytes() == single["load.w"].tobytes()
     assert runs["peak"][0, 2] == peak(single)

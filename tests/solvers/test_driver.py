@@ -134,7 +134,7 @@ def test_event_functions_that_cannot_be_evaluated(name: str, left: float) -> Non
         return 0
 
     rising = problem(
-        lambda t, x, dx, data: dx.__setitem__(0, 1.0), [0.0], roots=roots, n_roots=1, update=update, modes=slice(0, 1)
+        lambda t, x, dx, data: dx.__setitem__(0, 1.0), [0.0], roots=roots, n_roots=1, update=update, discrete=slice(0, 1)
     )
     run = driver(rising, [0.0, 1.0], STEPPERS[name](), rtol=1e-6)
     if left < 0.5:

@@ -92,7 +92,14 @@ def test_counts_are_the_least_offsets_of_the_signature_matrix(seed: int) -> None
 def test_graphs_and_lists_agree(rows: Rows) -> None:
     """The counts are the least possible, so both ways have one answer; an assignment may be any that fits."""
     rows = [sorted({(e, 0), *row}) for e, row in enumerate(rows)]  # structurally nonsingular
-    graph, lists = by_graph(len(rows), dense(rows)), by_lists(len(rows), dense(rows))
+    asked: list[tuple[int, int]] = []
+
+    def columns(e: int, order: int) -> list[tuple[int, int]]:
+        asked.append((e, order))
+        assert len(asked) == len(set(asked)), "each order of an equation is wanted once"
+        return dense(rows)(e, order)
+
+    graph, lists = by_graph(len(rows), columns), by_lists(len(rows), dense(rows))
     assert graph.counts == lists.counts
     assert dict(graph.orders) == dict(lists.orders)
     for result in (graph, lists):

@@ -29,7 +29,9 @@ def test_rank_and_free_unknowns_are_those_of_the_singular_values(seed: int) -> N
     assert found.rank == rank
     free = np.abs(rows[rank:]).max(axis=0, initial=0.0) > 1e-8
     assert ((found.undetermined > 1e-8) == free).all()
-    assert np.linalg.matrix_rank(found.directions(n), tol=1e-8) == n - rank
+    directions = found.directions(n)
+    assert np.linalg.matrix_rank(directions, tol=1e-8) == n - rank
+    assert np.abs(full @ directions).max(initial=0.0) < 1e-9 * np.abs(directions).max(initial=1.0)
 
 
 def test_solution_of_consistent_equations_meets_all_of_them() -> None:
@@ -39,6 +41,14 @@ def test_solution_of_consistent_equations_meets_all_of_them() -> None:
     found = factorise(matrix)
     left = matrix @ found.solve(matrix @ x) - matrix @ x
     assert np.abs(left * found.row).max() < 1e-11 * np.abs(x / found.column).max()
+
+
+@pytest.mark.parametrize(("size", "ratio"), [(1.0, 1.0), (0.01, 0.99), (1e-4, 0.5), (1e-7, 1e-3)])
+def test_contradictions_are_relative_to_the_terms_of_their_row(size: float, ratio: float) -> None:
+    """Down to a floor of 1e-4 of the largest unknown."""
+    found = factorise(sparse.csr_matrix([[1.0, 0.0], [0.0, 1.0]]))
+    x = np.array([1.0, size])
+    assert found.contradiction(np.array([0.0, size]), x) == pytest.approx([0.0, ratio], rel=0.02)
 
 
 def test_rows_that_contradict_each_other_are_named() -> None:

@@ -47,12 +47,15 @@ def test_the_held_shaft_stands_still_and_the_others_obey_willis(held):
 
 @pytest.mark.parametrize("internal", [False, True])
 @pytest.mark.parametrize("force", [300.0, -200.0])
-def test_moments_of_the_drawn_force_are_those_of_the_mesh(internal, force):
+@pytest.mark.parametrize("carrier", [0.0, 0.8])
+def test_moments_of_the_drawn_force_are_those_of_the_mesh(internal, force, carrier):
     """About both axes it has the base radius as its arm: the torques that the mesh's equations have."""
     pair = gp.GearPair(20, 50, 2e-3, 0.02, x_1=0.2, internal=internal)
     gears = pair.drawn_gears()
-    a, b = gears.placed(0.3, 0.0)
+    a, b = gears.placed(0.3, carrier)
     x, y, fx, fy = gears.force_on_b(gears.contacts[0], [a, b], force)
+    assert math.hypot(x, y) == pytest.approx(gears.wheels[0].pitch_radius)
+    assert math.atan2(y, x) == pytest.approx(carrier)
     assert math.hypot(fx, fy) == pytest.approx(abs(force))
     r_a, r_b = (pair.base_radii[1], pair.base_radii[0]) if internal else pair.base_radii
     assert x * fy - y * fx == pytest.approx(r_a * force)  # what a gives away

@@ -13,6 +13,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
 from gearparts.gears.mesh_phase import ContactInterval
+from gearparts.gears.stiffness_laws import FourierStiffness, SinusoidalStiffness
 from tests.gearparts.gears.test_mesh_models import R_A, R_B, Z_A, C, pair
 
 
@@ -52,6 +53,16 @@ def test_a_law_of_one_s_own_against_scipy() -> None:
     result = gl.simulate(model, 0.05, samples=26, rtol=1e-9)
     assert result["mesh.q"] == pytest.approx(expected[0], abs=1e-6 * np.abs(expected[0]).max())
     assert result.energy_balance().relative_residual < 1e-6  # the slope is the value's
+
+
+@pytest.mark.parametrize("terms", [((1.0, 0.2, 0.3),), ((1.0, 0.2, -0.4), (2.0, 0.1, 1.0), (3.0, 0.05, 2.0))])
+def test_the_slope_of_a_law_of_the_library_is_that_of_its_value(terms: Any) -> None:
+    phase, h = 0.7, 1e-6
+    sinusoidal = gp.DetailedExternalMesh(r_a=0.1, r_b=0.2, c=1e8, d=0.0, stiffness="sinusoidal", c_amplitude=0.3)
+    fourier = gp.DetailedExternalMesh(r_a=0.1, r_b=0.2, c=1e8, d=0.0, stiffness="fourier", stiffness_terms=terms)
+    for law, mesh in ((SinusoidalStiffness(), sinusoidal), (FourierStiffness(), fourier)):
+        by_difference = (law.value(mesh, phase + h) - law.value(mesh, phase - h)) / (2 * h)
+        assert float(law.slope(mesh, phase)) == pytest.approx(float(by_difference), rel=1e-8)
 
 
 def test_a_law_may_read_a_parameter_of_a_derived_mesh() -> None:
