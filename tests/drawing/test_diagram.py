@@ -14,6 +14,7 @@ from gearlib.drawing.arrangement import TITLE, Arrangement
 from gearlib.drawing.block_diagram import OWN, Net, Outline, Pin, Terminal
 from gearlib.drawing.diagram import Diagram
 from gearlib.drawing.icons import ICONS
+from gearlib.drawing.svg import text_width
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component
 from gearlib.language.interior import path_of
@@ -274,6 +275,19 @@ def outlines(outline):
     yield outline
     for part in outline.parts:
         yield from outlines(part)
+
+
+def test_kinds_of_opened_parts_stand_behind_their_names():
+    diagram = gp.ZhouCui2022().diagram(2)
+    texts = list(ET.fromstring(diagram.svg).iter("{http://www.w3.org/2000/svg}text"))
+    names = [t for t in texts if t.get("font-weight") == "bold"]
+    kinds = [t for t in texts if t.get("font-style") == "italic"]
+    opened = [box for found in arrangements(diagram.arrangement) for box in found.boxes if box.inner is not None]
+    beside = {(name.text, kind.text) for name in names for kind in kinds
+              if name.get("y") == kind.get("y")
+              and 0 < float(kind.get("x")) - float(name.get("x")) - text_width(name.text) < 30}  # fmt: skip
+    assert opened
+    assert {(box.part.name, box.part.kind) for box in opened} <= beside
 
 
 def test_families_and_chains_are_folded():

@@ -21,6 +21,7 @@ from tests.benchmarks.scenes import Chain
 from tests.fmi.fmu_instance import FmuInstance
 from tests.gearparts import msl_hybrid_examples
 from tests.gearparts.planetary.test_planetary_levels import LEVELS, driven
+from tests.test_acceptance import RigidLoop
 
 TOGETHER = 1e-6  # s: events that lie closer are one
 
@@ -457,6 +458,13 @@ def test_bad_arguments_are_refused_by_name(options: dict[str, Any], text: str, t
 def test_sampled_controllers_are_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(gl.GearlibError, match=r"an FMU needs equations, and governor is a Python function \(gl.Sampled\)"):
         gl.compile(Governed()).export_fmu(tmp_path / "governed.fmu")
+
+
+def test_too_many_equations_to_factorise_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gearlib.fmi.exported_model.MOST_DENSE", 1)
+    with pytest.raises(ArgumentError, match=r"RigidLoop: \d+ equations are solved together, and an FMU factorises 1 at most"):
+        gl.compile(RigidLoop()).export_fmu(tmp_path / "loop.fmu")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_missing_compiler_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.statics.power_flow import FlangePower
 from gearparts.gears.lossy import LossyGear
 
 EXACT = 1e-12
@@ -600,3 +601,10 @@ def test_a_train_at_rest_has_one_motion() -> None:
     flow = gl.power_flow(gl.compile(AtRest()))
     assert abs(flow["body.flange_a"].speed) < 1e-12
     assert flow["load.flange"].torque == pytest.approx(0.0, abs=1e-12)
+
+
+def test_zeros_are_printed_without_a_sign() -> None:
+    """Where all stands still under torque there is no scale by which a speed could be small."""
+    text = str(gl.PowerFlow((FlangePower("part", "flange", -0.0, 3.0, -0.0, 0, True),), 1))
+    assert "part.flange" in text
+    assert not re.search(r"-0(?![.\d])", text)

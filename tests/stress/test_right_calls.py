@@ -172,3 +172,17 @@ def test_a_taylor_series_of_sine_and_cosine_of_one_quantity() -> None:
     assert run["x"] == pytest.approx([math.atan(math.tan(0.7) * math.exp(t)) for t in run.time], rel=1e-10)
     assert run["y"] == pytest.approx([math.atanh(math.tanh(0.7) * math.exp(-t)) for t in run.time], rel=1e-10)
     assert run["z"] == pytest.approx([math.asin(math.tanh(t)) for t in run.time], rel=1e-10)
+
+
+PAIR = gp.GearPair(20, 40, 3e-3, 0.02)
+SAID: dict[str, tuple[Callable[[], object], str]] = {
+    "modes": (lambda: gl.modes(gl.compile(gp.ZhouCui2022())), "train.x_unit.ring_mesh 96 %"),
+    "gears": (lambda: gp.DetailedExternalMesh(d=0.0, **PAIR.mesh_values()).drawn_gears(), "gear a: 20"),
+    "diagram": (lambda: gp.ZhouCui2022().diagram(2).svg, "ZhouCui2022"),
+}
+
+
+@pytest.mark.parametrize("name", SAID)
+def test_results_are_printed(name: str) -> None:
+    call, part = SAID[name]
+    assert part in given(lambda: str(call()))
