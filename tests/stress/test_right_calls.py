@@ -13,6 +13,7 @@ from scipy.io import netcdf_file
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.fmi.exported_model import exported_model
 
 
 def given(call: Callable[[], Any]) -> Any:
@@ -186,3 +187,22 @@ SAID: dict[str, tuple[Callable[[], object], str]] = {
 def test_results_are_printed(name: str) -> None:
     call, part = SAID[name]
     assert part in given(lambda: str(call()))
+
+
+class Twice(gl.Component):
+    """Two gears of one ratio between the same shafts: one of them says nothing new."""
+
+    def assemble(self) -> list[gl.Connection]:
+        self.torque, self.a, self.b = gp.Torque(tau=6.0), gp.Inertia(J=1.0, start={"w": 0.0}), gp.Inertia(J=4.0)
+        self.gears = [gp.IdealGear(ratio=2.0) for _ in range(2)]
+        return [
+            gl.connect(self.torque.flange, self.a.flange_a),
+            gl.connect(self.a.flange_b, *(gear.flange_a for gear in self.gears)),
+            gl.connect(self.b.flange_a, *(gear.flange_b for gear in self.gears)),
+        ]
+
+
+def test_a_rigid_loop_moves_and_goes_into_an_fmu() -> None:
+    system = given(lambda: gl.compile(Twice(), outputs=["a.w"]))
+    assert given(lambda: system.simulate(2.0, samples=2))["a.w"][-1] == pytest.approx(6.0)
+    assert given(lambda: exported_model(system.translation, None, None, None)).names == ("a.w",)
