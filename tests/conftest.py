@@ -6,10 +6,11 @@ Where the checkout belongs to another user, the caches are in a temporary folder
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 from gearlib.compiler.ownership import why_foreign
@@ -39,6 +40,17 @@ settings.register_profile(
 settings.load_profile("gearlib")
 
 from tests.trains import chain, paper  # noqa: E402, F401  (fixtures of several folders)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """What is collected lasts as long as the run: a million objects, in which no garbage is looked for again and again."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture

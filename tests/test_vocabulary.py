@@ -10,13 +10,11 @@ import pytest
 
 from tests import architecture, vocabulary
 
-TREES = dict(vocabulary.modules())
-
 
 @cache
 def texts() -> dict[str, str]:
     """Text of each module without its comments, by path."""
-    return {str(path): ast.unparse(tree) for path, tree in TREES.items()}
+    return {str(path): ast.unparse(tree) for path, tree in vocabulary.modules().items()}
 
 
 def test_every_file_and_class_is_on_the_page_as_the_code_describes_it() -> None:
@@ -25,9 +23,12 @@ def test_every_file_and_class_is_on_the_page_as_the_code_describes_it() -> None:
 
 
 def test_every_file_and_class_says_what_it_is() -> None:
-    silent = [str(path) for path, tree in TREES.items() if not vocabulary.first_line(tree)]
+    silent = [str(path) for path, tree in vocabulary.modules().items() if not vocabulary.first_line(tree)]
     silent += [
-        f"{path}: {c.name}" for path, tree in TREES.items() for c in vocabulary.classes(tree) if not vocabulary.first_line(c)
+        f"{path}: {c.name}"
+        for path, tree in vocabulary.modules().items()
+        for c in vocabulary.classes(tree)
+        if not vocabulary.first_line(c)
     ]
     assert silent == []
 
@@ -48,7 +49,9 @@ def test_representations_of_the_page_of_phases_exist_once() -> None:
     rows = re.findall(r"^\| `(\w+)` \| `([\w.]+)` \|", page, re.MULTILINE)
     assert len(rows) == len({name for name, _ in rows}) >= 20
     known = {
-        (c.name, ".".join(path.with_suffix("").parts[1:])) for path, tree in TREES.items() for c in vocabulary.classes(tree)
+        (c.name, ".".join(path.with_suffix("").parts[1:]))
+        for path, tree in vocabulary.modules().items()
+        for c in vocabulary.classes(tree)
     }
     assert set(rows) - known == set()
     forms = {form.removeprefix("gearlib.").rpartition(".")[::2] for form in architecture.FORMS}

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -19,11 +19,11 @@ def first_line(node: ast.Module | ast.ClassDef) -> str:
     return (ast.get_docstring(node) or "").split("\n")[0].replace("|", "\\|")
 
 
-def modules() -> Iterator[tuple[Path, ast.Module]]:
+@cache
+def modules() -> dict[Path, ast.Module]:
     """The files of gearlib, those of a folder before those of its subfolders."""
-    paths = (ROOT / "gearlib").rglob("*.py")
-    for path in sorted(paths, key=lambda p: (p.parent.parts, p.name != "__init__.py", p.name)):
-        yield path.relative_to(ROOT), ast.parse(path.read_text(encoding="utf-8"))
+    paths = sorted((ROOT / "gearlib").rglob("*.py"), key=lambda p: (p.parent.parts, p.name != "__init__.py", p.name))
+    return {path.relative_to(ROOT): ast.parse(path.read_text(encoding="utf-8")) for path in paths}
 
 
 def classes(tree: ast.Module) -> list[ast.ClassDef]:
@@ -33,7 +33,7 @@ def classes(tree: ast.Module) -> list[ast.ClassDef]:
 def listed() -> str:
     """The generated part of the page."""
     lines = [HEADING]
-    for path, tree in modules():
+    for path, tree in modules().items():
         if path.name == "__init__.py":
             lines += [
                 "",

@@ -108,10 +108,15 @@ def array_function(symbols: Sequence[Any], *expressions: Any) -> Callable[..., A
     """
     places = {symbol: sympy.Symbol(f"a{i}", real=True) for i, symbol in enumerate(symbols)}
     printer = NumPyPrinter({"fully_qualified_modules": False, "strict": False})
-    texts = [printer.doprint(expression.xreplace(places)) for expression in expressions]
+    texts = [printer.doprint(_without_cases(expression.xreplace(places))) for expression in expressions]
     value = texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
     function: Callable[..., Any] = eval(f"lambda {', '.join(s.name for s in places.values())}: {value}", dict(_NAMES))
     return function
+
+
+def _without_cases(expression: Any) -> Any:
+    """An expression whose conditions are conjunctions instead of cases, which the printer would simplify, for seconds."""
+    return expression.replace(sympy.ITE, lambda c, a, b: (c & a) | (~c & b)) if expression.has(sympy.ITE) else expression
 
 
 def scalar_source(expression: Any) -> str:

@@ -126,8 +126,8 @@ class EquationGroup:
         arguments = [argument(*columns[c]) for c in kernel.columns]
         constants = [parameters[self.parameters[:, p]] for p in kernel.parameters]
         with np.errstate(all="ignore"):
-            value = kernel.function(t, *arguments, *constants, *map(flag, kernel.relations))
-        return np.broadcast_to(np.asarray(value, float), (len(self),))
+            value = np.asarray(kernel.function(t, *arguments, *constants, *map(flag, kernel.relations)), float)
+        return value if value.shape == (len(self),) else np.broadcast_to(value, (len(self),))
 
 
 @dataclass(frozen=True)

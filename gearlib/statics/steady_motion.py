@@ -68,11 +68,9 @@ class MatrixAssembly:
         self.count = 0
         self._parts: list[tuple[Integers, Integers, Floats]] = []
 
-    def put(self, rows: Any, columns: Any, values: Any) -> None:
+    def put(self, rows: Integers, columns: Integers, values: Floats) -> None:
         """Add entries, with rows counted from the first of the current block."""
-        rows = np.asarray(rows, np.int64) + self.count
-        shape = np.broadcast_shapes(rows.shape, np.shape(columns), np.shape(values))
-        self._parts.append(tuple(np.broadcast_to(np.asarray(x), shape) for x in (rows, columns, values)))  # type: ignore[arg-type]
+        self._parts.append((rows + self.count, columns, values))
 
     def matrix(self, columns: int) -> Any:
         import scipy.sparse as sparse
@@ -103,10 +101,10 @@ def assemble(
         writers += [(g, keep), (g, keep)]
     x = np.concatenate([a, b])
     steady = np.flatnonzero(model.flow & (model.representative == np.arange(n)))  # torques do not grow
-    entries.put(np.arange(len(steady)), n + steady, 1.0)
+    entries.put(np.arange(len(steady)), n + steady, np.ones(len(steady)))
     entries.count += len(steady)
     places = np.array([item.variable + item.order * n for item in given], np.int64)
-    entries.put(np.arange(len(given)), places, 1.0)
+    entries.put(np.arange(len(given)), places, np.ones(len(given)))
     entries.count += len(given)
     rest += [x[n + steady], x[places] - np.array([item.value for item in given])]
     kinematic += [np.ones(len(steady), bool), ~model.flow[[item.variable for item in given]] if given else np.empty(0, bool)]

@@ -154,3 +154,18 @@ def test_the_largest_and_the_least_of_several() -> None:
     largest, least = array_function((x, y, z), sympy.Max(x, y, z), sympy.Min(x, y, z))(np.array([1.0, 5.0]), 2.0, 3.0)
     assert largest.tolist() == [3.0, 5.0]
     assert least.tolist() == [1.0, 2.0]
+
+
+def test_conditions_that_are_cases_are_printed_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sympy's printer would simplify them first, for seconds."""
+    monkeypatch.setattr("sympy.logic.boolalg.simplify_logic", None)
+    x, y, z = sympy.symbols("x y z", real=True)
+    case = sympy.Piecewise((x, x > y), (y - z, True))
+    expression = sympy.Piecewise((1, (case > z) & (y > 0)), (x * z, sympy.Not(case < y)), (3, True))
+    assert expression.has(sympy.ITE)
+    points = np.random.default_rng(1).normal(size=(3, 40))
+    expected = [float(expression.subs(dict(zip((x, y, z), point, strict=True)))) for point in points.T]
+    assert {1.0, 3.0} < set(expected)
+    assert array_function((x, y, z), expression)(*points) == pytest.approx(expected, rel=1e-15)
+    held = array_function((x, y, z), expression)(points[0], 0.25, points[2])  # arrays and numbers
+    assert held.shape == (40,)

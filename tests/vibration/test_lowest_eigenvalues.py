@@ -50,7 +50,7 @@ def frequencies(n: int) -> Floats:
     return np.sqrt(np.maximum(squares[1:], 0))
 
 
-@pytest.fixture(scope="module", params=[400, 600])
+@pytest.fixture(scope="module", params=[400, pytest.param(600, marks=pytest.mark.slow)])
 def shaft(request: pytest.FixtureRequest) -> tuple[gl.System, Floats]:
     return gl.compile(Shafts(n=request.param)), frequencies(request.param)
 
