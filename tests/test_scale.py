@@ -80,6 +80,13 @@ def test_symbolic_work_does_not_grow_with_the_model(small: str, large: str) -> N
     assert one > 100
 
 
+def test_symbolic_work_of_an_exact_run_does_not_grow_with_the_model() -> None:
+    """The springs' angles at rest are constant driving terms, one each."""
+    script = COUNT.replace("source = system.source", "system.simulate(t_end=1e-3, samples=2, method='exact')")
+    one, other = (run(script.replace("{model}", f"Chain(N={n})"))[1] for n in (100, 1000))
+    assert one == other
+
+
 def test_known_classes_need_no_symbolic_work() -> None:
     """What is left is in the models: equations are written again and compared. The source's kernels are made once, too.
 

@@ -153,7 +153,7 @@ class LinearForms:
         full[:, table.rows, table.seeds] = entries(table, points).T
         constants = np.zeros((m + len(plan.added), runs))
         constants[:m] = numbers
-        rows = {id(batch): constant_values(batch.rest, parameters) for batch, _ in plan.seeds if batch.rest.of_parameters}
+        rows = _constants(plan, parameters)
         for k, (batch, i) in enumerate(plan.seeds):
             if k not in self.moving:
                 constants[m + k] = rows[id(batch)][i]
@@ -182,9 +182,13 @@ def linear_forms(scene: Scene, numbers: Prepared, signals: Sequence[Any]) -> Lin
 def _drives(scene: Scene, numbers: Prepared, signals: Sequence[Any], plan: LinearPlan) -> tuple[tuple[Any, ...], Floats]:
     """The inputs of the form as expressions, and their weights in the program's inputs and driving terms."""
     m = len(scene.program.inputs)
-    expressions = [driving_expression(scene, batch, i, numbers.parameters) for batch, i in plan.seeds]
-    constant = [k for k, e in enumerate(expressions) if e.is_number]
-    moving = [k for k, e in enumerate(expressions) if not e.is_number]
+    values = numbers.parameters
+    fixed = _constants(plan, values)
+    if not all(np.isfinite(terms).all() for terms in fixed.values()):
+        raise not_finite(scene, numbers)
+    expressions = [fixed[id(b)][i] if id(b) in fixed else driving_expression(scene, b, i, values) for b, i in plan.seeds]
+    constant = [k for k, e in enumerate(expressions) if isinstance(e, float) or e.is_number]
+    moving = sorted({*range(len(expressions))} - {*constant})
     inputs = [s if isinstance(s, Table) else sympy.Float(float(s), 17) for s in signals]
     inputs += [sympy.Integer(0)] * (m - len(inputs)) + [expressions[k] for k in moving]
     rows = [*range(m), *(m + k for k in moving), *(m + k for k in constant)]
@@ -195,6 +199,12 @@ def _drives(scene: Scene, numbers: Prepared, signals: Sequence[Any], plan: Linea
     mix = np.zeros((m + len(plan.added), len(inputs)))
     mix[rows, columns] = shares
     return tuple(inputs), mix
+
+
+def _constants(plan: LinearPlan, parameters: Floats) -> dict[int, Floats]:
+    """By batch, the driving terms that are constant during a run; parameters of one run, or (parameters, runs)."""
+    rests = {key: batch.rest for key, batch in {id(batch): batch for batch, _ in plan.seeds}.items()}
+    return {key: constant_values(rest, parameters) + 0.0 for key, rest in rests.items() if rest.of_parameters}  # no -0.0
 
 
 def _matrices(scene: Scene, numbers: Prepared, plan: LinearPlan, mix: Floats) -> tuple[Any, Floats]:
