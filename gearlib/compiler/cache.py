@@ -111,7 +111,7 @@ def cached_bytes(name: str, make: Callable[[], bytes], slow: str = "") -> bytes:
     if slow and slow not in _noticed:
         _noticed.add(slow)
         kept = "until the process ends" if _temporary is not None and path.parent == _temporary[0] else f"in {path.parent}"
-        notice(f"gearlib compiles {slow}, which takes some seconds; the result is kept {kept}")
+        notice(f"gearlib compiles {slow}; the result is kept {kept}")
     content = make()
     seal = _seal(name, content)
     with suppress(OSError):

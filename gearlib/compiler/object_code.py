@@ -162,13 +162,19 @@ def object_code(source: str, fused: bool = False) -> bytes:
 
 
 def optimised(text: str) -> bytes:
-    """Compile an IR module with full optimisation, since inlining across functions matters in integration loops."""
+    """Compile an IR module, with inlining across functions, which matters in integration loops.
+
+    LLVM neither vectorises nor unrolls: where that pays, loops say so (``blocks``, ``parallel``, ``lane``), and all others compile fast.
+    """
     from llvmlite import binding
 
     machine = HOST.machine
     head = f'target datalayout = "{machine.target_data}"\ntarget triple = "{machine.triple}"\n'
     module = binding.parse_assembly(head + text)
-    builder = binding.create_pass_builder(machine, binding.create_pipeline_tuning_options(speed_level=3))
+    options = binding.create_pipeline_tuning_options(speed_level=2)
+    options.loop_vectorization = options.loop_unrolling = False
+    options.inlining_threshold = 60  # short functions only
+    builder = binding.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
     return bytes(machine.emit_object(module))
 
