@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.arguments import all_finite
 from gearlib.errors import NameLookupError, SolverError
 from gearlib.program.event_iteration import MOST_ITERATIONS
 from gearlib.program.interpret import Prepared, evaluate, owner_of, prepare
@@ -87,7 +87,7 @@ class Segment:
             else:
                 found = next((c for c in self.computed if node in c[0].slots), None) or self._compute(node)
                 history = self.known[node] = found[1][found[0].slots[node]]
-                if not math.isfinite(np.vdot(history, history)):  # one pass without a temporary array
+                if not all_finite(history):
                     self._warn(node, history)
         return self.known[node]
 
@@ -116,13 +116,12 @@ class Segment:
     def _warn(self, node: Node, history: Floats) -> None:
         """Warn of values that are not finite."""
         bad = np.flatnonzero(~np.isfinite(history))
-        if len(bad):
-            more = f" and at {len(bad) - 1} more samples" if len(bad) > 1 else ""
-            warnings.warn(
-                f"{node_name(self.scene.model, node)} is {history[bad[0]]} at t = {self.time[bad[0]]:.9g} s{more}: its equations give it "
-                "no finite value there",
-                RuntimeWarning, stacklevel=5,
-            )  # fmt: skip
+        more = f" and at {len(bad) - 1} more samples" if len(bad) > 1 else ""
+        warnings.warn(
+            f"{node_name(self.scene.model, node)} is {history[bad[0]]} at t = {self.time[bad[0]]:.9g} s{more}: its equations give it "
+            "no finite value there",
+            RuntimeWarning, stacklevel=5,
+        )  # fmt: skip
 
     def discrete_variable(self, name: str) -> Floats:
         """History of a discrete variable."""

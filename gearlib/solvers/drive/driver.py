@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import shown
+from gearlib.arguments import all_finite, shown
 from gearlib.compiler.small_language import BLOCK
 from gearlib.errors import ArgumentError, GearlibError, SolverError, StartError
 from gearlib.recent import recent
@@ -438,7 +438,7 @@ def _check(problem: Problem) -> None:
             problem.layouts[_check] = times, nominal, problem.rtol
     if problem.max_steps < 1:
         raise ArgumentError(f"max_steps must be at least 1, not {problem.max_steps}")
-    if not math.isfinite(np.vdot(problem.x0, problem.x0)) and not np.isfinite(problem.x0).all():  # the former is faster
+    if not all_finite(problem.x0):
         raise StartError(f"{problem.state_name(int(np.argmin(np.isfinite(problem.x0))))} starts at a value that is not finite")
 
 
