@@ -15,6 +15,7 @@ from gearlib.drawing.page import Curve, Section, chart, page, paragraph, picture
 from gearlib.drawing.quantities import NAMES, axis_label, spelled
 from gearlib.drawing.style import COLOURS
 from gearlib.errors import ArgumentError, GearlibError
+from gearlib.files.replacing import replacing
 from gearlib.run.result import Result
 from gearlib.statics.power_flow import PowerFlow
 from gearlib.vibration.campbell import RPM, Campbell
@@ -37,7 +38,7 @@ def write_report(
     """Write the report of a system; arguments as for `System.report`."""
     target = as_path("path", path, "train.html")
     if target.suffix.lower() not in (".html", ".htm"):
-        raise ArgumentError(f"report({shown(str(path))}): a report is a page of HTML; name it ....html")
+        raise ArgumentError(f"path is {shown(str(path))}; a report is a page of HTML: name it ....html")
     for what, given, kind in (("campbell", campbell, Campbell), ("power_flow", power_flow, PowerFlow)):
         if given is not None and not isinstance(given, kind):
             raise ArgumentError(f"{what} is {shown(given)}; expected a {kind.__name__}, as gl.{what}(...) gives it")
@@ -56,7 +57,8 @@ def write_report(
     if power_flow is not None:
         sections.append(Section("Power flow", picture(power_flow.sankey().svg) + preformatted(str(power_flow))))
     about = (type(component).__doc__ or "").strip().partition("\n")[0].replace("`", "")
-    target.write_text(page(system.name, about, sections), encoding="utf-8")
+    with replacing(target) as beside:
+        beside.write_text(page(system.name, about, sections), encoding="utf-8")
     return target
 
 

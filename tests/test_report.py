@@ -13,7 +13,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.drawing.page import MOST_POINTS, thinned
-from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.errors import ArgumentError, FileError, NameLookupError
 
 VOID = {"meta", "link", "br", "img"}
 
@@ -154,8 +154,10 @@ class Failing(UserDict):
 
 
 def test_wrong_arguments_are_refused(system, runs, tmp_path):
-    with pytest.raises(ArgumentError, match=r"name it \.\.\.\.html"):
+    with pytest.raises(ArgumentError, match=r"path is .*name it \.\.\.\.html"):
         system.report(tmp_path / "train.pdf")
+    with pytest.raises(FileError, match="cannot be written: there is no folder"):
+        system.report(tmp_path / "missing" / "train.html")
     with pytest.raises(ArgumentError, match="result is 3"):
         system.report(tmp_path / "a.html", result=3)
     with pytest.raises(ArgumentError, match=r"result is .*; expected the result of simulate"):

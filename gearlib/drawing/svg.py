@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from gearlib.arguments import as_path, shown
-from gearlib.errors import ArgumentError
+from gearlib.errors import ArgumentError, FileError
 
 FONT = "Helvetica, Arial, 'DejaVu Sans', sans-serif"
 SPECIAL = {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"}
@@ -124,16 +124,19 @@ class Picture:
         ------
         ArgumentError
             Another suffix: no other format is written.
+        FileError
+            The file cannot be written.
         """
         target = as_path("path", path, "train.svg")
         suffix = target.suffix.lower()
-        if suffix == ".html" and self.html is not None:
-            target.write_text(self.html, encoding="utf-8")
-        elif suffix == ".svg":
-            target.write_text(self.svg, encoding="utf-8")
-        else:
+        text = {".svg": self.svg, ".html": self.html}.get(suffix)
+        if text is None:
             others = "" if self.html is None else ", or ....html for a page with a slider"
             raise ArgumentError(
-                f"save({shown(str(path))}): the picture is SVG; name it ....svg{others} (a browser prints it to PDF)"
+                f"path is {shown(str(path))}; the picture is SVG: name it ....svg{others} (a browser prints it to PDF)"
             )
+        try:
+            target.write_text(text, encoding="utf-8")
+        except OSError as problem:
+            raise FileError(f"{target} cannot be written: {problem.strerror or problem}") from None
         return target

@@ -420,7 +420,7 @@ class Component:
                 raise BindingError(f"{where} is {shown(value)}; valid choices: {', '.join(map(shown, declared.choices))}")
             return value
         expected = type(declared.default)
-        if expected is int and isinstance(value, (sympy.Integer, np.integer)):
+        if expected is int and isinstance(value, (sympy.Integer, np.integer)) and not isinstance(value, np.timedelta64):
             value = int(value)
         if expected is tuple and isinstance(value, (list, np.ndarray)):  # a table, stored in hashable form
             value = as_tuple(value)
@@ -523,7 +523,7 @@ class Component:
             value = self._structural[declared.name]
             if not declared.min <= value <= declared.max:
                 where = path_of(self) or type(self).__name__
-                raise BoundError(f"{where}: {declared.name} is {value}; expected {declared.bounds}")
+                raise BoundError(f"{where}: {declared.name} is {shown(value)}; expected {declared.bounds}")
 
     def _remember_made(self, attributes: set[str], parts: set[str]) -> None:
         made = frozenset(self.__dict__.keys() - attributes), frozenset(self._parts.keys() - parts)

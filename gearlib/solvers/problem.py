@@ -106,6 +106,7 @@ class Problem:
     # Discrete state, the part of data that events change; recorded with every sample
     discrete: slice = field(default_factory=lambda: slice(0, 0))
     time_events: Floats = field(default_factory=lambda: np.empty(0))  # known times, stepped to exactly
+    interval: int | None = None  # place in data of two times, s: the inputs take their limits there beyond them
     longest_step: float = float("inf")  # s
     longest_expanded_step: float = float("inf")  # s, of a method that expands sinusoids of time in series
     state_names: tuple[str, ...] = ()  # for messages

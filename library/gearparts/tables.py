@@ -109,8 +109,8 @@ def at_zero(rows: Rows, column: int = 1, smoothness: str = "linear") -> float:
     return float(law.subs(x, 0)) if isinstance(law, sympy.Basic) else float(law)
 
 
-def check_rows(owner: str, rows: Sequence[Any], columns: int) -> Rows:
-    """Rows of numbers, with an increasing first column.
+def check_rows(owner: str, rows: Sequence[Any], columns: int, steps: bool = False) -> Rows:
+    """Rows of numbers, with an increasing first column; ``steps``: two rows may have the same number there.
 
     Raises
     ------
@@ -131,6 +131,6 @@ def check_rows(owner: str, rows: Sequence[Any], columns: int) -> Rows:
     if not all(is_real(number) for row in table for number in row):
         raise BindingError(f"{owner} is {shown(rows)}; expected finite numbers in rows of {columns}")
     table = tuple(tuple(float(number) for number in row) for row in table)
-    if any(not row[0] < following[0] for row, following in pairwise(table)):
-        raise BindingError(f"{owner} is {shown(rows)}; the first column must increase")
+    if any(following[0] < row[0] or (following[0] == row[0] and not steps) for row, following in pairwise(table)):
+        raise BindingError(f"{owner} is {shown(rows)}; the first column must {'not decrease' if steps else 'increase'}")
     return table

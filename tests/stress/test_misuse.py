@@ -187,6 +187,25 @@ def test_intervals_that_are_no_intervals() -> None:
         system().simulate(1e9 + 1e-6, t_start=1e9, samples=1000)
 
 
+@pytest.mark.parametrize(
+    ("name", "place", "kinds"),
+    [
+        ("PlanetaryUnit", "planets", ("10**400", "timedelta")),
+        ("PlanarPlanetaryUnit", "planets", ("10**400",)),
+        ("XXTrain", "planets", ("10**5000", "0")),
+        ("TorsionalShaft", "segments", ("10**400",)),
+        ("DetailedExternalMesh", "contact_ratio", ("1e308",)),
+        ("FixedAxisUnit", "details", ("[2, 1]", "['a']", "array 2d", "[hostile]")),
+        ("XPTrain", "pair_details", ("[2, 1]",)),
+        ("ZhouCui2022", "K_s", ("array 2d", "hostile", "Decimal NaN")),
+    ],
+)
+def test_choices_of_parts_are_refused_by_name(name: str, place: str, kinds: tuple[str, ...]) -> None:
+    call = next(call for call in all_calls("components") if call.name == name)
+    short = [str(o) for kind in kinds if (o := outcome(call, {place: WRONG[kind]}, f"{place} = {kind}", usual=False)).short]
+    assert not short, "\n".join(short)
+
+
 def test_a_wrong_name_leaves_no_figure() -> None:
     with pytest.raises(gl.GearlibError, match="nonsense"):
         run().plot("load.w", "nonsense")

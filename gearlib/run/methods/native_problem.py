@@ -137,7 +137,7 @@ def _wired(
 
         functions, data, index = with_moving_inputs(native, data, tables, moving, callbacks)
         more = {name: functions[name] for name in ("rhs", "jac", "roots", "update") if getattr(common, name) is not None}
-        more["index"] = index
+        more |= {"index": index, "interval": len(data) - 2}
         common = _with_costs(common, scene, native, len(moving), len(tables))
     return altered(
         common, x0=x0, data=data, time_events=time_events(run), longest_step=run.longest_step,

@@ -16,6 +16,8 @@ log and call again.
 
 from __future__ import annotations
 
+import math
+
 from gearlib.compiler.small_language import Prototype, floats_at, int32, int32s_at, ints_at, native
 from gearlib.native.layout import MODEL
 from gearlib.solvers.drive.drive_record import DriveRecord
@@ -34,8 +36,23 @@ RESTART = Prototype("int32", ("int", "int", "int"))
 
 BURST = 1000  # number of instants with events within ``window`` that means a chattering model rather than a rattling gear
 ROUNDING = 8.9e-16  # relative to time: four spacings of doubles (4 * 2.2e-16)
+SMALLEST = 1e-300  # s, before a stop at zero
 MARGIN = 8  # rows that a step may add to the trace
 PASSES = 100  # of event iteration and restart at one instant
+
+
+@native
+def look_between_stops(s: DriveRecord, last: bool) -> None:
+    """Inputs are looked up between the last stop and the next one: a step up to a jump does not see what follows it."""
+    if s.interval != 0:
+        interval, stops = floats_at(s.interval), floats_at(s.stops)
+        interval[0], interval[1] = -math.inf, math.inf
+        if s.stop > 0:
+            before = s.origin + stops[s.stop - 1]
+            interval[0] = before + ROUNDING * abs(before)
+        if not last:
+            after = s.origin + stops[s.stop]
+            interval[1] = after - ROUNDING * abs(after) - SMALLEST
 
 
 @native
@@ -176,8 +193,11 @@ def one_step(s: DriveRecord) -> int:
         if found:  # within a step, whose end the stepper's derivatives belong to
             MODEL(s.rhs, s.origin + s.t, s.x, s.rates, s.data, s.index)
         trace(s)
-    if reached and s.stop < s.n_stops - 1:
-        s.stop += 1
+    if reached:
+        last = s.stop == s.n_stops - 1
+        if not last:
+            s.stop += 1
+        look_between_stops(s, last)
     if not (found or timed):
         return 0
     code = handle(s, found, timed)
@@ -191,6 +211,7 @@ def advance(address: int) -> int32:
     """Integrate for ``budget`` steps, or until Python must intervene."""
     s = DriveRecord(address)
     times, end = floats_at(s.times), floats_at(s.stops)[s.n_stops - 1]
+    look_between_stops(s, False)
     if s.started == 0:
         s.started = 1
         code = settle(s, START)

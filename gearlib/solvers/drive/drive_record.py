@@ -29,6 +29,7 @@ class DriveRecord(ctypes.Structure):
     update: int
     data: int
     index: int
+    interval: int  # two times, s, between which the inputs are looked up; 0: there are none that jump
     # addresses: states at ``t`` in the model's order, and directions of the zero crossings of event functions
     x: int
     fired: int

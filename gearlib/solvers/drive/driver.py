@@ -175,6 +175,7 @@ class Driver:
         record.rhs = problem.rhs.address
         record.roots = problem.roots.address if problem.roots is not None else 0
         record.update = problem.update.address if problem.update is not None else 0
+        record.interval = 0 if problem.interval is None else record.data + 8 * problem.interval
         record.origin, record.t, record.burst_start = origin, first - origin, first - origin
         record.window = max(1e-9 * (last - float(times[0])), 1e6 * 2.2e-16 * max(abs(first - origin), abs(last - origin)))
         self.fired = whole[places["fired"]].view(np.int32)[:n_roots]

@@ -1,9 +1,9 @@
 """Inputs that move, in native code: trampolines that interpolate tables and ask Python functions, and then call the model.
 
-The knots of the tables and their cubic coefficients follow the model's numbers in ``data``, then the last time for which Python
-functions were asked. A block behind its integers, which ``index[TABLES]`` points to, holds the addresses of the model's functions, for
-each table the input's number, the offset of its knots and their count, and for each Python function the input's
-number and the addresses of a callback and of the value that it leaves.
+The knots of the tables and their cubic coefficients follow the model's numbers in ``data``, then the last time for which Python functions
+were asked, and the interval in which tables are looked up (``Problem.interval``). A block behind its integers, which ``index[TABLES]``
+points to, holds the addresses of the model's functions, for each table the input's number, the offset of its knots and their count, and for
+each Python function the input's number and the addresses of a callback and of the value that it leaves.
 """
 
 from __future__ import annotations
@@ -104,13 +104,16 @@ def _look_up(t: float, data_address: int, index_address: int, kind: int) -> int:
     """Write the tables' values at a time into the inputs; returns the address of the model's function."""
     data, index = floats_at(data_address), ints_at(index_address)
     block = index[TABLES]
+    asked = block + 5 + 3 * index[block + 4]
+    last = index[asked + 1]
+    at = min(max(t, data[last + 1]), data[last + 2])
     for j in range(index[block + 4]):
         place = block + 5 + 3 * j
         first, n = index[place + 1], index[place + 2]
         low, high = 0, n  # bracket of knots around t
         while low < high:
             middle = (low + high) // 2
-            if data[first + middle] <= t:
+            if data[first + middle] <= at:
                 low = middle + 1
             else:
                 high = middle
@@ -118,12 +121,10 @@ def _look_up(t: float, data_address: int, index_address: int, kind: int) -> int:
             value = data[first + n]
         else:
             k = first + low - 1
-            since = t - data[k]
+            since = at - data[k]
             value = data[k + n] + since * (data[k + 2 * n] + since * (data[k + 3 * n] + since * data[k + 4 * n]))
         data[index[place]] = value
-    asked = block + 5 + 3 * index[block + 4]
     if index[asked] > 0:
-        last = index[asked + 1]
         if data[last] != t:
             for j in range(index[asked]):
                 place = asked + 3 + 3 * j
@@ -190,4 +191,4 @@ def with_moving_inputs(
     knots = [part for _, table in tables for part in (table.t, *table.coefficients)]
     addresses = native_functions(__name__).addresses
     shells = {name: None if f is None else Wrapped(addresses[name]) for name, f in zip(FUNCTIONS, models, strict=True)}
-    return shells, np.concatenate([data, *knots, [np.nan]]), index
+    return shells, np.concatenate([data, *knots, [np.nan, -np.inf, np.inf]]), index

@@ -33,6 +33,8 @@ UNSEEN = 10.0  # amplitude of the fastest motion, in tolerances, below which it 
 # Rows of the trace within a step. The polynomials in it are of degree 11, so one part is enough up to order 10, and each further part for
 # eight orders more; before and after an event, where they pass through fewer ends of steps, one more is needed
 ENOUGH, ORDERS, AFTER = 3, 8, 4
+# Of the longest step: shorter ones end within the radius of convergence. Beside a branch point all terms lie below the tolerance
+SMALL = 1e-3
 CAUTION = 0.9  # factor on a step that is repeated
 
 
@@ -119,6 +121,17 @@ def _watch(s: SeriesRecord) -> bool:
 
 
 @native
+def _radius(s: SeriesRecord) -> float:
+    """Radius of convergence, from the ratios of the last coefficients of either parity."""
+    k, found = s.order, math.inf
+    for j in range(k - 1, k + 1):
+        last, before = norm(s, j), norm(s, j - 2)
+        if last > 0.0 and before > 0.0:
+            found = min(found, math.sqrt(before / last))
+    return found
+
+
+@native
 def _look_ahead(s: SeriesRecord, t: float, h: float) -> int:
     """``x_new``, and the coefficients there, of which the first one is the right-hand side; returns the code of the model's functions."""
     evaluate(s, h, s.x_new, s.y)
@@ -160,6 +173,8 @@ def taylor_step(address: int, stop: float) -> int32:
     s.h = reach(norm(s, s.order), norm(s, s.order - 1), s.order)
     if not s.h > 0.0:
         return NOT_FINITE
+    if s.h < SMALL * s.h_max:
+        s.h = min(s.h, _radius(s))
     h = min(s.h, s.h_max)
     last_of_span = t + 1.0001 * h >= stop
     if last_of_span:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import gearlib as gl
@@ -53,7 +54,8 @@ class CombiTimeTable(Block):
 
     Before ``start_time`` each is ``offset``. ``smoothness`` is "linear", "constant" (each row's values hold up to the next), "akima" or
     "monotone" (cubics that do not overshoot); ``extrapolation`` is "lines" (the slopes at the ends go on, Modelica's LastTwoPoints),
-    "hold" (HoldLastPoint) or "periodic". The run steps to each row's time exactly.
+    "hold" (HoldLastPoint) or "periodic". The run steps to each row's time exactly. Two rows at one time make a step, which "akima" and
+    "monotone" do not know; "lines" hold the value beyond a step at an end.
 
     Examples
     --------
@@ -101,12 +103,17 @@ class CombiTimeTable(Block):
             width = 0
         if width < 2:
             raise BindingError(f"{said}: table is {shown(self.table)}; expected rows of a time and one or more values")
-        rows = check_rows(f"{said}: table", self.table, width)
+        rows = check_rows(f"{said}: table", self.table, width, steps=True)
+        step = next((row[0] for row, following in pairwise(rows) if row[0] == following[0]), None)
+        if step is not None and self.smoothness in ("akima", "monotone"):
+            raise BindingError(
+                f"{said}: table has two rows at {step:g} s, a step, which smoothness={self.smoothness!r} does not know"
+            )
         columns = tuple(self.columns) or tuple(range(1, width))
         if not all(is_real(c) and c == int(c) and 1 <= c < width for c in columns):
             raise BindingError(f"{said}: columns is {shown(self.columns)}; expected numbers from 1 to {width - 1}")
-        if self.extrapolation == "periodic" and len(rows) < 2:
-            raise BindingError(f"{said}: a periodic table needs two rows or more")
+        if self.extrapolation == "periodic" and rows[0][0] == rows[-1][0]:
+            raise BindingError(f"{said}: a periodic table needs two times or more")
         return rows, tuple(int(c) for c in columns)
 
 
@@ -123,8 +130,8 @@ def _pieces(table: gl.Table, x: Any, extrapolation: str) -> Any:
         return gl.Piecewise(*((law(k), x < t[k + 1]) for k in spans[:-1]), (law(spans[-1]), True))
     first_slope = last_slope = 0.0
     if extrapolation == "lines" and spans:
-        _, b, c, d = coefficients[spans[-1]]
-        w = t[spans[-1] + 1] - t[spans[-1]]
+        _, b, c, d = coefficients[-2]
+        w = t[-1] - t[-2]
         first_slope, last_slope = coefficients[0][1], b + w * (2 * c + 3 * w * d)
     before, after = coefficients[0][0] + first_slope * (x - t[0]), coefficients[-1][0] + last_slope * (x - t[-1])
     return gl.Piecewise((before, x < t[0]), *((law(k), x < t[k + 1]) for k in spans), (after, True))

@@ -14,7 +14,8 @@ import sympy
 
 import gearlib as gl
 from gearlib.arguments import is_real, shown
-from gearlib.errors import BoundError
+from gearlib.errors import BindingError, BoundError
+from gearlib.language.interior import path_of
 from gearparts.gears.tooth_friction import ToothFriction
 from gearparts.gears.transmission_error import TransmissionError
 from gearparts.interfaces import Dissipative
@@ -147,3 +148,22 @@ def mesh_damping(zeta: Any, c: Any, J_a: Any, r_a: Any, J_b: Any, r_b: Any) -> A
     if not damping.free_symbols and not is_real(damping):
         raise BoundError(f"mesh_damping({zeta=}, {c=}, {J_a=}, {r_a=}, {J_b=}, {r_b=}) is not a finite number")
     return damping
+
+
+def details_of(owner: gl.Component, name: str) -> dict[str, Any]:
+    """Choices and values of a detailed mesh, which a structural choice of its owner gives as pairs.
+
+    Raises
+    ------
+    BindingError
+        They are not pairs that begin with a name.
+    """
+    given = getattr(owner, name)
+    try:
+        found = dict(given)
+    except Exception:  # not pairs
+        found = {None: None}
+    if not all(isinstance(each, str) for each in found):
+        said = f"{path_of(owner) or type(owner).__name__}.{name} is {shown(given)}"
+        raise BindingError(f"{said}; expected pairs of a name and a value")
+    return found

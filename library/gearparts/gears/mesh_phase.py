@@ -139,15 +139,15 @@ def contact_intervals(owner: str, contact_ratio: float) -> list[ContactInterval]
     Raises
     ------
     BindingError
-        A contact ratio below 1.
+        A contact ratio below 1 or above 100.
 
     Examples
     --------
     >>> [(s.start, s.end, s.pairs) for s in contact_intervals("Mesh", 1.75)]
     [(0.0, 0.75, 2), (0.75, 1.0, 1)]
     """
-    if not contact_ratio >= 1:
-        raise BindingError(f"{owner}.contact_ratio is {shown(contact_ratio)}; expected a number from 1 on")
+    if not 1 <= contact_ratio <= 100:
+        raise BindingError(f"{owner}.contact_ratio is {shown(contact_ratio)}; expected a number from 1 to 100")
     fewer = floor(contact_ratio)
     share = contact_ratio - fewer
     if share == 0:

@@ -25,7 +25,8 @@ class LossyPlanetary(MaybeHeated):
     tau_carrier = 0``.
 
     A row of ``sun_mesh`` or ``ring_mesh`` holds the speed of the sun relative to the carrier, and the efficiencies of the mesh with the
-    sun driving and with the ring driving. A row of ``bearing`` holds that speed and a friction torque, referred to the sun.
+    sun driving and with the ring driving. A row of ``bearing`` holds that speed and a friction torque, referred to the sun. Beyond their
+    first and last rows the three tables are constant.
 
     References
     ----------
@@ -67,7 +68,7 @@ class LossyPlanetary(MaybeHeated):
 def combined_losses(sun_mesh: Rows, ring_mesh: Rows, bearing: Rows = NO_FRICTION) -> Rows:
     """Loss table of the equivalent `LossyGear` from sun to ring in the carrier frame, with the product of both mesh efficiencies.
 
-    The product is tabulated at the speeds of all three tables and interpolated between them.
+    The product is tabulated at the speeds of all three tables and interpolated between them. Each table is constant beyond its ends.
 
     Parameters
     ----------
@@ -89,7 +90,7 @@ def combined_losses(sun_mesh: Rows, ring_mesh: Rows, bearing: Rows = NO_FRICTION
     Examples
     --------
     >>> combined_losses(((0, 0.9, 0.8),), ((0, 0.5, 1.0), (10, 1.0, 1.0)))
-    ((0.0, 0.45, 0.8, 0.0, 0.0), (10.0, 0.9, 0.8, 0.0, 0.0))
+    ((0.0, 0.45, 0.8, 0.0, 0.0), (10.0, 0.9, 0.8, 0.0, 0.0), (11.0, 0.9, 0.8, 0.0, 0.0))
     """
     tables = {"sun_mesh": check_rows("LossyPlanetary.sun_mesh", sun_mesh, 3)}
     tables["ring_mesh"] = check_rows("LossyPlanetary.ring_mesh", ring_mesh, 3)
@@ -99,6 +100,8 @@ def combined_losses(sun_mesh: Rows, ring_mesh: Rows, bearing: Rows = NO_FRICTION
                 raise BindingError(f"LossyPlanetary.{name} has the row {row}; expected efficiencies above 0, up to 1")
     friction = check_rows("LossyPlanetary.bearing", bearing, 2)
     speeds = sorted({row[0] for rows in (*tables.values(), friction) for row in rows})
+    if len(speeds) > 1:  # a LossyGear extrapolates from two rows: equal ones make that constant
+        speeds = [*sorted({0.0, *speeds}), speeds[-1] + 1.0]
     losses = []
     for speed in speeds:
         forward, backward = (

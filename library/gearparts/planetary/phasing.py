@@ -21,6 +21,8 @@ import numpy as np
 from gearlib.arguments import flag, is_real, reals, shown
 from gearlib.errors import BindingError
 
+MOST_PLANETS = 1000  # of a set: each is translated
+
 ROUNDING = 1e-9  # of a tooth
 
 

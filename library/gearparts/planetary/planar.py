@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import gearlib as gl
 from gearlib.errors import BindingError
 from gearparts.interfaces import Flange
-from gearparts.planetary.phasing import check_angles
+from gearparts.planetary.phasing import MOST_PLANETS, check_angles
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection
@@ -205,7 +205,7 @@ class PlanarPlanetaryUnit(gl.Component):
     sun = Flange("sun shaft")
     carrier = Flange("carrier shaft")
     ring = Flange("ring shaft")
-    planets = gl.Structural(4, "number of planets", min=1)
+    planets = gl.Structural(4, "number of planets", min=1, max=MOST_PLANETS)
     positions = gl.Structural((), "angles of the planets on the carrier, rad; equally spaced without")
     pin_errors = gl.Structural((), "by how much each planet's pin is ahead of its place on the carrier, m; none without")
     ring_held = gl.Structural(False, "whether the ring has a torsional support")

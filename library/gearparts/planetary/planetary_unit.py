@@ -12,7 +12,7 @@ from gearlib.language.interior import path_of, radii_of
 from gearparts.gears.meshes import ExternalMesh, InternalMesh
 from gearparts.gears.rigid_gears import IdealGear, IdealPlanetary
 from gearparts.interfaces import Flange
-from gearparts.planetary.phasing import check_angles, check_assembly
+from gearparts.planetary.phasing import MOST_PLANETS, check_angles, check_assembly
 from gearparts.rotational.shafts import Damper, Inertia
 from gearparts.tables import IDEAL_MESH, NO_FRICTION
 
@@ -121,7 +121,7 @@ class PlanetaryUnit(gl.Component):
     sun = Flange("sun shaft")
     carrier = Flange("carrier shaft")
     ring = Flange("ring shaft")
-    planets = gl.Structural(3, "number of planets", min=1)
+    planets = gl.Structural(3, "number of planets", min=1, max=MOST_PLANETS)
     Z_s = gl.Structural(0, "teeth of the sun; 0: not known", min=0)
     Z_p = gl.Structural(0, "teeth of a planet; 0: not known", min=0)
     Z_r = gl.Structural(0, "teeth of the ring; 0: not known", min=0)
@@ -310,12 +310,12 @@ class ElasticPlanetaryUnit(TurningPlanetaryUnit, MeshValues):
                 f"{path_of(self) or type(self).__name__}: sun_details and ring_details need numbers of teeth, from which the phases "
                 f"of the meshes follow; found {teeth}"
             )
-        from gearparts.gears.mesh_models import DetailedExternalMesh, DetailedInternalMesh
+        from gearparts.gears.mesh_models import DetailedExternalMesh, DetailedInternalMesh, details_of
 
         common = {"r_b": self.R_p, "use_support": True}
         sun = {"e_rate": self.e_rate_sun, "r_a": self.R_s, "z_a": self.Z_s, "c": self.K_sun, "d": self.C_sun}
         ring = {"e_rate": self.e_rate_ring, "r_a": self.R_r, "z_a": self.Z_r, "c": self.K_ring, "d": self.C_ring}
-        sun, ring = {**common, **sun, **dict(self.sun_details)}, {**common, **ring, **dict(self.ring_details)}
+        sun, ring = {**common, **sun, **details_of(self, "sun_details")}, {**common, **ring, **details_of(self, "ring_details")}
         at_sun, at_ring = sun.pop("phase0", 0), ring.pop("phase0", 0) + self.ring_phase
         return (
             [DetailedExternalMesh(phase0=at_sun - self.Z_s * psi, **sun) for psi in angles],

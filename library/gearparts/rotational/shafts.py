@@ -183,7 +183,7 @@ class TorsionalShaft(TwoFlanges, MaybeHeated):
 
     icon = "shaft"
 
-    segments = gl.Structural(10, "number n of segments", min=1)
+    segments = gl.Structural(10, "number n of segments", min=1, max=100_000)
     J = gl.Parameter("kg.m2", "moment of inertia of the whole shaft", min=0)
     c = gl.Parameter("N.m/rad", "stiffness of the whole shaft", min=0)
     d = gl.Parameter("N.m.s/rad", "damping of the whole shaft, of its twisting", default=0.0, min=0)

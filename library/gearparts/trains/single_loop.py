@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import gearlib as gl
 from gearparts.gears.rigid_gears import IdealGear
 from gearparts.interfaces import Flange
+from gearparts.planetary.phasing import MOST_PLANETS
 from gearparts.planetary.planetary_unit import PlanetaryUnit
 from gearparts.rotational.shafts import Fixed, Inertia, Spring
 from gearparts.trains.xp_train import XPSymbols
@@ -69,7 +70,7 @@ class XXTrain(gl.Component):
     w_carrier1) / (1 + k_2)``. Bodies and meshes are those of `PlanetaryUnit`; the defaults are those of `XPTrain`.
     """
 
-    planets = gl.Structural(3, "number of planets of each unit")
+    planets = gl.Structural(3, "number of planets of each unit", min=1, max=MOST_PLANETS)
     planet_meshes = gl.Structural("separate", "one mesh for all planets, or one for each", choices=("lumped", "separate"))
     ring_free = gl.Structural(False, "whether the first ring is a shaft; otherwise it is held")
     flange_in = Flange("shaft of both suns")

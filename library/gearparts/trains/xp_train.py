@@ -11,10 +11,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import gearlib as gl
+from gearlib.arguments import is_real
 from gearparts.gears.meshes import ExternalMesh
 from gearparts.gears.rigid_gears import IdealGear
 from gearparts.interfaces import Flange, TwoFlanges
-from gearparts.planetary.phasing import planet_positions
+from gearparts.planetary.phasing import MOST_PLANETS, planet_positions
 from gearparts.planetary.planetary_unit import PlanetaryUnit
 from gearparts.rotational.shafts import Damper, Fixed, Inertia, Spring
 from gearparts.rotational.sources import Torque
@@ -58,9 +59,9 @@ class FixedAxisUnit(TwoFlanges):
         teeth = {"z_a": self.Z_1} if self.Z_1 else {}
         self.mesh: ExternalMesh | DetailedExternalMesh
         if self.details:
-            from gearparts.gears.mesh_models import DetailedExternalMesh
+            from gearparts.gears.mesh_models import DetailedExternalMesh, details_of
 
-            self.mesh = DetailedExternalMesh(**values | teeth | dict(self.details))
+            self.mesh = DetailedExternalMesh(**values | teeth | details_of(self, "details"))
         else:
             self.mesh = ExternalMesh(**values)
         return [
@@ -79,7 +80,7 @@ class XPSymbols(gl.Component):
     inertias are I_p, and the moduli are 1. C_v acts along the line of action, as C_g does.
     """
 
-    planets = gl.Structural(3, "number of planets")
+    planets = gl.Structural(3, "number of planets", min=1, max=MOST_PLANETS)
     elastic_shafts = gl.Structural(
         False, "whether the shaft between sun and P unit is a spring K_s; equations (2)-(9) have none"
     )
@@ -225,7 +226,7 @@ class ZhouCui2022(XPSymbols):
 
     def __init__(self, *positional: Any, **values: Any) -> None:
         # Table 4 has K_s, but equations (2)-(9) do not: the table may be given as a whole, another K_s with elastic_shafts only
-        table = {n: v for n, v in values.items() if n == "K_s" and v == XPSymbols.K_s.default}
+        table = {n: v for n, v in values.items() if n == "K_s" and is_real(v) and v == XPSymbols.K_s.default}
         super().__init__(*positional, **values | gl.offered(table))
 
     def excitation(self) -> Any:

@@ -11,7 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.drawing.gears.gear_view import EDGE, SIZE, TOP
-from gearlib.errors import ArgumentError, ModelError, NameLookupError
+from gearlib.errors import ArgumentError, FileError, ModelError, NameLookupError
 
 
 @pytest.fixture(autouse=True)
@@ -99,10 +99,12 @@ def test_the_page_holds_every_frame_and_loads_nothing(run, tmp_path):
 
 
 def test_pictures_of_one_frame_have_no_page(tmp_path):
-    with pytest.raises(ArgumentError, match=r"the picture is SVG; name it \.\.\.\.svg \(a browser"):
+    with pytest.raises(ArgumentError, match=r"path is .*the picture is SVG: name it \.\.\.\.svg \(a browser"):
         train().gear_view().save(tmp_path / "gears.html")
     with pytest.raises(ArgumentError, match=r"or \.\.\.\.html for a page with a slider"):
         train().gear_view(angle=[0.0, 1.0]).save(tmp_path / "gears.png")
+    with pytest.raises(FileError, match="cannot be written: No such file or directory"):
+        train().gear_view().save(tmp_path / "missing" / "gears.svg")
 
 
 def test_an_animation_moves_wheels_and_arrows(run, tmp_path):

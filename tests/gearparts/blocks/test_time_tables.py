@@ -108,16 +108,36 @@ def test_corners_are_stepped_to(method: str) -> None:
     assert gl.simulate(Drive(), 1.1, t_start=1.0, samples=2, method=method)["plan.outputs[0].y"].tolist() == [1.0, 1.0]
 
 
+STEPPED = [[0.0, 1.0], [0.5, 2.0], [0.5, -1.0], [1.0, 3.0], [1.0, 0.0]]
+
+
+@pytest.mark.parametrize("smoothness", ["linear", "constant"])
+@pytest.mark.parametrize("extrapolation", ["hold", "lines", "periodic"])
+def test_two_rows_at_one_time_make_a_step(smoothness: str, extrapolation: str) -> None:
+    t, y = answer(
+        B.CombiTimeTable, out="outputs[0].y", table=STEPPED, smoothness=smoothness, extrapolation=extrapolation, samples=38
+    )
+    inside = t % 1.0 if extrapolation == "periodic" else t
+    rising = np.where(inside < 0.5, 1.0 + 2.0 * inside, -1.0 + 8.0 * (inside - 0.5))
+    level = rising if smoothness == "linear" else np.where(inside < 0.5, 1.0, -1.0)
+    assert close(y, np.where(inside < 1.0, level, 0.0), 1e-9)
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [
         ({"table": []}, "expected rows of a time and one or more values"),
         ({"table": [[0.0]]}, "expected rows of a time and one or more values"),
-        ({"table": [[1.0, 2.0], [0.0, 1.0]]}, "the first column must increase"),
+        ({"table": [[1.0, 2.0], [0.0, 1.0]]}, "the first column must not decrease"),
+        (
+            {"table": [[0.0, 1.0], [1.0, 2.0], [1.0, 3.0]], "smoothness": "akima"},
+            "two rows at 1 s, a step, which smoothness='akima'",
+        ),
+        ({"table": [[1.0, 2.0], [1.0, 3.0]], "extrapolation": "periodic"}, "needs two times"),
         ({"table": ROWS, "columns": [3]}, "expected numbers from 1 to 2"),
         ({"table": ROWS, "smoothness": "cubic"}, "smoothness is 'cubic'; expected 'linear'"),
         ({"table": ROWS, "extrapolation": "none"}, "extrapolation is 'none'; expected 'lines'"),
-        ({"table": ROWS[:1], "extrapolation": "periodic"}, "needs two rows"),
+        ({"table": ROWS[:1], "extrapolation": "periodic"}, "needs two times"),
     ],
 )
 def test_what_is_no_table_is_refused(values: dict[str, Any], message: str) -> None:

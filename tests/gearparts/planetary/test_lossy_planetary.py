@@ -113,10 +113,24 @@ def test_energy_with_all_shafts_free(bench: gl.System) -> None:
 def test_losses_of_both_meshes_are_combined_over_all_speeds() -> None:
     sun, ring = ((0.0, 0.9, 0.85), (30.0, 0.99, 0.98)), ((0.0, 0.98, 0.9),)
     table = combined_losses(sun, ring, ((0.0, 0.2), (60.0, 0.5)))
-    assert [row[0] for row in table] == [0.0, 30.0, 60.0]
+    assert [row[0] for row in table] == [0.0, 30.0, 60.0, 61.0]
     assert table[0] == pytest.approx((0.0, 0.882, 0.765, 0.2, 0.2))
     assert table[1] == pytest.approx((30.0, 0.9702, 0.882, 0.35, 0.35))
     assert table[2] == pytest.approx((60.0, 0.9702, 0.882, 0.5, 0.5))
+    assert table[3][1:] == table[2][1:]
+
+
+@pytest.mark.parametrize("speed", [5.0, 120.0])
+def test_losses_are_constant_beyond_the_tables(speed: float) -> None:
+    """The carrier held: the sun gives its torque to the ring, by the efficiency of the first or the last rows."""
+    rows = (("sun_mesh", ((20.0, 0.9, 0.85), (60.0, 0.98, 0.96))), ("ring_mesh", ((20.0, 0.95, 0.9),)))
+    start = {"sun_body.w": speed, "carrier_body.w": 0.0}
+    outputs = ["set.sun.tau", "set.ring.tau"]
+    result = gl.compile(Bench(losses=rows), outputs=outputs).simulate(
+        1e-9, samples=2, parameters={"tau_sun": 100.0, "tau_ring": 200.0}, start=start
+    )
+    efficiency = {5.0: 0.9, 120.0: 0.98}[speed] * 0.95
+    assert result["set.ring.tau"][-1] / result["set.sun.tau"][-1] == pytest.approx(RATIO * efficiency, rel=1e-6)
 
 
 def test_without_losses_it_is_the_ideal_set() -> None:

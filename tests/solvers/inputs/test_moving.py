@@ -71,3 +71,31 @@ def test_a_table_costs_no_python_call(system: gl.System) -> None:
             system.simulate(1.2, samples=3, method="rk8", rtol=1e-12, inputs=inputs)
         costs.append(time.process_time() - begin)
     assert costs[0] < 0.5 * costs[1]
+
+
+@pytest.mark.parametrize("method", ["rk5", "rk8", "ida"])
+@pytest.mark.parametrize(
+    ("begin", "jump", "end"), [(0.0, 0.8, 1.0), (-1.0, 0.0, 1.0), (1e9, 1e9 + 0.37, 1e9 + 1.0), (0.0, 1.0, 1.0)]
+)
+def test_a_step_up_to_a_jump_does_not_see_what_follows_it(
+    system: gl.System, method: str, begin: float, jump: float, end: float
+) -> None:
+    """The fan holds against 8 N.m at 20 rad/s and against -2 N.m at -10 rad/s: w = 20 tanh(0.8 t), then a tangent, then a tanh again."""
+    table = gl.Table([begin, jump], [8.0, -2.0], interpolation="previous")
+    w, left = 20.0 * np.tanh(0.8 * (jump - begin)), end - jump
+    stopping = np.arctan(w / 10.0) / 0.4  # s, until the body stands still
+    w = 10.0 * np.tan(0.4 * (stopping - left)) if left < stopping else -10.0 * np.tanh(0.4 * (left - stopping))
+    inputs = {"a.tau": table, "b.tau": 0.0, "c.tau": 0.0}
+    result = system.simulate(end, t_start=begin, samples=2, method=method, rtol=1e-6, inputs=inputs)
+    assert result["body.w"][-1] == pytest.approx(w, rel=1e-7 if method.startswith("rk") else 1e-6)
+    assert result.stats["rejected"] <= (0 if method.startswith("rk") else 12)
+
+
+@pytest.mark.parametrize("method", ["rk5", "rk8", "ida"])
+@pytest.mark.parametrize("instants", [(0.5, 1.0), (0.2, 0.5, 0.7, 1.0), (0.3, 1.0)])
+def test_a_stepped_run_may_stop_at_a_jump(system: gl.System, method: str, instants: tuple[float, ...]) -> None:
+    table = gl.Table([0.0, 0.5], [0.0, 8.0], interpolation="previous")
+    run = system.stepper(method=method, rtol=1e-6, inputs={"a.tau": table, "b.tau": 0.0, "c.tau": 0.0})
+    for t in instants:
+        run.advance(t)
+    assert run["body.w"] == pytest.approx(20.0 * np.tanh(0.4), rel=1e-6 if method == "ida" else 1e-7)

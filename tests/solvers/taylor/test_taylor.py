@@ -182,6 +182,20 @@ def test_a_root_of_zero_ends_the_run_with_advice() -> None:
         gl.simulate(Starts(), 1.0, method="taylor")
 
 
+@pytest.mark.parametrize("method", ["taylor", "auto"])
+def test_a_run_does_not_creep_past_a_branch_point(method: str) -> None:
+    """x' = -1 - sqrt(x) ends at t = 2 - 2 ln 2 = 0.6137, where all terms of the series lie below the tolerance."""
+
+    class Draining(gl.Component):
+        x = gl.Variable("1", start=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), -1.0 - gl.sqrt(self.x))]
+
+    with pytest.raises(SolverError, match=r"at t = 0\.61370\d* s .* der\(x\) is nan there"):
+        gl.simulate(Draining(), 0.614, samples=3, method=method)
+
+
 def test_a_stepped_run_equals_a_whole_one() -> None:
     run = OSCILLATOR.stepper(method="taylor", rtol=1e-10, inputs={"torque.tau": 1.0})
     for t in np.linspace(0.1, 1.0, 10):
