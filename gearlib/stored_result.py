@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.arguments import as_path, name_list, real, shown
+from gearlib.arguments import as_path, name_list
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.files.contents import Record
 from gearlib.files.formats import load_record
@@ -65,10 +65,7 @@ class StoredResult(Result):
         self.options, self.versions = dict(record.options), dict(record.versions)
 
     def _known(self, name: str) -> str:
-        if not isinstance(name, str):
-            raise ArgumentError(
-                f"result[{shown(name)}]: expected one name, such as result['load.w']; to_dataframe(names) takes several"
-            )
+        self._check_name(name)
         if name not in self._record.place:
             raise NameLookupError(f"the file holds no variable '{name}'; {nearest(name, self._record.names)}")
         return name
@@ -86,9 +83,7 @@ class StoredResult(Result):
         return self._record.units[self._record.place[self._known(name)]]
 
     def at(self, t: float) -> dict[str, float]:
-        t = real("t", t, "a finite number of seconds")
-        if not self.time[0] <= t <= self.time[-1]:
-            raise ArgumentError(f"t is {t:g} s; the run goes from {self.time[0]:g} to {self.time[-1]:g} s")
+        t = self._within(t)
         return {name: float(np.interp(t, self.time, history)) for name, history in self.items()}
 
     def record(self, names: Sequence[str] | None = None) -> Record:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import shown
 from gearlib.equations.bindings import is_discrete_name
 from gearlib.equations.template import Template
 from gearlib.errors import BindingError, BoundError, DeclarationError, ModelError
@@ -38,7 +37,7 @@ from gearlib.flatten.model import (
 from gearlib.flatten.specialise import Special, simplified, with_values
 from gearlib.flatten.tree import Tree
 from gearlib.flatten.unused import refuse_unused
-from gearlib.language.component import Component
+from gearlib.language.component import Component, no_component
 from gearlib.language.declarations import Flow, Potential
 
 
@@ -63,8 +62,7 @@ def flatten(component: Component, substituted: Special = frozenset()) -> FlatMod
         Any defect of the model: a missing value, a part of another model, a violated bound.
     """
     if not isinstance(component, Component):
-        hint = f"; make an instance: {component.__name__}()" if isinstance(component, type) else ""
-        raise ModelError(f"expected a component, got {shown(component)}{hint}")
+        raise no_component(component)
     tree = walk(component)
     refuse_unused(tree, component)
     table = _parameter_table(tree)

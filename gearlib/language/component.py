@@ -612,6 +612,12 @@ class Component:
         return f"<{type(self).__name__}{' ' + path_of(self) if path_of(self) else ''}>"
 
 
+def no_component(given: Any) -> ModelError:
+    """What to raise where something else was given for a component."""
+    hint = f"; make an instance: {given.__name__}()" if isinstance(given, type) else ""
+    return ModelError(f"expected a component, got {shown(given)}{hint}")
+
+
 def reconnect(component: Component, connections: Sequence[Connection]) -> None:
     """Replace the connections of an assembled composite."""
     object.__setattr__(component, "_connections", list(connections))

@@ -16,9 +16,7 @@ from typing import Any
 import sympy
 from sympy.core.relational import Relational
 
-from gearlib.arguments import shown
-from gearlib.errors import ModelError
-from gearlib.language.component import Component, equations_of, inside, reads_of, signals_of
+from gearlib.language.component import Component, equations_of, inside, no_component, reads_of, signals_of
 from gearlib.language.declarations import Connector, Derivative, Discrete, Input, Parameter
 from gearlib.language.expressions import Eq, Reinit, When, check_depth, time, value_of
 from gearlib.language.interior import bindable_of, bindings_of, connections_of, declarations_of, guesses_of, parts_of, starts_of
@@ -66,8 +64,7 @@ def check_units(component: Component) -> list[str]:
     ['Wrong: der(v)*m is in kg.m.s-2, v is in m.s-1']
     """
     if not isinstance(component, Component):
-        hint = f"; make an instance: {component.__name__}()" if isinstance(component, type) else ""
-        raise ModelError(f"expected a component, got {shown(component)}{hint}")
+        raise no_component(component)
     errors: dict[str, None] = {}
     stack = [component]
     while stack:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,6 +20,7 @@ from gearlib.many_runs.identity import of_values
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import RUN, Samples
 from gearlib.many_runs.work import Chunk, ManyRows, Row, Work, blank, first_of, put
+from gearlib.run.request import physical_memory
 
 Integers = NDArray[np.int64]
 WAIT = 0.5  # s, for which runs wait at most to be written together: what an interrupt of the process may lose
@@ -127,7 +127,7 @@ class Gathering:
 
     def _refuse_too_much(self, layout: Mapping[str, StoredArray]) -> None:
         needed = 8.0 * len(self.samples) * sum(math.prod(v.shape) for v in layout.values())
-        there = _memory()
+        there = physical_memory()
         if needed > there:
             raise ArgumentError(
                 f"outputs of {len(self.samples)} runs take {needed / 1e9:.3g} GB, and this machine has {there / 1e9:.3g}; keep less "
@@ -229,11 +229,3 @@ class Gathering:
         return Runs(
             self.model, self.samples, layout, read, self.coordinates, self.done, self.errors, units, stats,
         )  # fmt: skip
-
-
-def _memory() -> float:
-    """Bytes of physical memory, if the system tells."""
-    try:
-        return float(os.sysconf("SC_PAGE_SIZE")) * float(os.sysconf("SC_PHYS_PAGES"))
-    except (AttributeError, ValueError, OSError):
-        return 64e9

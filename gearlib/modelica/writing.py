@@ -6,8 +6,8 @@ import re
 from typing import Any
 
 from gearlib.arguments import shown
-from gearlib.errors import ArgumentError, ModelError
-from gearlib.language.component import Component
+from gearlib.errors import ArgumentError
+from gearlib.language.component import Component, no_component
 from gearlib.modelica.class_writing import PackageText, comment, safe_name
 from gearlib.modelica.flat_writing import FlatText
 
@@ -65,8 +65,7 @@ def to_modelica(component: Component, *, flat: bool = False, standard_library: b
       connector Flange "A shaft end: angle ``phi`` (rad) and torque ``tau`` (N.m, flow)."
     """
     if not isinstance(component, Component):
-        hint = f"; make an instance: {component.__name__}()" if isinstance(component, type) else ""
-        raise ModelError(f"to_modelica: component is {shown(component)}{hint}; expected a component")
+        raise no_component(component)
     for said, value in (("flat", flat), ("standard_library", standard_library)):
         if not isinstance(value, bool):
             raise ArgumentError(f"to_modelica: {said} is {shown(value)}; expected True or False")

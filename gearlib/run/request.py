@@ -70,7 +70,7 @@ def output_times(t_start: float, t_end: float, samples: int | None, times: Array
         return grid
     count = whole("samples", 501 if samples is None else samples, 2)
     needed = 8.0 * count * (1 + states)
-    if needed > SMALL and needed > (there := _memory()):
+    if needed > SMALL and needed > (there := physical_memory()):
         raise ArgumentError(
             f"samples is {shown(samples)}: time and {states} states at so many times take {needed / 1e9:.3g} GB, and this machine has "
             f"{there / 1e9:.3g}; ask for fewer, or for the end of the run only: times=[{t_end:g}]"
@@ -87,7 +87,7 @@ def output_times(t_start: float, t_end: float, samples: int | None, times: Array
     return even
 
 
-def _memory() -> float:
+def physical_memory() -> float:
     """Bytes of physical memory, if the system tells."""
     try:
         return float(os.sysconf("SC_PAGE_SIZE")) * float(os.sysconf("SC_PHYS_PAGES"))

@@ -108,6 +108,19 @@ class Result(ABC):
         ({'load.w': 1.0}, {'load.w': 4.0})
         """
 
+    def _check_name(self, name: Any) -> None:
+        if not isinstance(name, str):
+            raise ArgumentError(
+                f"result[{shown(name)}]: expected one name, such as result['load.w']; to_dataframe(names) takes several"
+            )
+
+    def _within(self, t: float) -> float:
+        """A time, which lies within the run."""
+        t = real("t", t, "a finite number of seconds")
+        if not self.time[0] <= t <= self.time[-1]:
+            raise ArgumentError(f"t is {t:g} s; the run goes from {self.time[0]:g} to {self.time[-1]:g} s")
+        return t
+
     @abstractmethod
     def record(self, names: Sequence[str] | None = None) -> Record:
         """Histories of some variables with their provenance, in the layout of result files (see `save`)."""
@@ -475,10 +488,7 @@ class SimulatedResult(Result):
         return _restored, (self.translation, self.request, self._run, parts, self.stats, self.events)
 
     def __getitem__(self, name: str) -> Floats:
-        if not isinstance(name, str):
-            raise ArgumentError(
-                f"result[{shown(name)}]: expected one name, such as result['load.w']; to_dataframe(names) takes several"
-            )
+        self._check_name(name)
         if name in self.scene.model.discretes:
             return self._joined(part.discrete_variable(name) for part in self._segments)
         node, sign = self.scene.named(name)
@@ -541,9 +551,7 @@ class SimulatedResult(Result):
         )
 
     def at(self, t: float) -> dict[str, float]:
-        t = real("t", t, "a finite number of seconds")
-        if not self.time[0] <= t <= self.time[-1]:
-            raise ArgumentError(f"t is {t:g} s; the run goes from {self.time[0]:g} to {self.time[-1]:g} s")
+        t = self._within(t)
         found = self.with_sample(t)
         sample = int(np.searchsorted(found.time, t))
         return {name: float(found[name][sample]) for name in self._outputs}

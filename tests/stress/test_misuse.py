@@ -107,9 +107,9 @@ def test_all_misuses(group: str, capfd: pytest.CaptureFixture[str]) -> None:
     kinds: Counter[str] = Counter()
     for call in GROUPS[group]():
         for found in misuses(call):
+            plt.close("all")
             kinds[found.kind] += 1
             short += [str(found)] if found.short else []
-        plt.close("all")
     assert not capfd.readouterr().err
     assert not short, "\n".join(short)
     assert kinds[REFUSED] > kinds[ANSWERED]

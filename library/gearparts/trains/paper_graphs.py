@@ -1,15 +1,10 @@
-"""The bond graphs of Zhou and Cui (2022): P unit (Fig. 1), X unit (Fig. 2) and XP single-loop train (Fig. 3).
+"""The bond graphs of Zhou and Cui (2022): P unit (Fig. 1), X unit (Fig. 2) and XP single-loop train (Fig. 3); see `zhou_cui_2022`.
 
 The numbers of the storage elements, resistances and sources are the paper's, as used in equations (2)-(9). The figures are not
 reprinted here, and the numbers of the other bonds are chosen so that all run from 1 to 85. The 0-junction of bonds 67 and 68, at the
 end of the shaft, is the place for a shaft compliance. The modulus m7 occurs in no equation, and in no graph.
 
 All rotations are angular velocities and torques, the meshes are deflection rates and forces along the line of action.
-
-References
-----------
-X. Zhou, Y. Cui, "Dynamic characteristics of single-loop gear system based on bond graph method", Journal of
-Vibroengineering, 2022. https://doi.org/10.21595/jve.2021.22290
 """
 
 from __future__ import annotations
