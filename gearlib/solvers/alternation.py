@@ -37,12 +37,15 @@ class Watchful(Protocol):
     """A stepper that detects when stability limits its steps; told to watch, it then stops with the status "stiff"."""
 
     @property
-    def pace(self) -> float: ...
+    def pace(self) -> float:
+        """Seconds of motion per nanosecond of work, since stability has limited the steps."""
 
     @property
-    def damped(self) -> bool: ...
+    def damped(self) -> bool:
+        """Whether the motion that limits the steps is a decay rather than a vibration."""
 
-    def watch(self, work_first: float = ...) -> None: ...
+    def watch(self, work_first: float = ...) -> None:
+        """Watch for stiffness, and stop once it limits the steps, after a given amount of further work."""
 
 
 @dataclass(frozen=True)

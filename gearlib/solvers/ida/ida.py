@@ -1,4 +1,4 @@
-"""Index-1 differential-algebraic problems by SUNDIALS IDA: variable-order, variable-step BDF.
+"""Index-1 differential-algebraic problems by SUNDIALS IDA (see `sundials`): variable-order, variable-step BDF.
 
 The residual is diag(differential) x' - f(t, x), the iteration matrix cj diag(differential) - df/dx. Two backends drive the same IDA, in
 the libraries that the scikit-sundae wheel ships, and take the same steps. The *native* backend passes compiled callbacks to IDA. The
@@ -8,11 +8,6 @@ libraries cannot be driven directly.
 A step ends at every time event. A root of an event function is located by IDA; `Problem.update` is then called with the state there,
 and if it changes anything, the algebraic unknowns and derivatives are made consistent and IDA is restarted. An event function that is
 exactly zero counts as negative: a relation that differs between its zero and its negative side needs the other sign.
-
-References
-----------
-A. C. Hindmarsh et al., SUNDIALS: Suite of nonlinear and differential/algebraic equation solvers, ACM Trans. Math. Softw. 31
-(2005) 363-396, doi:10.1145/1089014.1089020.
 """
 
 from __future__ import annotations

@@ -105,7 +105,6 @@ class RungeKutta(Stepper):
         return work(self.problem, self.order, self.record.steps, self.record.events - self.driver.events_before)
 
     def watch(self, work_first: float = 0.0) -> None:
-        """Watch for stiffness, and stop once it limits the steps, after a given amount of further work."""
         record = self.record
         steps = math.ceil(min(work_first / work(self.problem, record.order, 1, 0), 1e12))
         record.detect, record.detect_from = 1, record.steps + steps
@@ -113,7 +112,6 @@ class RungeKutta(Stepper):
 
     @property
     def pace(self) -> float:
-        """Seconds of motion per nanosecond of work, since stability has limited the steps."""
         record = self.record
         done = work(self.problem, record.order, record.steps - record.stiff_first, record.events - record.stiff_events)
         return (record.t - record.stiff_t) / done if done > 0.0 else 0.0
@@ -125,7 +123,6 @@ class RungeKutta(Stepper):
 
     @property
     def damped(self) -> bool:
-        """Whether the motion that limits the steps is a decay rather than a vibration."""
         record = self.record
         return record.products < 0.0 and record.products**2 > (DAMPED * DAMPED) * record.slopes * record.moves
 

@@ -84,7 +84,6 @@ class Taylor(Stepper):
         return own + events * (problem.rhs_cost + problem.update_cost + 10.0 * problem.look_cost)
 
     def watch(self, work_first: float = 0.0) -> None:
-        """Watch for stiffness, and stop once it limits the steps, after a given amount of further work."""
         record = self.record
         mean = record.expansions / record.steps if record.steps else taylor_loop.FIRST
         steps = math.ceil(min(work_first / self._work(1, mean, 0), 1e12))
@@ -92,7 +91,6 @@ class Taylor(Stepper):
 
     @property
     def pace(self) -> float:
-        """Seconds of motion per nanosecond of work, since stability has limited the steps."""
         record = self.record
         steps, events = record.steps - record.stiff_first, record.events - record.stiff_events
         done = self._work(steps, steps * record.expansions / max(record.steps, 1), events)
@@ -100,7 +98,6 @@ class Taylor(Stepper):
 
     @property
     def damped(self) -> bool:
-        """Whether the motion that limits the steps is a decay rather than a vibration."""
         return self.record.cosine < -DAMPED
 
     def stats(self) -> dict[str, Any]:

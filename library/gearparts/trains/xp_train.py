@@ -1,10 +1,4 @@
-"""Gear units and the trains composed of them: the XP single-loop train of Zhou and Cui (2022).
-
-References
-----------
-X. Zhou, Y. Cui, "Dynamic characteristics of single-loop gear system based on bond graph method", Journal of
-Vibroengineering, 2022. https://doi.org/10.21595/jve.2021.22290
-"""
+"""Gear units and the trains composed of them: the XP single-loop train of Zhou and Cui (see `zhou_cui_2022`)."""
 
 from __future__ import annotations
 
