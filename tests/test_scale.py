@@ -23,6 +23,7 @@ from gearlib.language.interior import path_of
 from gearlib.native import scene_functions
 from gearlib.run import scene as scene_module
 from tests import test_documents
+from tests.benchmarks.scale import measure
 from tests.benchmarks.scenes import Chain, Trains, Tree, chain_speeds
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -357,6 +358,12 @@ def test_other_numbers_never_translate_or_compile_again(monkeypatch: pytest.Monk
             if method == "auto" or not callable(changed.get("inputs", {}).get("torque.tau")):
                 system.simulate(**{"t_end": 0.1, "method": method, "inputs": {"torque.tau": 1.0}, **changed})["b.w"]
     assert calls == []
+
+
+def test_what_the_page_of_scale_measures() -> None:
+    """Benchmarks are seldom run: what they read of a translation is there."""
+    row = measure("chain", 5, repetitions=1)
+    assert (row["components"], row["states"]) == (len(gl.compile(Chain(N=5)).translation.model.instances), 9)
 
 
 def test_page_shows_what_its_code_prints() -> None:

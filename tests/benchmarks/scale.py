@@ -57,8 +57,8 @@ marks.append(clock())
 system.translation.scene.native
 marks.append(clock())
 again = [clock(), compile(type(model)(N=SIZE)), clock()]
-counts = system.translation.model.counts
-print(json.dumps({"kind": "KIND", "n": SIZE, "components": counts.components, "equations": counts.equations,
+flat = system.translation.model
+print(json.dumps({"kind": "KIND", "n": SIZE, "components": len(flat.instances), "equations": flat.n_equations,
     "states": len(system.states), "compile": marks[1] - marks[0], "again": again[2] - again[0], "program": marks[2] - marks[1],
     "native": marks[4] - marks[3], "source": len(source.splitlines()), "memory": memory}))
 """
