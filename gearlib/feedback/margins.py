@@ -77,6 +77,19 @@ class Margins:
         """The shortest delay (s) at which the curve meets -1."""
         return min((c.delay_margin for c in self.gain_crossings), default=float("inf"))
 
+    def as_dict(self) -> dict[str, float | list[tuple[float, float]]]:
+        """Plain numbers by name, crossings as (rad/s, margin)."""
+        return {
+            "gain_margin": self.gain_margin,
+            "gain_margin_db": self.gain_margin_db,
+            "phase_margin_deg": self.phase_margin,
+            "delay_margin_s": self.delay_margin,
+            "modulus_margin": self.modulus_margin,
+            "modulus_omega": self.modulus_omega,
+            "phase_crossings": [(c.omega, c.gain_margin) for c in self.phase_crossings],
+            "gain_crossings": [(c.omega, c.phase_margin) for c in self.gain_crossings],
+        }
+
 
 def margins(loop: Loop) -> Margins:
     """All margins of a loop, accurate to rounding.

@@ -26,20 +26,25 @@ def culprit(scene: Scene, numbers: Prepared, t: float, span: float, x: Floats, i
         States, inputs and discrete state at that time.
     """
     program, n = scene.program, len(scene.states)
-    if not n or not np.isfinite(x).all():
+    if not np.isfinite(x).all():
         return ""
     rate = np.zeros(n)
     for share in AHEAD:
         now = np.array([t + share * span])
         with np.errstate(all="ignore"):
             try:
-                slots = evaluate(numbers, now, (x + share * span * rate)[:, None], inputs[:, None], discrete[:, None], None)
+                at = now, (x + share * span * rate)[:, None], inputs[:, None], discrete[:, None], None
+                slots = evaluate(numbers, *at)
+                if numbers.relations is not None:
+                    evaluate(numbers.relations, *at)
             except SolverError as unsolved:  # if no guess matters, the compiled code met the same
                 return "" if program.iterated else f"; {unsolved}"
         if not np.isfinite(slots).all():
             return _first(scene, numbers, now, slots, discrete)
         if not share:
             rate = slots[program.output_slots, 0]
+    if not n:
+        return ""
     pace = np.abs(rate) / np.maximum(np.abs(x), scene.nominal)
     i = int(np.argmax(pace))
     if not pace[i] * span > 1e3:

@@ -467,7 +467,7 @@ def test_a_freewheel_that_prescribed_motions_force_backward_is_refused(method: s
     """Between pi/2 and pi flange_a would overtake, whether or not a sample lies there."""
     system = gl.compile(Overrunning(w=gl.sin(2 * gl.time)), outputs=outputs)
     with pytest.raises(
-        SolverError, match=r"c\.w_rel is -0\.7568.* at t = 2 s; .*prescribed|equations c: OneWayClutch: .* at t = 4 s"
+        SolverError, match=r"event functions cannot be evaluated .*equations c: OneWayClutch: .* at t = 1\.5708 s"
     ):
         _ = system.simulate(4.0, times=times, method=method)["c.tau"]
 
