@@ -249,7 +249,8 @@ def record_types(action: Callable[[], object]) -> list[str]:
     made: set[str] = set()
 
     def watch(frame: FrameType, event: str, _: Any) -> None:
-        if event == "call" and frame.f_code.co_name in ("__init__", "__new__"):
+        new = frame.f_code.co_name == "<lambda>" and frame.f_code.co_varnames[:1] == ("_cls",)  # of a named tuple
+        if event == "call" and (new or frame.f_code.co_name == "__init__"):
             subject = frame.f_locals.get("self", frame.f_locals.get("_cls"))
             kind = subject if isinstance(subject, type) else type(subject)
             if kind.__module__.startswith("gearlib."):
