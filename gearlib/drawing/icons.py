@@ -113,6 +113,7 @@ def _letter_box(letter: str) -> Icon:
 
 
 ROTOR = rectangle(-9, -17, 18, 34, rx=1.5, **FILLED)
+GEARS = rectangle(-6, -13, 12, 10, **FILLED), rectangle(-6, -3, 12, 22, **FILLED)  # about their shafts
 PLANETARY = (
     rectangle(-4, -20, 8, 4, **FILLED), rectangle(-4, 16, 8, 4, **FILLED),  # ring
     rectangle(-4, -14.5, 8, 9, **FILLED), rectangle(-4, 5.5, 8, 9, **FILLED),  # planets
@@ -139,25 +140,26 @@ ICONS = {
         (_shaft(-24, -8), path([(0, -12), (-8, -12), (-8, 12), (0, 12)], **THICK),
          line(4, -5, 4, 5, **THICK), _shaft(4, 10), _zigzag(10, 20, height=4, turns=1), _shaft(20, 24))
     ),
-    "gear": _pair(rectangle(-6, -16, 12, 13, **FILLED), rectangle(-6, -3, 12, 21, **FILLED)),
+    "gear": _pair(*GEARS),
     "lossy_gear": _pair(
-        rectangle(-6, -16, 12, 13, **FILLED), rectangle(-6, -3, 12, 21, **FILLED),
+        *GEARS,
         path([(-15, 16), (-12, 12), (-15, 8), (-12, 4)], stroke="#c0392b", stroke_width="1.3", fill="none"),
         path([(-11, 16), (-8, 12), (-11, 8), (-8, 4)], stroke="#c0392b", stroke_width="1.3", fill="none"),
     ),
     "mesh": _pair(
-        rectangle(-6, -18, 12, 13, **FILLED), rectangle(-6, 5, 12, 14, **FILLED),
-        path([(0, -5), (-4, -3), (4, -1), (-4, 1), (4, 3), (0, 5)], stroke_linejoin="round", **THICK),
+        rectangle(-6, -12, 12, 8, **FILLED), rectangle(-6, 4, 12, 8, **FILLED),
+        path([(0, -4), (-4, -2), (4, -1), (-4, 1), (4, 2), (0, 4)], stroke_linejoin="round", **THICK),
     ),
     "internal_mesh": Icon(
         (_shaft(-24, -18, -8), path([(-18, -8), (-18, 18), (6, 18)], **THICK), rectangle(-6, 14, 14, 5, **FILLED),
-         rectangle(-6, -3, 12, 11, **FILLED), path([(6, 2), (14, 2), (14, 8), (24, 8)], **THICK),
+         rectangle(-6, -4, 12, 12, **FILLED), path([(6, 2), (14, 2), (14, 8), (24, 8)], **THICK),
          path([(0, 8), (-4, 9.5), (4, 11), (-4, 12.5), (0, 14)], stroke_linejoin="round", **THIN)),
         left=-8, right=8,
     ),
     "rack": Icon(
-        (_shaft(-24, 0, -8), circle(0, -6, 10, **FILLED), circle(0, -6, 1.8, fill=INK),
-         polygon([(-22, 12), *((x, 5.0 if i % 2 == 0 else 9.0) for i, x in enumerate(_steps(-20, 20, 3.3))), (24, 12)], **FILLED)),
+        (_shaft(-24, 0, -8), circle(0, -8, 12, **FILLED), circle(0, -8, 1.8, fill=INK),
+         polygon([(-24, 12), (-24, 8), *((x, 5 if i % 2 == 0 else 9) for i, x in enumerate(_steps(-18, 18, 3))), (24, 8), (24, 12)],
+                 **FILLED)),
         left=-8, right=8,
     ),
     "planetary": Icon(PLANETARY, framed=True),
