@@ -97,7 +97,8 @@ def _inside(element: ET.Element, place: Floats, title: str) -> Iterator[Shape]:
     elif tag == "text":
         yield Shape(tag, at(value("x"), value("y")), 0.0, element.text or "", title, a)
     elif tag in ("path", "polygon"):
-        numbers = [float(n) for n in re.findall(NUMBER, a["d" if tag == "path" else "points"])]
+        corners = re.sub(rf"A(?:{NUMBER} ){{5}}", "", a["d"]) if tag == "path" else a["points"]  # of an arc its end
+        numbers = [float(n) for n in re.findall(NUMBER, corners)]
         yield Shape(tag, at(*numbers), 0.0, "", title, a)
     for child in element:
         yield from _inside(child, place, title)

@@ -56,6 +56,6 @@ def places_of_numbers(axes: Axes, routing: Routing) -> Iterator[tuple[int, int, 
         ends = sorted({p[2] for p in points})
         segments = sorted(pairwise(ends), key=lambda s: s[0] - s[1]) or [(ends[0], ends[0])]
         places = [left + share * (right - left) for left, right in segments for share in (0.5, 0.25, 0.75)]
-        x = next((x for x in places if all(hypot(x - x2, y - y2) >= CLEAR for x2, y2 in taken)), places[0])
+        x = max(places, key=lambda x, y=y: min([CLEAR, *(hypot(x - x2, y - y2) for x2, y2 in taken)]))  # type: ignore[misc]
         taken.append((x, y))
         yield k + 1, shaft, x, y
