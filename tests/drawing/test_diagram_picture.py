@@ -66,6 +66,10 @@ def near(found: list[Shape], kind: str, point: tuple[float, float]) -> list[Shap
     return [s for s in found if s.kind == kind and np.hypot(*(s.middle - point)) < CLOSE]
 
 
+def inside(shape: Shape, corner: np.ndarray, opposite: np.ndarray) -> bool:
+    return bool((shape.middle >= corner).all() and (shape.middle <= opposite).all())
+
+
 def named(found: list[Shape], words: str, y: float) -> Shape:
     """The text nearest to a height."""
     return min((s for s in found if s.text == words), key=lambda s: abs(s.middle[1] - y))
@@ -159,6 +163,7 @@ def framed(box: Placed, own: list[Shape], corner: np.ndarray, centre: np.ndarray
     frames = near(own, "rect", tuple(centre))
     outer = max(frames, key=lambda s: np.ptp(s.points[:, 0]))
     assert outer.box == pytest.approx((*corner, *(2 * centre - corner)), abs=CLOSE)
+    seconds = [s for s in frames if s.attributes.get("stroke-width") == "0.6"]
     if box.part.composite:
         margins = {
             round(abs(a - b), 2)
