@@ -126,13 +126,7 @@ def test_boxes_have_frames_names_and_ports(diagram: Diagram) -> None:
         for box in found.boxes:
             title = f"{box.part.name}: {box.part.note or box.part.kind}"
             corner = np.array([x + box.x, y + box.y])
-            own = [
-                s
-                for s in drawn
-                if s.title == title
-                and (s.middle >= corner - 7).all()
-                and (s.middle <= corner + [box.width + 7, box.height + 7]).all()
-            ]
+            own = [s for s in drawn if s.title == title and inside(s, corner - 7, corner + [box.width + 7, box.height + 7])]
             centre = corner + [box.width / 2, (box.height - LABEL) / 2]
             if box.inner is not None:
                 assert near(own, "rect", tuple(corner + [box.width / 2, box.height / 2]))
