@@ -173,7 +173,7 @@ def test_what_is_bent_or_unknown_is_said_or_left_out() -> None:
     bent = motion(0.0, 100.0) | {("last", "ring"): 90.0}
     drawn = shapes(speed_ladder(TRAIN, {"": bent}).svg)
     (said,) = (s for s in drawn if s.text.startswith("not straight"))
-    zero, per, _ = scale(drawn)
+    zero = scale(drawn)[0]
     middle = [s for s in drawn if s.kind == "circle"][5:]
     assert min(s.middle[0] for s in middle) - WIDTH < said.points[0][0] < max(s.middle[0] for s in middle)
     assert said.box[1] > zero
