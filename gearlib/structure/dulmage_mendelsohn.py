@@ -114,7 +114,8 @@ def alternating_reach(graph: nx.Graph, partner: Mapping[Any, Any], start: Iterab
 def matching_by_lists(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:
     """Maximum matching without a graph, for the many rows of large trains.
 
-    Augmenting paths are searched from all free rows at once, trying each column once per pass (A. Pothen and C.-J. Fan,
+    Augmenting paths are searched from all free rows at once, trying each column once per pass (A. Pothen and C.-J. Fan, "Computing the
+    block triangular form of a sparse matrix", ACM Transactions on Mathematical Software 16 (1990) 303-324, doi 10.1145/98267.98287).
     """
     owner: dict[Any, int] = {}
     free = []

@@ -54,37 +54,27 @@ def tear(rows: Sequence[Mapping[int, bool]]) -> Tearing:
     open_rows = set(range(n))
     order: list[tuple[int, int]] = []
     tears: list[int] = []
-    settled: set[int] = set()
     open_holders = [len(holders.get(c, ())) for c in range(n)]
     most = [
         (-count, c) for c, count in enumerate(open_holders)
     ]  # counts only fall: an outdated one is corrected when it is met
     heapq.heapify(most)
     ready = [r for r in range(n) if len(unknown[r]) == 1]
-    while len(settled) < n:
-        solved = -1
-        while ready and solved < 0:
-            r = heapq.heappop(ready)
-            if r in open_rows and len(unknown[r]) == 1 and rows[r][next(iter(unknown[r]))]:
-                solved = r
-        if solved >= 0:
+    while len(order) + len(tears) < n:
+        solvable = (heapq.heappop(ready) for _ in range(len(ready)))
+        solved = next((r for r in solvable if len(unknown[r]) == 1 and rows[r][next(iter(unknown[r]))]), None)
+        if solved is not None:
             column = next(iter(unknown[solved]))
             order.append((solved, column))
             open_rows.remove(solved)
             for c in rows[solved]:
                 open_holders[c] -= 1
         else:
-            column = -1
-            while column < 0:
-                count, c = heapq.heappop(most)
-                if c in settled:
-                    continue
-                if -count == open_holders[c]:
-                    column = c
-                else:
-                    heapq.heappush(most, (-open_holders[c], c))
+            count, column = heapq.heappop(most)
+            while -count != open_holders[column]:
+                count, column = heapq.heappushpop(most, (-open_holders[column], column))
             tears.append(column)
-        settled.add(column)
+        open_holders[column] = -1
         for r in holders.get(column, ()):
             unknown[r].discard(column)
             if len(unknown[r]) == 1:

@@ -23,6 +23,7 @@ def test_an_unknown_is_solved_from_its_equation_and_its_derivative_from_the_deri
     assert dependence().equation((1, 2)) == (1, 2)
     assert dependence().equation((0, 3)) == (0, 2)
     assert dependence().of((1, 1)) == [(0, 1)]
+    assert dependence().of((0, 1)) == [(1, 0)], "neither itself nor what is given"
     for node in [(0, 0), (9, 0), (7, 1)]:  # a state, what is given, what is in no equation
         with pytest.raises(KeyError):
             dependence().equation(node)

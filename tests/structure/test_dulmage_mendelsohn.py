@@ -5,13 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 import networkx as nx
+import numpy as np
 import pytest
+import scipy.sparse as sparse
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.sparse.csgraph import maximum_bipartite_matching
 
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BalanceError
+from gearlib.structure import dulmage_mendelsohn as matchings
 from gearlib.structure.dulmage_mendelsohn import (
     dulmage_mendelsohn,
     matching_by_graph,
@@ -138,3 +142,37 @@ def test_graphs_and_lists_match_as_many(rows: list[list[int]]) -> None:
     for partner in (graph, lists):
         assert len(set(partner.values())) == len(partner)
         assert all(v in rows[e] for e, v in partner.items())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_rows_that_get_in_each_others_way_are_matched_in_several_passes(seed: int) -> None:
+    """Two or three entries in each of many rows: a search often meets columns that another one of the same pass has tried."""
+    rng = np.random.default_rng(seed)
+    n = 150
+    rows = [list(dict.fromkeys(rng.integers(0, n, rng.integers(2, 4)).tolist())) for _ in range(n)]
+    pattern = sparse.csr_matrix(
+        (np.ones(sum(map(len, rows))), np.concatenate(rows), np.cumsum([0, *map(len, rows)])), shape=(n, n)
+    )
+    most = int((maximum_bipartite_matching(pattern) >= 0).sum())
+    assert len(matching_by_lists(rows)) == len(matching_by_graph(rows)) == most < n
+
+
+def test_rows_with_a_free_column_are_read_once() -> None:
+    """Lists are for large trains, most of whose equations find a variable at once: no path is searched for them."""
+    read: list[int] = []
+
+    class Row(list[int]):
+        def __iter__(self) -> Any:
+            read.append(self[-1])
+            return super().__iter__()
+
+    assert matching_by_lists([Row([k - 1, k]) for k in range(1, 50)]) == {k - 1: k - 1 for k in range(1, 50)}
+    assert read == list(range(1, 50))
+
+
+@pytest.mark.parametrize(("rows", "way"), [(2, "graph"), (3, "graph"), (4, "lists")])
+def test_lists_are_used_beyond_a_number_of_rows(rows: int, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(matchings, "MOST_IN_GRAPHS", 3)
+    monkeypatch.setattr(matchings, "matching_by_graph", lambda rows: "graph")
+    monkeypatch.setattr(matchings, "matching_by_lists", lambda rows: "lists")
+    assert maximum_matching([[k] for k in range(rows)]) == way

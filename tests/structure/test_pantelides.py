@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gearlib.structure import pantelides as algorithms
 from gearlib.structure.pantelides import by_graph, by_lists, pantelides
 
 Rows = list[list[tuple[int, int]]]
@@ -106,3 +107,15 @@ def test_graphs_and_lists_agree(rows: Rows) -> None:
         assert sorted(result.assignment) == sorted(result.assignment.values()) == list(range(len(rows)))
         for e, v in result.assignment.items():
             assert (v, result.orders[v]) in dense(rows)(e, result.counts[e])
+
+
+@pytest.mark.parametrize(("n", "way"), [(2, "graph"), (3, "graph"), (4, "lists")])
+def test_lists_are_used_beyond_a_number_of_equations(n: int, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(algorithms, "MOST_IN_GRAPHS", 3)
+    monkeypatch.setattr(algorithms, "by_graph", lambda n, columns: "graph")
+    monkeypatch.setattr(algorithms, "by_lists", lambda n, columns: "lists")
+    assert pantelides(n, dense([])) == way
+
+
+def test_no_equations_have_index_zero() -> None:
+    assert pantelides(0, dense([])).index == 0

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import LoopError
-from gearlib.structure.rigid_loops import examine
+from gearlib.structure.rigid_loops import core, examine
 
 c = gl.connect
 
@@ -47,6 +47,78 @@ def test_right_hand_sides_decide_between_redundant_and_contradictory(seed: int) 
     b = A @ x + np.random.default_rng(seed).normal(size=len(A))
     _, contradictory = examine(rows, list(b), frozenset(range(A.shape[1])))
     assert len(contradictory) == len(A) - rank
+
+
+def as_rows(A: Any) -> list[dict[int, float]]:
+    return [{j: float(a) for j, a in enumerate(row) if a} for row in np.asarray(A)]
+
+
+@given(st.integers(0, 10_000))
+def test_a_contradiction_is_a_sum_of_rows_with_nothing_left_but_a_number(seed: int) -> None:
+    A = dependent_rows(seed)
+    b = np.random.default_rng(seed).normal(size=len(A))
+    for found in examine(as_rows(A), list(b), frozenset(range(A.shape[1])))[1]:
+        weights = np.array(found.multipliers)
+        assert np.abs(weights @ A[list(found.rows)]).max() < 1e-9 * np.abs(weights).max()
+        assert weights @ b[list(found.rows)] == pytest.approx(found.constant, rel=1e-6)
+        assert found.variable == -1
+        assert dict(zip(found.rows, weights, strict=True))[found.last] == 1.0
+
+
+@given(st.integers(0, 10_000))
+def test_what_is_forced_to_stand_follows_from_its_rows(seed: int) -> None:
+    """The rows of each finding leave one variable, which is zero; where nothing in a loop can turn, there is one."""
+    A = dependent_rows(seed)
+    loop = core(as_rows(A))
+    redundant, forced = examine(as_rows(A), [0.0] * len(A), frozenset())
+    assert len(redundant) == len(A) - np.linalg.matrix_rank(A)
+    for found in forced:
+        left = np.array(found.multipliers) @ A[list(found.rows)]
+        assert np.flatnonzero(np.abs(left) > 1e-9).tolist() == [found.variable]
+        assert len(found.rows) > 1
+    inside = A[loop][:, np.abs(A[loop]).any(axis=0)] if loop else np.zeros((0, 0))
+    held = any(np.count_nonzero(row) == 1 for row in inside)
+    if inside.size and not held and np.linalg.matrix_rank(inside) == inside.shape[1]:
+        assert forced
+    assert examine(as_rows(A), [0.0] * len(A), frozenset(range(A.shape[1])))[1] == []
+    x = np.arange(1.0, A.shape[1] + 1)  # each has a place of its own, other than zero
+    assert examine(as_rows(A), list(A @ x), frozenset())[1] == []
+
+
+def test_what_stands_on_the_ground_is_not_forced() -> None:
+    """A gear between two grounds: one of the three equations follows from the others, and nothing is wrong with the ratio."""
+    redundant, contradictory = examine([{0: 1.0}, {0: 1.0, 1: -2.0}, {1: 1.0}], [0.0, 0.0, 0.0], frozenset())
+    assert [sorted(found.rows) for found in redundant] == [[0, 1, 2]]
+    assert contradictory == []
+
+
+@pytest.mark.parametrize(("difference", "same"), [(1e-9, False), (1e-11, True), (-1e-9, False), (-1e-11, True)])
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_ratios_are_equal_up_to_rounding_of_their_rows(difference: float, same: bool, size: float) -> None:
+    """Relative to the largest coefficient of a row; constants relative to theirs, or to 1."""
+    rows = [{0: size, 1: -2.0 * size}, {0: 1.0, 1: -2.0 * (1 + difference)}]
+    redundant, contradictory = examine(rows, [0.0, 0.0], frozenset())
+    assert (len(redundant), len(contradictory)) == ((1, 0) if same else (0, 1))
+    rows = [{0: 1.0, 1: -2.0}, {0: 1.0, 1: -2.0}]
+    redundant, contradictory = examine(rows, [size, size + difference * max(size, 1.0)], frozenset())
+    assert (len(redundant), len(contradictory)) == ((1, 0) if same else (0, 1))
+
+
+def test_what_varies_with_time_agrees_with_nothing() -> None:
+    assert examine([{0: 1.0, 1: -3.0}] * 2, [float("nan"), 0.0], frozenset())[1][0].rows == (0, 1)
+
+
+@given(st.lists(st.dictionaries(st.integers(0, 6), st.sampled_from([0.0, 1.0]), max_size=3), max_size=9))
+def test_the_core_is_what_no_row_can_leave(rows: list[dict[int, float]]) -> None:
+    """Brute force: take rows away, one by one, while one has a variable that no other has."""
+    left = list(range(len(rows)))
+    while True:
+        used = [v for r in left for v, c in rows[r].items() if c]
+        alone = [r for r in left if any(c and used.count(v) == 1 for v, c in rows[r].items())]
+        if not alone:
+            break
+        left.remove(alone[0])
+    assert core(rows) == left
 
 
 def gears(*ratios: float, bodies: int = 2) -> gl.Component:

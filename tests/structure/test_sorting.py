@@ -57,3 +57,15 @@ def test_sinks_are_integrals_that_nothing_depends_on() -> None:
     d = Dependence(((0, 0), (1, 0), (2, 0)), solved_by, lambda e, k: columns[e])
     assert sinks(d, d.states, lambda node: True) == {(2, 0)}
     assert sinks(d, d.states, lambda node: False) == frozenset()
+
+
+def test_what_decides_at_events_is_reached_where_it_is_asked_for() -> None:
+    """x' = u + a, where a relation on p decides, p' = 1, a = 2; u is given."""
+    x, p, a, u = (0, 0), (1, 0), (2, 0), (9, 0)
+    solved_by = {(0, 1): (0, 0), (1, 1): (1, 0), a: (2, 0)}
+    columns = {0: [(0, 1), a, u], 1: [(1, 1)], 2: [a]}
+    d = Dependence((x, p), solved_by, lambda e, k: columns[e], frozenset({9}), {0: [p]})
+    assert reach(d, [(0, 1), u], dynamic=False) == ([(0, 1), a], set())
+    assert reach(d, [(0, 1), u], dynamic=False, events=True) == ([(0, 1), a], {p})
+    assert set(reach(d, [x], dynamic=True, events=True)[0]) == {(0, 1), a, (1, 1)}
+    assert sinks(d, d.states, lambda node: True) == {x}

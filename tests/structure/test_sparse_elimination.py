@@ -72,3 +72,21 @@ def test_fully_coupled_equations_go_to_the_dense_part() -> None:
     full = rng.standard_normal((120, 120))
     full[60:] = rng.standard_normal((60, 30)) @ full[:30]
     assert factorise(sparse.csr_matrix(full)).rank == 60
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_scales_bring_the_largest_entries_of_rows_and_columns_close_to_one(seed: int) -> None:
+    found = factorise(deficient(np.random.default_rng(seed), 30, 20, 15))
+    scaled = np.abs(found.row[:, None] * found.matrix.toarray() * found.column)
+    for axis in (0, 1):
+        largest = scaled.max(axis=axis)
+        assert np.abs(np.log2(largest[largest > 0])).max() < 0.2
+
+
+def test_equations_without_coefficients_determine_nothing() -> None:
+    found = factorise(sparse.csr_matrix((2, 3)))
+    assert (found.rank, found.open.tolist(), found.solve(np.ones(2)).tolist()) == (0, [0, 1, 2], [0.0, 0.0, 0.0])
+    assert found.combined(1).tolist() == [0.0, 1.0]
+    assert (found.undetermined > 0.4).all()
+    assert factorise(sparse.csr_matrix(np.eye(3))).undetermined.tolist() == [0.0, 0.0, 0.0]
+    assert found.contradiction(np.array([0.0, 1.0]), np.zeros(3)).tolist() == [0.0, np.inf]

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import SingularError
-from gearlib.structure.states import select_columns
+from gearlib.structure.pantelides import Differentiation
+from gearlib.structure.states import constraints, matched, select_columns
 
 c = gl.connect
 
@@ -79,6 +80,38 @@ def test_a_structurally_sound_pivot_that_is_zero_is_not_taken() -> None:
     rows = {(0, 0): {(0, 0): 1.0, (1, 0): 2.0}, (1, 0): {(0, 0): 1.0, (1, 0): 2.0, (2, 0): 1.0}}
     chosen, failed = select_columns(rows, {(0, 0): (9.0,), (1, 0): (9.0,), (2, 0): (0.0,)})
     assert (chosen - {(0, 0), (1, 0)}, len(chosen), failed) == ({(2, 0)}, 2, [])
+
+
+def test_constraints_are_all_but_the_highest_derivatives() -> None:
+    """0 = f(x, y) twice differentiated and g(z) once, of which x' is in no equation as such, and z stands twice."""
+    x, y, z = range(3)
+    result = Differentiation((2, 0, 1), {x: 2, y: 1, z: 3}, {0: x, 1: y, 2: z})
+    entries = [(0, x, 0, 2.0), (0, y, 0, -3.0), (2, z, 1, 1.5), (2, z, 1, 0.5), (2, z, 2, 4.0), (2, x, 0, 0.0), (1, y, 0, 7.0)]
+    rows = constraints(result, entries)
+    assert rows == {
+        (0, 0): {(x, 0): 2.0, (y, 0): -3.0},
+        (0, 1): {(x, 1): 2.0},  # y' is the highest derivative of y
+        (2, 0): {(z, 1): 2.0, (z, 2): 4.0},
+    }
+    solved_by = matched(result, {**rows, (2, 0): {(z, 1): 0.0, (z, 2): 4.0}}, {(y, 0), (x, 1), (z, 1), (z, 2)})
+    highest = {(x, 2): (0, 2), (y, 1): (1, 0), (z, 3): (2, 1)}
+    assert solved_by == {**highest, (y, 0): (0, 0), (x, 1): (0, 1), (z, 2): (2, 0)}
+
+
+@pytest.mark.parametrize(("difference", "independent"), [(1e-2, True), (1e-4, False)])
+def test_rows_are_dependent_below_a_share_of_their_largest_coefficient(difference: float, independent: bool) -> None:
+    rows = {(0, 0): {(0, 0): 1.0, (1, 0): 1.0}, (1, 0): {(0, 0): 10.0, (1, 0): 10.0 * (1 + difference)}}
+    chosen, failed = select_columns(rows, {}, zero=1e-3)
+    assert (len(chosen), len(failed)) == ((2, 0) if independent else (1, 1))
+
+
+def test_among_equals_ranks_decide_and_where_coefficients_vary_the_largest_one() -> None:
+    rows = {(4, 0): {(7, 0): 1.0, (8, 0): 1.0, (9, 0): -5.0}}
+    assert select_columns({(4, 0): {(7, 0): 1.0, (8, 0): 1.0}}, {}) == ({(7, 0)}, [])
+    assert select_columns({(4, 0): {(7, 0): 1.0, (8, 0): 1.0}}, {}, ranks=[0] * 7 + [2, 1]) == ({(8, 0)}, [])
+    less_wanted = {(7, 0): (3.0,), (8, 0): (3.0,), (9, 0): (1.0,)}
+    assert select_columns(rows, less_wanted, varying=frozenset({4})) == ({(7, 0)}, []), "what is wanted comes first"
+    assert select_columns(rows, {}, varying=frozenset({4})) == ({(9, 0)}, [])
 
 
 def chain(n: int) -> gl.Component:
