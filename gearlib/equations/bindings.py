@@ -23,6 +23,7 @@ from gearlib.equations.template import (
     is_relation,
     lift_relations,
     make_template,
+    over_real_symbols,
     parse_column,
     piecewise,
 )
@@ -63,6 +64,7 @@ def parameter_function(expression: Any, arguments: tuple[str, ...], by: str | No
 
 def canonical(expression: Any) -> tuple[Any, tuple[str, ...]]:
     """The expression over a0, a1, ..., and the names that these replace."""
+    expression = over_real_symbols(expression)
     if expression.is_Symbol:
         return real_symbol("a0"), (expression.name,)
     names = tuple(sorted(s.name for s in expression.free_symbols))

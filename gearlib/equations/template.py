@@ -290,7 +290,12 @@ def checked(expression: Any, label: str) -> Any:
     for huge in expression.atoms(sympy.Number):
         if abs(huge) > LARGEST:
             raise DeclarationError(f"{label} holds {shown(huge)}, which is too large for a computer's numbers")
-    foreign = {s: sympy.Symbol(s.name, real=True) for s in expression.free_symbols if not s.is_real}
+    return over_real_symbols(expression)
+
+
+def over_real_symbols(expression: Any) -> Any:
+    """The expression in gearlib's symbols: a user's ``sympy.Symbol("x", positive=True)`` is another one than the declared x."""
+    foreign = {s: own for s in expression.free_symbols if s != (own := real_symbol(s.name))}
     return expression.xreplace(foreign) if foreign else expression
 
 

@@ -16,11 +16,14 @@ from gearlib.equations.kernel import (
     Kernel,
     array_function,
     derivative_of,
+    difference_kernel,
     differentiated,
     partial_kernel,
     relation_kernel,
     residual_kernel,
+    rest_of,
     solve_kernel,
+    without_columns,
 )
 from gearlib.equations.template import Template, template_of
 
@@ -169,3 +172,82 @@ def test_conditions_that_are_cases_are_printed_as_they_are(monkeypatch: pytest.M
     assert array_function((x, y, z), expression)(*points) == pytest.approx(expected, rel=1e-15)
     held = array_function((x, y, z), expression)(points[0], 0.25, points[2])  # arrays and numbers
     assert held.shape == (40,)
+
+
+@pytest.mark.parametrize(
+    ("expression", "divisors"),
+    [
+        (1 / x, [x]), (1 / x**2, [x * abs(x)]), (1 / abs(x), [x]), (y / (x - z), [x - z]), (gl.tan(x), [gl.cos(x)]), (1 / (x**2 + 1), []),
+        (1 / p, []), (x * y + gl.sin(x), []), (1 / (gl.time - p), [gl.time - p]), (gl.sqrt(x), []),
+        (1 / gl.sqrt(x), [x / gl.sqrt(abs(x))]),
+        (x**p, [gl.Piecewise((x * abs(x) ** (-1 - p), p < 0), (0, True))]), (gl.exp(1 / x) + 1 / (x * y), [x, y]),
+    ],
+)  # fmt: skip
+def test_divisors_change_sign_where_the_kernel_has_a_pole(expression: Any, divisors: list[Any]) -> None:
+    found = residual_kernel(template_of(gl.Eq(expression, 0), "test", lambda name: name in {"p", "q"})).divisors
+    assert len(found) == len(divisors)
+    for px, py, pz, time in ((0.7, 1.3, -0.4, 2.0), (-0.6, 0.2, 0.9, -3.0), (1.1, -2.0, 0.3, 3.5)):
+        values = {"x": px, "y": py, "z": pz, "p": 2.5, "q": 0.8}
+        table = {sympy.Symbol(n, real=True): v for n, v in values.items()} | {gl.time: time}
+        got = []
+        for kernel in found:
+            names = [kernel.template.columns[i][0] for i in kernel.columns] + [
+                kernel.template.parameters[i] for i in kernel.parameters
+            ]
+            got.append(abs(complex(kernel.function(time, *(values[n] for n in names)))))
+        assert sorted(got) == pytest.approx(sorted(abs(float(d.subs(table))) for d in divisors))
+
+
+def test_a_divisor_of_a_branch_counts_while_the_branch_is_taken() -> None:
+    both = gl.Piecewise((1 / x, y > 0), (2 / x, True))
+    one = gl.Piecewise((1 / x, y > 0), (z, True))
+    other = gl.Piecewise((z, y > 0), (1 / x, True))
+    for expression, over, under in ((both, 0.7, 0.7), (one, 0.7, 0.0), (other, 0.0, 0.7)):
+        (divisor,) = residual_kernel(make(expression)).divisors
+        values = [0.7 for _ in divisor.columns]
+        assert [abs(float(divisor.function(0.0, *values, *([flag] * len(divisor.relations))))) for flag in (1, 0)] == [
+            over,
+            under,
+        ]
+
+
+def test_what_a_kernel_is() -> None:
+    template = make(p * x - y + 3 * z)
+    place = {name: c for c, (name, _) in enumerate(template.columns)}
+    slope = {name: partial_kernel(template, c) for name, c in place.items()}
+    assert [slope[n].number for n in "xyz"] == [None, -1.0, 3.0]
+    assert [slope[n].constant for n in "xyz"] == [True] * 3
+    assert not residual_kernel(template).constant
+    assert not residual_kernel(make(p + gl.time)).constant
+    assert not residual_kernel(make(gl.Piecewise((1, gl.time > 1), (2, True)))).constant
+    only = {n: residual_kernel(make(e)) for n, e in {"x": x, "2x": 2 * x, "xy": x + y, "p": p, "0": sympy.Integer(0)}.items()}
+    assert [name for name, kernel in only.items() if kernel.is_copy] == ["x"]
+    assert [name for name, kernel in only.items() if kernel.is_zero] == ["0"]
+    apart = difference_kernel("two")
+    assert apart.function(0.0, 5.0, 3.0) == 2.0
+
+
+def test_columns_set_to_zero() -> None:
+    kernel = residual_kernel(make(p * x + q * y + gl.cos(z) + gl.time))
+    assert without_columns(kernel, frozenset()).columns == kernel.columns
+    assert len(without_columns(kernel, frozenset({0})).columns) == 2
+    rest = rest_of(kernel)
+    assert (rest.columns, rest.parameters) == ((), ())
+    assert scalar(rest) == 1.0 + T
+
+
+@pytest.mark.parametrize(
+    ("residual", "column", "value"),
+    [(2 * x - y, "x", 0.65), (y - 2 * x, "x", 0.65), (2 * x - y, "y", 1.4), (x + y - 3, "y", 2.3), (3 - x - y, "y", 2.3),
+     (p * x - 5 * q, "x", 1.6)],
+)  # fmt: skip
+def test_solutions_whatever_the_sign_and_size_of_the_coefficient(residual: Any, column: str, value: float) -> None:
+    template = make(residual)
+    kernel = solve_kernel(template, [name for name, _ in template.columns].index(column))
+    assert kernel is not None
+    assert scalar(kernel) == pytest.approx(value, rel=1e-14)
+
+
+def test_a_coefficient_that_switches_is_not_divided_by() -> None:
+    template = make(gl.Piecewise((x, gl.time > 1), (2 * x, True)) - y)
+    assert solve_kernel(template, [name for name, _ in template.columns].index("x")) is None

@@ -139,6 +139,97 @@ def test_the_sign_of_zero_is_zero() -> None:
     assert [written.subs(x, value) for value in (-0.3, 0, 0.3)] == [-1, 0, 1]
 
 
+def test_parameters_that_multiply_a_variable_are_factors() -> None:
+    """At zero the equation loses that variable."""
+    assert make(p * x + q * y**2 + z + 3).factors == {"p", "q"}
+    assert make(x + p + q * gl.time).factors == set()
+    assert make((1 - p) * x + y / q).factors == set()
+    assert make(p * q * x + (p + q) * y).factors == {"p", "q"}
+
+
+def test_coefficients_that_may_cancel_are_sums_of_parameters() -> None:
+    t = make((1 - p) * x + p * y + 2 * z + (p + q) * gl.time)
+    assert [t.columns[c][0] for c in t.cancelling] == ["x"]
+    assert make((x + 1) * y + p * z).cancelling == (), "coefficients that change during a run are not known beforehand"
+    assert make(2 * x + 3 * y).cancelling == ()
+
+
+def test_what_remains_at_rest() -> None:
+    assert make(p * x + gl.cos(y) + q * time).rest == 1 + q * time
+    assert make(x, p).rest == -p
+
+
+def test_what_belongs_to_no_relation_and_what_to_no_equation() -> None:
+    t = make(y, gl.Piecewise((1, gl.der(x) > p), (gl.Piecewise((2, z * x < time), (3, True)), True)))
+    assert t.relation_columns == (("x", 1), ("x", 0), ("z", 0)) or set(t.relation_columns) == {("x", 1), ("x", 0), ("z", 0)}
+    assert set(t.locals) == {"x", "y", "z"}
+    assert t.columns == (("y", 0),)
+    assert t.parameters == ("p",)
+    assert t.on_time is False, "time decides, but does not stand in a value"
+
+
+@pytest.mark.parametrize(
+    ("condition", "strict", "at"),
+    [(x > 1, True, False), (x >= 1, False, True), (x < 1, True, False), (x <= 1, False, True)],
+)
+def test_relations_know_what_holds_at_the_limit(condition: Any, strict: bool, at: bool) -> None:
+    (relation,) = make(y, gl.Piecewise((1, condition), (0, True))).relations
+    g = relation.g.subs(x, 1)
+    assert (g, relation.strict, not relation.strict) == (0, strict, at)
+    above = bool(relation.g.subs(x, 2) < 0) if relation.negated else bool(relation.g.subs(x, 2) > 0)
+    assert above == bool(condition.subs(x, 2))
+
+
+def test_a_parameter_has_no_derivative() -> None:
+    """Neither is one by another name an unknown."""
+    t = make(x + der(p) + der(q, 2), 3 * der(y))
+    assert set(t.columns) == {("x", 0), ("y", 1)}
+    assert t.parameters == ()
+
+
+@pytest.mark.parametrize(("larger", "extreme"), [(True, gl.Max), (False, gl.Min)])
+def test_extrema_written_as_branches(larger: bool, extreme: Any) -> None:
+    written = piecewise(extreme(x, y, z))
+    assert not written.has(sympy.Max, sympy.Min)
+    for point in ((1, 2, 3), (3, 1, 2), (2, 3, 1), (1, 1, 0), (0, 1, 1), (-2, -2, -2)):
+        assert written.subs(dict(zip((x, y, z), point, strict=True))) == (max(point) if larger else min(point))
+    assert [piecewise(abs(x)).subs(x, v) for v in (-2, 0, 2)] == [2, 0, 2]
+    plain = x * y
+    assert piecewise(plain) is plain
+
+
+def test_no_event_means_no_event_at_any_depth() -> None:
+    t = make(z, gl.no_event(abs(x) + gl.no_event(gl.Max(y, 1))) + gl.Piecewise((1, x > 0), (0, True)))
+    assert len(t.relations) == 1
+    free = {s: v for s, v in ((x, -2.0), (y, 3.0), (z, 0.0))}
+    flag = next(s for s in t.residual.free_symbols if s.name.startswith("relation"))
+    assert float(t.residual.subs(free).subs(flag, 0)) == -5.0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (sympy.oo * x, "expected a real expression"), (x / sympy.S.Zero, "expected a real expression"),
+        (sympy.I * x, "expected a real expression"),
+        (sympy.Float("1e400") * x, "which is too large for a computer"), (sympy.Function("g")(x), "which is not a function of gearlib$"),
+        (sympy.Derivative(x, time), r"not a function of gearlib; the time derivative is gl\.der\(x\)$"),
+        (sympy.gamma(x), "not a function of gearlib"),
+        (sympy.Sum(x, (y, 1, 3)), "not a function"),
+        (gl.Piecewise((1, gl.sample(0.1)), (2, True)), r"holds gl\.sample\(.*at single instants"),
+        (sympy.Piecewise((1, x > 1)), r"end it with \(value, True\)"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_computed_is_refused(wrong: Any, message: str) -> None:
+    with pytest.raises(DeclarationError, match=f"^test: the residual .*{message}"):
+        make(y + wrong)
+
+
+def test_a_symbol_of_another_kind_is_the_real_one_of_its_name() -> None:
+    t = make(sympy.Symbol("x") + sympy.Symbol("x", positive=True) - y)
+    assert t.residual == 2 * x - y
+    assert t.residual.free_symbols == {x, y}
+
+
 class Growth(gl.Component):
     """x' = 2 x + 3 until 0.5 s, then back."""
 

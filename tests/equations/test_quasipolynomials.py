@@ -1,0 +1,139 @@
+"""Sums of polynomials times exponentials, against the functions that they stand for."""
+
+from __future__ import annotations
+
+import cmath
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy
+from sympy import And, Eq, Ge, Gt, Le, Lt, Ne, Not, Or, Xor
+
+from gearlib.equations.quasipolynomials import (
+    MAX_DEGREE,
+    MAX_RATES,
+    TIME,
+    OutsideClassError,
+    Signal,
+    add,
+    holds,
+    known_rate,
+    multiply,
+    parse,
+    value,
+)
+
+t = TIME
+
+
+def direct(signal: Signal, s: float) -> complex:
+    return sum((c * s**k * cmath.exp(rate * s) for rate, cs in signal.items() for k, c in enumerate(cs)), 0j)
+
+
+def random_signal(rng: np.random.Generator) -> Signal:
+    rates = rng.choice([0j, 1j, -1j, -0.5 + 0j, 2.0 + 1j], int(rng.integers(1, 4)), replace=False)
+    return {complex(rate): rng.normal(size=int(rng.integers(1, 4))).tolist() for rate in rates}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_sums_products_and_values(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    one, other, s = random_signal(rng), random_signal(rng), float(rng.uniform(-2, 2))
+    assert value(one, s) == pytest.approx(direct(one, s).real, rel=1e-12)
+    assert direct(add(one, other), s) == pytest.approx(direct(one, s) + direct(other, s), rel=1e-12)
+    assert direct(multiply(one, other), s) == pytest.approx(direct(one, s) * direct(other, s), rel=1e-12)
+    difference = add(one, multiply({0j: [-1.0]}, one))
+    assert difference == {}, "what cancels leaves no term"
+
+
+def test_rates_that_differ_by_rounding_are_one() -> None:
+    rates: Signal = {3.0 + 1j: [1.0], 0j: [1.0]}
+    assert known_rate(3.0 * (1 + 4e-16) + 1j, rates) == 3.0 + 1j
+    assert known_rate(3.0 * (1 + 4e-15) + 1j, rates) != 3.0 + 1j
+    assert known_rate(1e-30 + 0j, rates) == 1e-30, "a slow rate is not zero"
+
+
+@pytest.mark.parametrize("origin", [0.0, -1.5, 7.0])
+@pytest.mark.parametrize(
+    "expression",
+    [
+        t, sympy.Integer(3), 2 - 3 * t + t**3, sympy.sin(2 * t + 1), sympy.cos(0.5 - 3 * t), sympy.exp(1 - t / 2),
+        sympy.sinh(t) - 2 * sympy.cosh(t / 3),
+        3 ** (1 + t / 4), sympy.pi * t * sympy.sin(t) ** 2 * sympy.exp(-t / 5), (1 + sympy.cos(t)) ** 3, t**4 * sympy.Float(0.25),
+    ],
+)  # fmt: skip
+def test_local_time_begins_at_the_origin(expression: Any, origin: float) -> None:
+    signal = parse(expression, origin)
+    for s in (0.0, 0.7, -1.1):
+        assert value(signal, s) == pytest.approx(float(expression.subs(t, origin + s)), rel=1e-11, abs=1e-11)
+    assert all(rate.conjugate() in signal for rate in signal), "a real signal"
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        sympy.Abs(t - 1), sympy.sign(t - 1), sympy.Heaviside(t - 1), sympy.Max(t, 2 - t, sympy.Rational(1, 2) * t + 1),
+        sympy.Min(t, 2 - t, 3),
+        sympy.Piecewise((t, t < 0.5), (2, t < 1.5), (3 - t, True)), sympy.Piecewise((5, (t > 0.5) & (t < 1.5)), (t, True)),
+        sympy.Piecewise((1, t <= 0.25), (2, t <= 1.75), (3, True)), sympy.Piecewise((1, t > 1), (sympy.sin(t), True)),
+        sympy.Piecewise((1, t < 1.5), (2, t < 0.5), (t, True)),  # the second branch is never taken
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("origin", [0.0, -2.0])
+def test_branches_are_those_at_the_probe(expression: Any, origin: float) -> None:
+    for at in (0.2, 0.8, 1.2, 1.8, 4.0):
+        signal = parse(expression, origin, at - origin)
+        for near in (at - 1e-3, at + 1e-3):  # a smooth function, not a value
+            assert value(signal, near - origin) == pytest.approx(float(expression.subs(t, near)), rel=1e-12)
+    with pytest.raises(OutsideClassError, match="has branches of its own"):
+        parse(expression, origin)
+
+
+@pytest.mark.parametrize(
+    ("condition", "below", "at", "above"),
+    [
+        (Lt(t, 1), True, False, False), (Le(t, 1), True, True, False), (Gt(t, 1), False, False, True), (Ge(t, 1), False, True, True),
+        (Eq(t, 1), False, False, False), (Ne(t, 1), True, True, True), (sympy.true, True, True, True), (sympy.false, False, False, False),
+        (And(t > 0.5, t < 1), True, False, False), (Or(t < 0.5, t > 1), False, False, True),
+        (Not(And(t < 1, t > 0.5)), False, True, True),
+        (Xor(t > 0.5, t > 1), True, True, False), (Xor(t > 0.5, t < 5, t > 1, evaluate=False), False, False, True),
+    ],
+)  # fmt: skip
+def test_conditions_on_either_side_of_a_limit_and_at_it(condition: Any, below: bool, at: bool, above: bool) -> None:
+    for origin in (0.0, 3.0):
+        assert [holds(condition, origin, time - origin) for time in (0.75, 1.0, 1.25)] == [below, at, above]
+
+
+def test_equal_for_ever_is_equal() -> None:
+    same = Eq(sympy.sin(t), sympy.sin(t) + 0 * t, evaluate=False)
+    assert holds(same, 0.0, 0.3)
+    assert not holds(Ne(sympy.sin(t), sympy.sin(t), evaluate=False), 0.0, 0.3)
+
+
+def test_limits_of_powers_and_of_the_number_of_rates() -> None:
+    assert len(parse(t**MAX_DEGREE, 0.0)[0j]) == MAX_DEGREE + 1
+    assert len(multiply(parse(t**20, 0.0), parse(t ** (MAX_DEGREE - 20), 0.0))[0j]) == MAX_DEGREE + 1
+    for wrong in (lambda: parse(t ** (MAX_DEGREE + 1), 0.0), lambda: multiply(parse(t**20, 0.0), parse(t**21, 0.0))):
+        with pytest.raises(OutsideClassError, match=f"above {MAX_DEGREE}"):
+            wrong()
+    full: Signal = {complex(k): [1.0] for k in range(MAX_RATES)}
+    assert len(add(full, {0j: [1.0]})) == MAX_RATES
+    with pytest.raises(OutsideClassError, match=f"more than {MAX_RATES} different"):
+        add(full, {complex(MAX_RATES): [1.0]})
+
+
+@pytest.mark.parametrize(
+    ("expression", "reason"),
+    [
+        (t ** sympy.Rational(1, 2), "is not a whole, positive power"), (t**-1, "divides by a function of time"),
+        ((-2) ** t, "is not a whole, positive power"), (sympy.sin(t + t**2), r"the argument of sin\(.*\) is not linear in time"),
+        (sympy.exp(sympy.sin(t)), "is not linear in time"), (sympy.exp(1000 + t), "leaves the range"),
+        (sympy.I * t, "I is not a real number"),
+        (t * sympy.Symbol("b") + sympy.Symbol("a"), "it depends on a, b, not on time alone"), (sympy.atan(t), "is not a sum of products"),
+        (sympy.oo * t, "leaves the range of floating-point numbers"),
+    ],
+)  # fmt: skip
+def test_reasons(expression: Any, reason: str) -> None:
+    with pytest.raises(OutsideClassError, match=reason):
+        parse(expression, 0.0)

@@ -1,0 +1,109 @@
+"""Switching times on both sides of every limit."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy
+
+from gearlib.equations import switch_times as module
+from gearlib.equations.quasipolynomials import TIME, OutsideClassError
+from gearlib.equations.switch_times import distinct, instants, rounding, times_of_breakpoints
+from gearlib.errors import ArgumentError
+from gearlib.language.expressions import SquareWave
+
+t = TIME
+
+
+@pytest.mark.parametrize(
+    ("period", "offset", "t0", "t_end"),
+    [(0.5, 1.0, 0.0, 2.0), (0.1, 0.0, 0.3, 0.7), (0.1, -5.03, 0.0, 0.5), (2.0, 3.0, 0.0, 2.9), (1.0, 0.0, 4.0, 4.0),
+     (0.3, 0.2, 100.0, 103.0)],
+)  # fmt: skip
+def test_instants_are_all_multiples_of_the_period_in_a_closed_interval(
+    period: float, offset: float, t0: float, t_end: float
+) -> None:
+    every = [offset + k * period for k in range(5000)]
+    assert instants(period, offset, t0, t_end).tolist() == [s for s in every if t0 <= s <= t_end]
+
+
+def test_instants_that_are_too_many_or_have_no_period_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MOST_INSTANTS", 10)
+    assert len(instants(1.0, 0.0, 0.0, 10.0)) == 11
+    with pytest.raises(OutsideClassError, match=r"there are 10\.5 instants, more than 10"):
+        instants(1.0, 0.0, 0.0, 10.5)
+    for period in (0.0, -1.0, math.nan):
+        with pytest.raises(OutsideClassError, match=rf"a period is {period:g} s, which is not positive"):
+            instants(period, 0.0, 0.0, 1.0)
+
+
+def test_a_square_wave_switches_at_its_instants_inside_the_interval() -> None:
+    wave = SquareWave(t, sympy.Float(0.25), sympy.Float(0.5)) > 0
+    assert times_of_breakpoints(wave, 0.5, 1.25).tolist() == [0.75, 1.0]
+    assert times_of_breakpoints(wave, 0.0, 1.0).tolist() == [0.5, 0.75]
+
+
+def test_times_that_differ_by_rounding_are_one_and_those_at_the_ends_none() -> None:
+    same = rounding(1.0, -4.0)
+    assert same == rounding(4.0) == 4 * rounding(1.0)
+    assert 0 < same < 1e-14
+    times = np.array([3.0, 1.0, 2.0 + same / 2, 2.0, 1.0 + 3 * same, same / 2, 4.0 - same / 2])
+    assert distinct(times, 0.0, 4.0).tolist() == [1.0, 1.0 + 3 * same, 2.0, 3.0]
+
+
+@pytest.mark.parametrize(
+    ("expression", "root"),
+    [
+        (sympy.sin(3 * t + 1) > 0.4, lambda s: math.sin(3 * s + 1) - 0.4),
+        (2 - 3 * sympy.cos(5 * t) < 1, lambda s: 1 - 3 * math.cos(5 * s)),
+        (sympy.sin(2 * t) + sympy.cos(2 * t) > 1.2, lambda s: math.sin(2 * s) + math.cos(2 * s) - 1.2),
+        (3 * sympy.exp(-t / 4) < 2, lambda s: 3 * math.exp(-s / 4) - 2),
+        ((t - 1) * (t - 2) * (t + 3) * (2 * t - 5) > 0.1, lambda s: (s - 1) * (s - 2) * (s + 3) * (2 * s - 5) - 0.1),
+        (t**2 > 2 * t + 1, lambda s: s * s - 2 * s - 1), (3.1 - 2 * t > 0, lambda s: 3.1 - 2 * s),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize(("t0", "t_end"), [(0.0, 4.0), (-7.0, 2.0), (2.5, 60.0)])
+def test_every_change_of_sign_is_found(expression: Any, root: Any, t0: float, t_end: float) -> None:
+    """Counted on a fine grid, and zero to rounding at each."""
+    found = times_of_breakpoints(expression, t0, t_end)
+    grid = np.linspace(t0, t_end, 20003)
+    signs = np.sign([root(s) for s in grid])
+    assert len(found) == np.count_nonzero(np.diff(signs))
+    assert np.abs([root(s) for s in found]).max(initial=0.0) < 1e-11
+
+
+@pytest.mark.parametrize("expression", [sympy.sin(t) > 1.5, sympy.exp(t) < -1, t**2 < -1, sympy.cos(t) + 3 > 1])
+def test_what_never_switches(expression: Any) -> None:
+    assert times_of_breakpoints(expression, -10.0, 10.0).tolist() == []
+
+
+def test_a_wave_that_switches_too_often_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MAX_SWITCHES", 20)
+    assert len(times_of_breakpoints(sympy.sin(math.pi * t + 0.5) > 0, 0.0, 20.0)) == 20
+    with pytest.raises(ArgumentError, match="it switches more than 20 times"):
+        times_of_breakpoints(sympy.sin(math.pi * t + 0.5) > 0, 0.0, 20.5)
+
+
+@pytest.mark.parametrize(
+    ("expression", "switches"),
+    [
+        (sympy.Abs(t - 1), [1.0]), (sympy.sign(t - 2), [2.0]), (sympy.Heaviside(t - 3), [3.0]), (sympy.Max(t, 2 - t, 3.5), [1.0, 3.5]),
+        (sympy.Min(t, 2 - t), [1.0]), (sympy.Piecewise((sympy.Abs(t - 1), t < 2), (0, True)), [1.0, 2.0]), (sympy.Symbol("x") > t, []),
+    ],
+)  # fmt: skip
+def test_what_has_branches_switches_where_they_meet(expression: Any, switches: list[float]) -> None:
+    assert times_of_breakpoints(expression, 0.0, 4.0).tolist() == switches
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [t + sympy.sin(t) > 1, sympy.sin(t) > sympy.sin(3 * t), t * sympy.exp(t) > 1, sympy.exp(t) + sympy.exp(2 * t) > 3],
+)
+def test_what_has_no_closed_form_is_refused(expression: Any) -> None:
+    with pytest.raises(
+        ArgumentError, match=r"cannot tell when .* switches between t = 0 and 4 s: the zeros of .* are not known"
+    ):
+        times_of_breakpoints(expression, 0.0, 4.0)
