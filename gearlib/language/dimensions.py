@@ -184,9 +184,8 @@ def _lookup(component: Component) -> UnitOf:
     return dimension_of
 
 
-def _times(a: Dimension, b: Dimension, power: Any = 1) -> Dimension:
-    p = Fraction(power)
-    return tuple(x + p * y for x, y in zip(a, b, strict=True))
+def _times(a: Dimension, b: Dimension, power: Fraction | int = 1) -> Dimension:
+    return tuple(x + power * y for x, y in zip(a, b, strict=True))
 
 
 def _one(terms: Iterable[Any], unit_of: UnitOf, loose: bool, whole: Any) -> Dimension | None:
@@ -211,9 +210,8 @@ def _measure(e: Any, unit_of: UnitOf, loose: bool) -> Dimension | None:
         return None
     if isinstance(e, sympy.Mul):
         return _product(_factor(f, unit_of, loose) for f in e.args)
-    if isinstance(e, sympy.Pow) and e.exp.is_Rational:
-        base = _factor(e.base, unit_of, loose)
-        return None if base is None else _times(NONE, base, Fraction(int(e.exp.p), int(e.exp.q)))
+    if isinstance(e, sympy.Pow) and e.exp.is_Number:
+        return _power(e, unit_of, loose)
     if isinstance(e, (sympy.Pow, *_OF_NUMBERS)):
         for argument in e.args:
             if (found := _measure(argument, unit_of, loose)) not in (None, NONE):
@@ -242,10 +240,15 @@ def _factor(e: Any, unit_of: UnitOf, loose: bool) -> Dimension | None:
         return _measure(e, unit_of, loose)
     if e.is_number:
         return None if e.has(sympy.Float) or (loose and e not in (1, -1)) else NONE
-    if isinstance(e, sympy.Pow) and e.exp.is_Rational:
-        base = _factor(e.base, unit_of, loose)
-        return None if base is None else _times(NONE, base, Fraction(int(e.exp.p), int(e.exp.q)))
+    if isinstance(e, sympy.Pow) and e.exp.is_Number:
+        return _power(e, unit_of, loose)
     return NONE if isinstance(e, _OF_NUMBERS) else None
+
+
+def _power(e: Any, unit_of: UnitOf, loose: bool) -> Dimension | None:
+    """Dimension of a power with a number as its exponent."""
+    base = _factor(e.base, unit_of, loose)
+    return None if base is None else _times(NONE, base, Fraction(float(e.exp)).limit_denominator(1000))
 
 
 def _product(factors: Iterable[Dimension | None]) -> Dimension | None:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+import sympy
+
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import ModelError
 from gearlib.language.dimensions import values_given
 from gearlib.language.units import dimension
 
@@ -29,3 +33,131 @@ def test_expressions_are_compared_and_plain_numbers_are_in_the_declared_unit() -
         ("angle", dimension("rad"), "the start value of body.phi"),
         ("inertia", dimension("kg.m2"), "body.J"),
     ]
+
+
+class Leaf(gl.Component):
+    """Names of several units, for one equation."""
+
+    flange = gp.Flange("shaft")
+    m, L, n = gl.Parameter("kg", "mass"), gl.Parameter("m", "length"), gl.Parameter("1", "number")
+    x, v, phi = gl.Variable("m", "place"), gl.Variable("m/s", "speed"), gl.Variable("rad", "angle")
+    y, mode = gl.Variable("any", "signal"), gl.Discrete("mode")
+
+
+class Symbols:
+    """The symbols of a leaf, as messages print them."""
+
+    def __getattr__(self, name: str) -> Any:
+        return Symbols() if name == "flange" else sympy.Symbol("flange.tau" if name == "tau" else name, real=True)
+
+
+def errors(left: Any, right: Any) -> list[str]:
+    return gl.check_units(type("Leaf", (Leaf,), {"equations": lambda s: [gl.Eq(left(s), right(s))]})())
+
+
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [
+        (lambda s: s.v, lambda s: gl.der(s.x)), (lambda s: s.x, lambda s: 0), (lambda s: s.x, lambda s: 2.5),
+        (lambda s: s.x, lambda s: gl.sin(3 * gl.time)),
+        (lambda s: s.m * s.v**2 / 2, lambda s: s.flange.tau * s.phi), (lambda s: s.x, lambda s: s.L * gl.sin(s.phi)),
+        (lambda s: s.v, lambda s: 9.81 * gl.time),
+        (lambda s: s.x, lambda s: gl.sqrt(s.L * s.x)), (lambda s: s.phi, lambda s: gl.atan2(s.x, s.L)),
+        (lambda s: s.n, lambda s: gl.sign(s.v)),
+        (lambda s: s.x, lambda s: gl.Piecewise((s.L, s.v > 0), (0, True))), (lambda s: s.x, lambda s: gl.Max(s.L, 3.0)),
+        (lambda s: s.y, lambda s: s.x),
+        (lambda s: s.x + s.y, lambda s: s.v), (lambda s: gl.der(s.y), lambda s: s.m), (lambda s: s.x, lambda s: s.mode * s.L),
+        (lambda s: s.x, lambda s: 2.5 * s.v),
+        (lambda s: s.n, lambda s: gl.exp(s.x / s.L)), (lambda s: s.x, lambda s: abs(s.L)), (lambda s: s.x, lambda s: s.v * gl.time),
+        (lambda s: s.x, lambda s: (s.L * s.x) ** 0.5),
+        (lambda s: gl.der(s.n) * s.L, lambda s: s.v), (lambda s: s.x / s.L**3, lambda s: (s.L * s.x) ** -1),
+        (lambda s: s.x, lambda s: s.L * s.n**s.n),
+        (lambda s: s.flange.phi, lambda s: s.phi * gl.cos(2 * gl.time)), (lambda s: s.x, lambda s: s.v * gl.time**2 / gl.time),
+        (lambda s: s.x, lambda s: gl.no_event(s.L)),
+    ],
+)  # fmt: skip
+def test_sides_that_fit(left: Any, right: Any) -> None:
+    assert errors(left, right) == []
+    assert errors(right, left) == []
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "message"),
+    [
+        (lambda s: s.v, lambda s: s.x, "Leaf: v is in m.s-1, x is in m"),
+        (lambda s: s.x, lambda s: 2 * s.v, "Leaf: x is in m, 2*v is in m.s-1"),
+        (lambda s: s.x, lambda s: s.L + s.v, "Leaf: L is in m, v is in m.s-1, together in L + v (in x = L + v)"),
+        (lambda s: s.x, lambda s: s.L**2, "Leaf: x is in m, L**2 is in m2"),
+        (lambda s: s.n, lambda s: gl.sin(s.x), "Leaf: x is in m, and has to be a pure number in sin(x) (in n = sin(x))"),
+        (lambda s: s.n, lambda s: 2 * s.x / s.v, "Leaf: n is in 1, 2*x/v is in s"),
+        (lambda s: s.n, lambda s: s.n**s.L, "Leaf: L is in m, and has to be a pure number in n**L (in n = n**L)"),
+        (lambda s: s.x, lambda s: gl.sqrt(s.L), "Leaf: x is in m, sqrt(L) is in m1/2"),
+        (lambda s: s.n, lambda s: gl.atan2(s.x, s.v), "Leaf: x is in m, v is in m.s-1, together in atan2(x, v) (in n = atan2(x, v))"),
+        (lambda s: s.x, lambda s: s.L * gl.time, "Leaf: x is in m, L*time is in m.s"),
+        (lambda s: s.x, lambda s: gl.Max(s.L, s.v), "Leaf: L is in m, v is in m.s-1, together in Max(L, v) (in x = Max(L, v))"),
+        (lambda s: s.x, lambda s: s.n * s.phi, "Leaf: x is in m, n*phi is in 1"),
+        (lambda s: s.x, lambda s: gl.Piecewise((s.L, s.v > s.x), (0, True)),
+         "Leaf: v is in m.s-1, x is in m, together in v > x (in x = {})"),
+        (lambda s: s.x, lambda s: gl.Piecewise((s.L, s.v > 0), (s.v, True)),
+         "Leaf: L is in m, v is in m.s-1, together in {0} (in x = {0})"),
+        (lambda s: s.v, lambda s: gl.der(gl.der(s.x)), "Leaf: v is in m.s-1, der(der(x)) is in m.s-2"),
+        (lambda s: s.m, lambda s: s.flange.tau, "Leaf: m is in kg, flange.tau is in kg.m2.s-2"),
+        (lambda s: s.x, lambda s: s.L * gl.time**2, "Leaf: x is in m, L*time**2 is in m.s2"),
+    ],
+)  # fmt: skip
+def test_sides_that_do_not_fit(left: Any, right: Any, message: str) -> None:
+    assert errors(left, right) == [message.format(right(Symbols()))]
+
+
+class Holder(gl.Component):
+    """Gives an expression to a part."""
+
+    J, k, w_0 = gl.Parameter("kg.m2", default=1.0), gl.Parameter("N.m.s/rad", default=1.0), gl.Parameter("rad/s", default=1.0)
+    ratio = gl.Parameter("1", default=2.0)
+    given: Any = None
+
+    def assemble(self) -> list[Any]:
+        self.load = gp.Inertia(J=self.J)
+        self.torque = gp.Torque(**type(self).given(self))
+        return [gl.connect(self.torque.flange, self.load.flange_a)]
+
+
+@pytest.mark.parametrize(
+    ("given", "found"),
+    [
+        (lambda s: {"tau": -s.k * s.load.w}, []), (lambda s: {"tau": -4 * s.load.w}, []), (lambda s: {"tau": 4}, []),
+        (lambda s: {"tau": 5 * s.ratio}, []),
+        (lambda s: {"tau": -s.load.w}, ["Holder: torque.tau is in kg.m2.s-2, its value -load.w in s-1"]),
+        (lambda s: {"tau": s.ratio}, []),
+        (lambda s: {"tau": s.k * s.J}, ["Holder: torque.tau is in kg.m2.s-2, its value J*k in kg2.m4.s-1"]),
+        (lambda s: {"tau": gl.sin(3 * gl.time)}, []),
+        (lambda s: {"tau": s.k + s.J}, ["Holder: J is in kg.m2, k is in kg.m2.s-1, together in J + k (in the value of torque.tau)"]),
+    ],
+)  # fmt: skip
+def test_values_given_to_parts(given: Any, found: list[str]) -> None:
+    """A number in front may carry a unit there, but nothing else may; a pure number is in the declared unit."""
+    assert gl.check_units(type("Holder", (Holder,), {"given": staticmethod(given)})()) == found
+
+
+def test_defaults_and_derivatives_and_actions_are_compared() -> None:
+    class Wrong(gl.Component):
+        L, area = gl.Parameter("m", default=1.0), gl.Parameter("m2", "area", default=lambda s: s.L**3)
+        x, a = gl.Variable("m", "place"), gl.Derivative("x", "m/s2", "rate")
+        n = gl.Discrete("count")
+
+        def equations(self) -> list[Any]:
+            jump = gl.When(self.x > self.area, gl.reinit(self.x, self.area), gl.Eq(self.n, gl.pre(self.n) + 1))
+            return [gl.Eq(gl.der(self.x), -self.x * gl.time), jump]
+
+    assert sorted(gl.check_units(Wrong())) == [
+        "Wrong: a is in m.s-2, its value der(x) in m.s-1",
+        "Wrong: area is in m2, x is in m, together in area < x (in x > area = 0)",
+        "Wrong: der(x) is in m.s-1, -time*x is in m.s",
+        "Wrong: the default of area is in m2, its value L**3 in m3",
+        "Wrong: x is in m, area is in m2",
+    ]
+
+
+def test_only_components_have_units_to_check() -> None:
+    with pytest.raises(ModelError, match=r"expected a component, got <class .*Leaf'>; make an instance: Leaf\(\)"):
+        gl.check_units(Leaf)  # type: ignore[arg-type]
