@@ -10,6 +10,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
+from gearlib.flatten.attributes import PREFERENCE, nominals, of_any_alias, preferences
 from gearlib.flatten.flatten import flatten
 
 
@@ -76,3 +77,29 @@ def test_a_wish_of_the_instance_changes_the_states() -> None:
 def test_wrong_ones_are_named(options: dict[str, Any], message: str) -> None:
     with pytest.raises(BindingError, match=message):
         gl.compile(pair(**options))
+
+
+def test_attributes_of_aliases_are_those_of_their_representative() -> None:
+    """Variables 0 to 2 are one, 3 and 4 another; the first wins: given to an instance, else the strongest wish and the smallest size."""
+    rep = np.array([0, 0, 0, 3, 3])
+    assert of_any_alias(np.array([False, False, True, False, False]), rep).tolist() == [True, False, False, False, False]
+    names = list(PREFERENCE)
+
+    def preferred(own: list[str], potential: list[int], *choices: tuple[int, str, Any]) -> list[str]:
+        levels = np.array([PREFERENCE[level] for level in own])
+        found = preferences(levels, np.isin(np.arange(5), potential), rep, choices)
+        return [names[level] for level in found[[0, 3]].tolist()]
+
+    default = ["default"] * 5
+    assert preferred(default, []) == ["default", "default"]
+    assert preferred(default, [0]) == ["avoid", "default"]
+    assert preferred(["default", "prefer", "default", "default", "avoid"], [0]) == ["prefer", "avoid"]
+    assert preferred(["never", "prefer", "avoid", "never", "avoid"], []) == ["prefer", "never"]
+    assert preferred(["prefer"] * 5, [], (1, "state", "never"), (3, "nominal", 2.0)) == ["never", "prefer"]
+
+    def sizes(own: list[float], *choices: tuple[int, str, Any]) -> list[float]:
+        return nominals(np.array(own), rep, choices)[[0, 3]].tolist()
+
+    assert sizes([1.0] * 5) == [1.0, 1.0]
+    assert sizes([1.0, 1e-3, 1e-2, 50.0, 1.0]) == [1e-3, 50.0]
+    assert sizes([1.0, 1e-3, 1e-2, 1.0, 1.0], (2, "nominal", 7.0), (0, "nominal", 5.0), (4, "state", "never")) == [5.0, 1.0]

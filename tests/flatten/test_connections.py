@@ -4,11 +4,131 @@ from __future__ import annotations
 
 from typing import Any
 
+import networkx as nx
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.flatten.aliases import Aliases, unite
+from gearlib.flatten.connections import (
+    MOST_ADDENDS,
+    connection_sets,
+    series_of_parallels,
+    split_sum,
+    sum_template,
+    without_opposites,
+)
+from gearlib.flatten.model import EquationGroup
+
+
+@given(st.lists(st.lists(st.integers(0, 12), min_size=1, max_size=4), max_size=8))
+def test_connection_sets_are_the_components_of_a_graph(links: list[list[int]]) -> None:
+    graph = nx.Graph()
+    for link in links:
+        nx.add_path(graph, link)
+        graph.add_node(link[0])
+    assert connection_sets(links) == sorted(sorted(s) for s in nx.connected_components(graph))
+
+
+@pytest.mark.parametrize("n", [1, MOST_ADDENDS, MOST_ADDENDS + 1, 2 * MOST_ADDENDS - 2, 2 * MOST_ADDENDS - 1, 50])
+def test_a_sum_is_split_into_the_fewest_that_are_short_enough(n: int) -> None:
+    """Each but the last holds one new variable that the next one takes up: n + 2 k addends in k + 1 sums."""
+    members = tuple((v, (-1) ** v) for v in range(n))
+    sums, following = split_sum(members, 100)
+    new = following - 100
+    assert new == max(0, -(-(n - MOST_ADDENDS) // (MOST_ADDENDS - 2)))
+    assert len(sums) == new + 1
+    assert all(len(s) == MOST_ADDENDS for s in sums[:-1])
+    assert 1 <= len(sums[-1]) <= MOST_ADDENDS
+    total: dict[int, int] = {}
+    for v, sign in (member for s in sums for member in s):
+        total[v] = total.get(v, 0) + sign
+    assert {v: sign for v, sign in total.items() if sign} == dict(members)
+
+
+def aliases_of(n: int, *equal: tuple[int, int, int]) -> Aliases:
+    left, right, sign = np.array(equal, np.int64).reshape(-1, 3).T
+    return unite(n, left, right, sign, np.zeros(n, np.int64))
+
+
+def test_flows_that_are_zero_or_equal_and_opposite_leave_a_sum() -> None:
+    aliases = aliases_of(6, (1, 0, -1), (2, -1, 0), (4, 3, 1))
+    assert without_opposites(((0, 1), (1, 1), (5, 1)), aliases) == ((5, 1),)
+    assert without_opposites(((0, 1), (1, -1), (5, -1)), aliases) == ((0, 1), (1, -1), (5, -1)), "these add up"
+    assert without_opposites(((2, 1), (3, 1), (4, -1)), aliases) == ()
+    assert without_opposites(((3, 1), (3, -1), (3, 1), (5, 1)), aliases) == ((3, 1), (3, -1), (3, 1), (5, 1))
+
+
+def sums_of(rows: list[list[int]], signs: list[list[int]]) -> EquationGroup:
+    """A group of sums."""
+    n = len(rows)
+    none = np.empty((n, 0), np.int64)
+    return EquationGroup(sum_template(len(rows[0])), np.array(rows), np.array(signs), none, np.full(n, -1), none)
+
+
+@given(st.integers(0, 10_000))
+def test_sums_that_share_all_but_one_flow_say_the_same_as_before(seed: int) -> None:
+    """What is left and the equalities have the solutions of the sums, and fewer long sums."""
+    rng = np.random.default_rng(seed)
+    n, length = 7, int(rng.integers(2, 5))
+    base = rng.permutation(n)[:length]
+    rows, signs = [], []
+    for _ in range(int(rng.integers(1, 5))):
+        row = base.copy()
+        if rng.random() < 0.7:
+            row[rng.integers(length)] = rng.integers(n)
+        rows.append(rng.permutation(row).tolist())
+        signs.append(rng.choice([-1, 1], length).tolist())
+    aliases = aliases_of(n, (6, 5, -1)) if rng.random() < 0.5 else aliases_of(n)
+
+    def matrix(groups: list[EquationGroup], equal: list[tuple[int, int, int]]) -> Any:
+        lines = []
+        for group in groups:
+            for row, sign in zip(group.variables, group.signs, strict=True):
+                line = np.zeros(n)
+                np.add.at(line, aliases.representative[row], sign * aliases.sign[row])
+                lines.append(line)
+        for a, b, s in equal:
+            line = np.zeros(n)
+            line[a] += 1
+            line[b] -= s
+            lines.append(line)
+        return np.array(lines).reshape(-1, n)
+
+    before = sums_of(rows, signs)
+    equal, rest = series_of_parallels([before], aliases)
+    one, other = matrix([before], []), matrix(rest, equal)
+    rank = np.linalg.matrix_rank(one)
+    assert np.linalg.matrix_rank(other) == rank == np.linalg.matrix_rank(np.vstack([one, other]))
+    assert len(other) == len(one)
+    kept = matrix(rest, [])
+    terms = [{int(v): int(c) for v, c in enumerate(line) if c} for line in kept]
+    if length > 2:
+        for i, a in enumerate(terms):
+            for b in terms[:i]:
+                common = set(a) & set(b)
+                related = (
+                    len(common) >= 2
+                    and (len({a[v] * b[v] for v in common}) == 1)
+                    and len(set(a) - common) == len(set(b) - common) == 1
+                )
+                assert not (related and len(a) == len(b) == length), "such a pair is simplified"
+
+
+def test_parallel_parts_in_series_carry_the_same() -> None:
+    aliases = aliases_of(5)
+    group = sums_of([[0, 2, 3], [1, 2, 3]], [[1, 1, 1], [1, -1, -1]])
+    equal, (rest,) = series_of_parallels([group], aliases)
+    assert rest.variables.tolist() == [[0, 2, 3]]
+    ((a, b, sign),) = equal
+    assert ({a, b}, sign) == ({0, 1}, -1), "x + a + b = 0 and y - a - b = 0 say x = -y"
+    two = sums_of([[0, 2], [1, 2]], [[1, 1], [1, -1]])
+    assert series_of_parallels([two], aliases) == ([], [two]), "sums of two are equalities anyway"
+    apart = sums_of([[0, 2, 3], [1, 2, 3]], [[1, 1, 1], [1, -1, 1]])
+    assert series_of_parallels([apart], aliases) == ([], [apart])
 
 
 class SideBySide(gl.Component):

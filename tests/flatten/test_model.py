@@ -1,0 +1,209 @@
+"""Flat models: parameters that follow from others, variables by name, and the variables in each derivative of an equation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.equations.kernel import differentiated
+from gearlib.errors import NameLookupError
+from gearlib.flatten.flatten import check_bounds, flatten, out_of_bounds
+from gearlib.flatten.model import FlatModel, ParameterTable, alphabetical
+
+
+class Part(gl.Component):
+    """Some equations of every kind, and values that follow from others."""
+
+    a = gl.Parameter("1", "free", default=2.0, min=-10, max=10)
+    b = gl.Parameter("1", "of a", default=lambda s: s.a**2 + 1)
+    c = gl.Parameter("1", "of both", default=lambda s: s.a * s.b, max=1e6)
+    d = gl.Parameter("1", "free, too", default=0.5)
+    x = gl.Variable("1", "state", start=1.0)
+    y = gl.Variable("1", "its square", guess=4.0, min=-1.0)
+    z = gl.Variable("1", "minus x", guess=9.0)
+    rate = gl.Derivative("x", "1/s", "of x")
+    n = gl.Discrete("count", start=3.0)
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), -self.c * self.x + self.d),
+            gl.Eq(self.y, self.x**2),
+            gl.Eq(self.z, -self.x),
+            gl.Eq(self.n, gl.Piecewise((gl.pre(self.n) + 1, self.x > 0.5), (0, True))),
+        ]
+
+
+class Whole(gl.Component):
+    k = gl.Parameter("1", "of the whole", default=1.5)
+
+    def assemble(self) -> list[Any]:
+        self.part = [Part(a=self.k * 2), Part(d=self.k)]
+        return []
+
+
+@pytest.fixture(scope="module")
+def model() -> FlatModel:
+    return flatten(Whole())
+
+
+def by_hand(k: float = 1.5, a: float | None = None, b: float | None = None) -> dict[str, float]:
+    """Of the first part; ``a`` and ``b`` may be given themselves."""
+    a = 2 * k if a is None else a
+    b = a**2 + 1 if b is None else b
+    other = {"part[1].a": 2.0, "part[1].b": 5.0, "part[1].c": 10.0, "part[1].d": k}
+    return {"k": k, "part[0].a": a, "part[0].b": b, "part[0].c": a * b, "part[0].d": 0.5, **other}
+
+
+def named(table: ParameterTable, values: Any) -> dict[str, float]:
+    return {name: float(v) for name, v in zip(table.names, values, strict=True) if not name.startswith("start(")}
+
+
+@pytest.mark.parametrize("given", [{}, {"k": 2.0}, {"a": -1.0}, {"k": 3.0, "b": 7.0}, {"a": 0.5, "b": 1.0}])
+def test_what_follows_from_what_is_given_is_computed_again(model: FlatModel, given: dict[str, float]) -> None:
+    table = model.parameters
+    numbers = {table.number(n if n == "k" else f"part[0].{n}"): value for n, value in given.items()}
+    assert named(table, table.evaluate(numbers)) == pytest.approx(by_hand(**given), rel=1e-15)
+    assert named(table, table.evaluate(numbers)) == pytest.approx(by_hand(**given), rel=1e-15), "also for the second time"
+    assert named(table, table.defaults) == pytest.approx(by_hand(), rel=1e-15), "the defaults are left as they were"
+    many = table.evaluate_many({p: np.array([v, v + 1]) for p, v in numbers.items()}, 2)
+    for run in range(2):
+        assert named(table, many[:, run]) == pytest.approx(by_hand(**{n: v + run for n, v in given.items()}), rel=1e-15)
+
+
+def test_rates_of_what_follows_from_parameters(model: FlatModel) -> None:
+    table = model.parameters
+    seeds, held = [table.number("k"), table.number("part[1].a")], [table.number("part[0].b")]
+    for given in ([], held):
+        values = table.evaluate({p: 7.0 for p in given})
+        found = np.zeros((len(table.names), 2))
+        for p, seed, rate in table.derivatives(values, seeds, given):
+            found[p, seed] += rate
+        for column, p in enumerate(seeds):
+            h = 1e-6
+            up, down = (table.evaluate({**{q: 7.0 for q in given}, p: values[p] + s * h}) for s in (1, -1))
+            assert found[:, column] == pytest.approx((up - down) / (2 * h), rel=1e-8, abs=1e-8)
+
+
+def test_bounds_are_inclusive_and_named(model: FlatModel) -> None:
+    table = model.parameters
+    a = table.number("part[1].a")
+    for value, right in ((-10.0, True), (10.0, True), (-10.0001, False), (10.0001, False), (np.nan, False)):
+        values = table.evaluate({a: value})
+        assert (
+            table.within_bounds(values)
+            == table.within_bounds(values, {a: value})
+            == right
+            == (not out_of_bounds(table, values).any())
+        )
+    both = np.column_stack([table.defaults, table.evaluate({a: 11.0})])
+    assert out_of_bounds(table, both).sum(axis=0).tolist() == [0, 1]
+    wrong = {
+        -10.5: r"part\[1\]\.a is -10\.5; expected at least -10",
+        11.0: "is 11; expected at most 10",
+        np.inf: "is inf; expected a finite",
+    }
+    for value, message in wrong.items():
+        with pytest.raises(gl.GearlibError, match=message):
+            check_bounds(table, table.evaluate({a: value}))
+
+
+def test_names_of_parameters(model: FlatModel) -> None:
+    table = model.parameters
+    assert set(table.own_names) == set(by_hand())
+    assert [table.names[table.number(name)] for name in table.own_names] == table.own_names
+    with pytest.raises(NameLookupError, match=r"the model has no parameter 'part\[0\]\.e' to be fitted; did you mean"):
+        table.number("part[0].e", " to be fitted")
+
+
+def test_variables_by_name(model: FlatModel) -> None:
+    for name in model.names():
+        assert model.name(model.variable(name)) == name
+        assert model.find(name) == model.variable(name)
+    assert model.find("part[0]") is model.find("part[2].x") is model.find("x") is None
+    assert model.column("part[0].rate") == ("part[0].x", 1)
+    assert model.column("der(der(part[0].rate))") == ("part[0].x", 3)
+    assert model.column("der(part[1].x)") == ("part[1].x", 1)
+    with pytest.raises(
+        NameLookupError, match=r"'part\[0\]' is a component, no output; name one of its variables: part\[0\]\.x, "
+    ):
+        model.variable("part[0]", "output")
+    least = [(i, v.min) for i in range(model.auxiliary) if (v := model.declaration(i)) is not None and v.min > -1e300]
+    assert list(model.bounded) == least == [(model.variable(f"part[{i}].y"), -1.0) for i in range(2)]
+
+
+def test_start_values_and_guesses(model: FlatModel) -> None:
+    """A fixed one comes last, so that it counts where both are of one variable; signs are those of the aliases."""
+    defaults = model.parameters.defaults
+    for found, names in ((model.guessed, "yzx"), (model.fixed, "x")):
+        representatives, signs, slots = found
+        assert len(slots) == 2 * len(names)
+        start = {}
+        for r, sign, slot in zip(representatives.tolist(), signs.tolist(), slots.tolist(), strict=True):
+            start[r] = sign * defaults[slot]
+        x, y = (int(model.representative[model.variable(f"part[0].{n}")]) for n in "xy")
+        assert start[x] * model.sign[model.variable("part[0].x")] == 1.0
+        assert start.get(y) == (4.0 if "y" in names else None)
+    assert model.fixed_once
+
+    class Twice(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.other = gp.Inertia(J=1.0, start={"phi": 1.0}), gp.Inertia(J=1.0, start={"phi": 1.0})
+            return [gl.connect(self.one.flange_b, self.other.flange_a)]
+
+    assert not flatten(Twice()).fixed_once
+
+
+def test_the_discrete_state_before_anything_is_evaluated(model: FlatModel) -> None:
+    """Relations are false, a discrete variable and its value before are where they start, and the run is being started."""
+    assert model.discretes == ("part[0].n", "part[1].n")
+    assert (model.n_relations, model.n_discrete) == (2, 7)
+    assert model.initial_discrete().tolist() == [0, 0, 3, 3, 3, 3, 1]
+    assert model.initial_discrete(np.array([5.0, 6.0])).tolist() == [0, 0, 5, 6, 5, 6, 1]
+    assert model.same_names(model)
+    assert not model.same_names(flatten(Part()))
+    assert flatten(gp.Inertia(J=1.0)).n_discrete == 0
+
+
+def test_variables_in_the_derivatives_of_an_equation(model: FlatModel) -> None:
+    for e, (g, i) in enumerate(model.places):
+        group = model.groups[g]
+        assert model.first_equations[g] + i == e
+        assert model.owner(g, i) == f"part[{i}]"
+        for k in range(3):
+            expected = set()
+            for name, order in differentiated(group.template, k).columns:
+                j = group.template.locals.index(name)
+                expected |= {(int(group.variables[i, j]), order)} if group.signs[i, j] else set()
+            assert set(model.nodes(e, k)) == expected
+            assert len(model.nodes(e, k)) == len(expected)
+
+
+def test_ranks_do_not_depend_on_the_order_of_declaration() -> None:
+    """The deepest first, then by name with numbers as numbers."""
+
+    class Several(gl.Component):
+        backwards = gl.Structural(False)
+
+        def assemble(self) -> list[Any]:
+            names = ["b", "a", "row"]
+            for name in reversed(names) if self.backwards else names:
+                setattr(self, name, [gp.Inertia(J=1.0) for _ in range(11)] if name == "row" else gp.Inertia(J=1.0))
+            return [gl.connect(self.a.flange_b, self.b.flange_a)]
+
+    orders = []
+    for backwards in (False, True):
+        model = flatten(Several(backwards=backwards))
+        names: dict[int, list[str]] = {}
+        for name in sorted(model.names()):
+            variable = model.variable(name)
+            if model.sign[variable]:
+                names.setdefault(int(model.representative[variable]), []).append(name)
+        orders.append([names[v] for v in sorted(names, key=model.ranks.__getitem__)])
+    assert orders[0] == orders[1]
+    rows = [names[0].split(".")[0] for names in orders[0] if names[0].endswith("].w")]
+    assert rows == [f"row[{i}]" for i in range(11)]
+    assert sorted(["b[10]", "b[9].x", "b", "a2", "a10", "a"], key=alphabetical) == ["a", "a2", "a10", "b", "b[9].x", "b[10]"]
