@@ -151,7 +151,7 @@ def test_the_first_unit_of_the_xx_train_is_that_of_the_xp_train_and_the_second_o
         assert xx[name].default == xp[name].default
     for name in ("R_s", "R_p", "I_s", "I_p", "I_r", "I_h"):
         assert xx[f"{name}1"].default == xp[name].default
-    given = {f"{n}1": 1.0 + 0.1 * k for k, n in enumerate(("R_s", "R_p", "I_s", "I_p", "I_r", "I_h"))}
+    given: dict[str, Any] = {f"{n}1": 1.0 + 0.1 * k for k, n in enumerate(("R_s", "R_p", "I_s", "I_p", "I_r", "I_h"))}
     values = parameters(gp.XXTrain(**given))
     for name, value in given.items():
         assert values[name.replace("1", "2")] == value, name
@@ -166,7 +166,16 @@ def parameters(component: gl.Component) -> dict[str, float]:
 
 def test_masses_of_a_planar_unit_are_those_of_discs_a_rim_and_points() -> None:
     """Sun and carrier are discs, I = m R**2 / 2; the ring is a rim, I = m R**2; the planets' orbit is that of points."""
-    given = {"R_s": 0.3, "R_p": 0.5, "I_s": 0.7, "I_r": 1.1, "I_h": 1.3, "I_spin": 1.7, "I_orbit": 1.9, "alpha": 0.35}
+    given: dict[str, Any] = {
+        "R_s": 0.3,
+        "R_p": 0.5,
+        "I_s": 0.7,
+        "I_r": 1.1,
+        "I_h": 1.3,
+        "I_spin": 1.7,
+        "I_orbit": 1.9,
+        "alpha": 0.35,
+    }
     values = parameters(gp.PlanetaryUnit(level="planar", **given))
     r_h = 0.8 / math.cos(0.35)  # the radii are those of the base circles, so the centres lie farther out
     expected = {"R_r": 1.3, "R_h": 0.8, "m_s": 1.4 / 0.09, "m_r": 1.1 / 1.69, "m_h": 2.6 / 0.64,
