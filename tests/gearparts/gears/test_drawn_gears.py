@@ -23,7 +23,8 @@ def test_every_planet_stands_in_mesh_with_sun_and_ring():
         z_s, z_p, more, planets = (int(n) for n in rng.integers([9, 9, -1, 2], [50, 40, 2, 6]))
         z_r = z_s + 2 * z_p + more
         try:
-            angles = gp.planet_positions(z_s, z_r, planets, Z_p=z_p)
+            first = rng.uniform(-3, 3)
+            angles = [first + psi for psi in gp.planet_positions(z_s, z_r, planets, Z_p=z_p)]
             gears = planetary_set((z_s, z_p, z_r), 0.1, angles, ["f"], ["g"])
         except gl.GearlibError:
             continue
@@ -89,6 +90,88 @@ def test_tips_stay_a_quarter_module_off_the_roots(internal, z_1, z_2, x_1):
     else:
         off = b.orbit - r_a.max() - r_b.min(), b.orbit - r_a.min() - r_b.max()
     assert off == pytest.approx((0.25 * m, 0.25 * m), rel=1e-6)
+
+
+def half_width(wheel, radius, z):
+    """Half the width of a tooth (of a ring: of a space) at a radius, from the outline."""
+    one = wheel.outline[: len(wheel.outline) // z // 2]
+    radii, angles = np.hypot(*one.T), -np.arctan2(one[:, 1], one[:, 0])
+    return radius * np.interp(radius, radii, angles)
+
+
+@pytest.mark.parametrize("z_r", [69, 70, 71])
+def test_teeth_of_a_planetary_set_fill_the_spaces_with_a_quarter_module_at_the_tips(z_r):
+    """On the working pitch circles a tooth is as wide as the space that it enters."""
+    gears = planetary_set((20, 25, z_r), 0.09, [0.0], ["f"], ["g"])
+    sun, planet, ring = gears.wheels
+    m = 2 * 0.09 / 45
+    assert half_width(sun, sun.pitch_radius, 20) + half_width(planet, planet.pitch_radius, 25) == pytest.approx(
+        math.pi * m / 2, rel=4e-3
+    )
+    working = ring.pitch_radius * 25 / z_r
+    assert ring.pitch_radius - working == pytest.approx(0.09)
+    assert half_width(ring, ring.pitch_radius, z_r) == pytest.approx(
+        half_width(planet, working, 25), rel=4e-3
+    )  # chords for arcs
+    at_sun, at_ring = gears.contacts
+    assert at_sun.alpha == math.pi / 9
+    assert math.cos(at_ring.alpha) == pytest.approx((z_r - 25) / 45 * math.cos(math.pi / 9), rel=1e-13)
+    r_planet, r_ring = (np.hypot(*wheel.outline.T) for wheel in (planet, ring))
+    assert r_ring.min() == pytest.approx(0.09 + r_planet.min() + 0.25 * m, rel=1e-12)
+
+
+@pytest.mark.parametrize(("names", "share"), [(["f"], 1 / 3), (["f0", "f1", "f2"], 1.0)])
+def test_a_force_of_all_planets_is_shared_by_their_meshes(names, share):
+    gears = planetary_set((30, 20, 70), 0.1, [0.0, 2.0, 4.0], names, [f"r{n}" for n in names])
+    told = [(c.a, c.b, c.force, c.share) for c in gears.contacts]
+    by_planet = names * 3 if len(names) == 1 else names
+    assert told == [(0, n + 1, by_planet[n], share) for n in range(3)] + [
+        (4, n + 1, f"r{by_planet[n]}", share) for n in range(3)
+    ]
+    assert planetary_set((30, 20, 70), 0.1, [0.0], [], []).contacts == ()
+
+
+def test_a_ring_that_no_profile_shift_brings_into_mesh_is_refused_at_both_ends():
+    """The cosine of the working pressure angle lies between a half and one."""
+    fitting = []
+    for z_r in range(60, 90):
+        try:
+            planetary_set((20, 25, z_r), 0.09, [0.0], [], [])
+            fitting.append(z_r)
+        except ModelError:
+            pass
+    cosines = {z_r: (z_r - 25) / 45 * math.cos(math.pi / 9) for z_r in range(50, 90)}
+    assert fitting == [z_r for z_r in range(60, 90) if 0.5 < cosines[z_r] <= 1]
+    with pytest.raises(ModelError, match="expected a ring of about 70 teeth"):
+        planetary_set((20, 25, 48), 0.09, [0.0], [], [])
+
+
+def test_a_unit_on_fixed_axes_is_drawn_from_its_pitch_radii():
+    unit = {"I_1": 1.0, "I_2": 1.0, "K_g": 1e8, "C_g": 0.0}
+    gears = gp.FixedAxisUnit(Z_1=20, R_1=0.03, R_2=0.06, **unit).drawn_gears()
+    assert [w.name for w in gears.wheels] == ["gear 1: 20", "gear 2: 40"]
+    assert [w.pitch_radius for w in gears.wheels] == pytest.approx([0.03, 0.06])
+    assert gears.wheels[1].orbit == pytest.approx(0.09)
+    assert np.hypot(*gears.wheels[0].outline.T).max() == pytest.approx(0.033)  # a module of 3 mm beyond the pitch circle
+    assert (gears.contacts[0].alpha, gears.contacts[0].force) == (math.pi / 9, "mesh.f")
+    assert gp.FixedAxisUnit(R_1=0.03, R_2=0.06, **unit).drawn_gears() is None
+    for radii in ({"R_1": 0.0, "R_2": 0.06}, {"R_1": 0.03, "R_2": 0.0}):
+        assert gp.FixedAxisUnit(Z_1=20, **radii, **unit).drawn_gears() is None
+
+
+def test_a_mesh_is_drawn_from_three_teeth_on_where_its_radii_and_angle_are_known():
+    values = {"r_a": 0.1, "r_b": 0.2, "c": 1e8, "d": 0.0, "z_a": 20.0}
+    assert gp.DetailedExternalMesh(**values).drawn_gears() is not None
+    for wrong in ({"z_a": 2.0}, {"r_a": 0.0}, {"r_b": 0.0}):
+        assert gp.DetailedExternalMesh(**{**values, **wrong}).drawn_gears() is None
+    for alpha in (0.0, 1.2):
+        assert gp.DetailedExternalMesh(friction=True, alpha=alpha, **values).drawn_gears() is None
+    assert [w.name for w in gp.DetailedExternalMesh(**{**values, "z_a": 3.0}).drawn_gears().wheels] == [
+        "gear a: 3",
+        "gear b: 6",
+    ]
+    with pytest.raises(ModelError, match="give the other one 2 teeth"):
+        gp.DetailedExternalMesh(**{**values, "z_a": 4.0, "r_b": 0.05}).drawn_gears()
 
 
 def test_what_is_not_known_is_not_drawn():

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 import pytest
@@ -66,6 +69,93 @@ def test_iso_6336_stiffness_of_helical_and_internal_and_lightly_loaded_pairs() -
     assert light.single_stiffness == pytest.approx(0.4e9 * 0.78 / 0.06145325, rel=1e-12)
 
 
+def test_iso_6336_stiffness_with_all_factors_term_by_term() -> None:
+    beta, alpha = 0.2, math.radians(25)
+    pair = gp.GearPair(
+        23, 41, m_n=2e-3, width=0.02, x_1=0.3, x_2=0.1, beta=-beta, alpha_n=alpha, h_fP=1.4, blank=0.85, line_load=7e4
+    )  # fmt: skip
+    beta_b = math.asin(math.sin(beta) * math.cos(alpha))
+    z_1, z_2 = (z / (math.cos(beta_b) ** 2 * math.cos(beta)) for z in (23, 41))
+    q = (
+        0.04723 + 0.15551 / z_1 + 0.25791 / z_2 - 0.00635 * 0.3 - 0.11654 * 0.3 / z_1 - 0.00193 * 0.1 - 0.24188 * 0.1 / z_2
+        + 0.00529 * 0.3**2 + 0.00182 * 0.1**2
+    )  # fmt: skip
+    rack = (1 + 0.5 * (1.2 - 1.4)) * (1 + 0.02 * 5)  # C_B: a deeper dedendum softens, a larger pressure angle stiffens
+    assert pair.single_stiffness == pytest.approx(0.7 * 1e9 * 0.8 * 0.85 * rack * math.cos(beta) / q, rel=1e-12)
+    full, at_limit, below = (
+        gp.GearPair(20, 40, 3e-3, 0.02, line_load=load).single_stiffness for load in (math.inf, 1e5, 9.9e4)
+    )
+    assert full == at_limit
+    assert below == pytest.approx(0.99 * full, rel=1e-12)
+
+
+def some_pairs() -> list[gp.GearPair]:
+    """External and internal, spur and helical of either hand; short and long teeth."""
+    rng = np.random.default_rng(8)
+    pairs = []
+    for k in range(24):
+        internal = k % 2 == 1
+        z_1 = int(rng.integers(25, 50))
+        z_2 = z_1 + int(rng.integers(25, 60))
+        x_1, x_2 = rng.uniform(0.0, 0.3, 2)
+        h_aP, beta = float(rng.choice([0.4, 1.0, 1.4])), float(rng.choice([0.0, 0.25, -0.25]))
+        alpha_n = float(rng.uniform(0.3, 0.4))
+        with suppress(BoundError):
+            pairs.append(gp.GearPair(z_1, z_2, 2e-3, 0.03, x_1, x_2, alpha_n, beta, internal, h_aP))
+    assert len(pairs) > 18
+    assert {pair.internal for pair in pairs} == {True, False}
+    ratios = [pair.contact_ratio for pair in pairs]
+    assert min(ratios) < 1
+    assert max(ratios) > 2
+    return pairs
+
+
+def test_a_pair_in_its_transverse_section() -> None:
+    for pair in some_pairs():
+        sense = -1 if pair.internal else 1
+        assert pair.ratio == pair.z_2 / pair.z_1
+        assert math.tan(pair.alpha_t) * math.cos(pair.beta) == pytest.approx(math.tan(pair.alpha_n), rel=1e-13)
+        assert math.tan(pair.beta_b) == pytest.approx(math.tan(pair.beta) * math.cos(pair.alpha_t), rel=1e-13)
+        assert [2 * math.pi * r / z for r, z in zip(pair.base_radii, (pair.z_1, pair.z_2), strict=True)] == pytest.approx(
+            [pair.base_pitch] * 2, rel=1e-13
+        )
+        (a_1, a_2), (b_1, b_2) = pair.tip_radii, pair.base_radii
+        assert b_1 / math.cos(pair.alpha_t) == pytest.approx(pair.z_1 * 1e-3 / math.cos(pair.beta), rel=1e-13)
+        assert pair.centre_distance * math.cos(pair.alpha_wt) == pytest.approx(abs(b_2 + sense * b_1), rel=1e-13)
+        # along the line of action: the pinion's tip is as far from its tangent point as the path goes, likewise the wheel's
+        line = pair.centre_distance * math.sin(pair.alpha_wt)
+        path = math.sqrt(a_1**2 - b_1**2) + sense * (math.sqrt(a_2**2 - b_2**2) - line)
+        if pair.internal:
+            path = math.sqrt(a_1**2 - b_1**2) - math.sqrt(a_2**2 - b_2**2) + line
+        assert pair.contact_ratio * pair.base_pitch == pytest.approx(path, rel=1e-11)
+        after = math.sqrt(a_1**2 - b_1**2) - b_1 * math.tan(pair.alpha_wt)
+        assert pair.recess * pair.base_pitch == pytest.approx(after, rel=1e-11)
+        assert pair.overlap_ratio * 2e-3 * math.pi == pytest.approx(0.03 * abs(math.sin(pair.beta)), abs=1e-18)
+
+
+def test_loss_factor_is_the_mean_over_the_pairs_in_contact() -> None:
+    """Sliding over the path of contact, added up phase by phase; also with three pairs in contact, or less than one."""
+    for pair in some_pairs():
+        path = max(pair.contact_ratio, 1.0)
+        phases = (np.arange(20_000) + 0.5) / 20_000
+        places = phases + np.arange(4)[:, None]
+        touching = places < path
+        mean = ((np.abs(places - pair.approach) * touching).sum(0) / touching.sum(0)).mean()
+        sense = -1 if pair.internal else 1
+        expected = 2 * math.pi * (1 / pair.z_1 + sense / pair.z_2) / math.cos(pair.beta_b) * mean
+        assert pair.loss_factor == pytest.approx(expected, rel=2e-4)
+
+
+def test_efficiency_up_to_the_friction_that_takes_all_power() -> None:
+    factor = DIN.loss_factor
+    assert DIN.efficiency(0) == 1.0
+    assert DIN.efficiency(0.05) == pytest.approx(1 - 0.05 * factor, rel=1e-15)
+    assert 0 < DIN.efficiency(0.999999 / factor) < 1e-5
+    for mu in (1.000001 / factor, -1e-9):
+        with pytest.raises(BoundError, match=f"from 0 on, below {1 / factor:.3g}, at which all power is lost"):
+            DIN.efficiency(mu)
+
+
 def test_loss_factor_is_the_formula_of_the_textbook() -> None:
     for pair, sign in (
         (gp.GearPair(20, 40, m_n=3e-3, width=0.02), 1),
@@ -123,6 +213,53 @@ def test_cai_s_stiffness_of_helical_teeth_rises_and_falls_smoothly() -> None:
 def test_impossible_pairs_are_refused(given: dict[str, float], message: str) -> None:
     with pytest.raises(BoundError, match=message):
         gp.GearPair(**{"m_n": 3e-3, "width": 0.02, **given})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["z_1", "z_2", "m_n", "width", "alpha_n", "h_aP", "h_fP", "blank", "line_load"])
+def test_sizes_of_a_pair_are_positive_numbers(name: str) -> None:
+    for value in (0, -1.0, 1e301, math.nan):
+        given: dict[str, object] = {"z_1": 20, "z_2": 40, "m_n": 3e-3, "width": 0.02, name: value}
+        with pytest.raises(BoundError, match=rf"GearPair\.{name} is {re.escape(str(value))}; expected a positive number"):
+            gp.GearPair(**given)  # type: ignore[arg-type]
+
+
+def test_limits_of_a_pair_are_refused_and_what_is_beside_them_is_not() -> None:
+    given: dict[str, Any] = {"z_1": 20, "z_2": 40, "m_n": 3e-3, "width": 0.02}
+    for beta in (math.pi / 2, -math.pi / 2):
+        with pytest.raises(BoundError, match=r"beta is .* rad; expected an angle between -pi/2 and pi/2"):
+            gp.GearPair(**given, beta=beta)
+    with pytest.raises(BoundError, match="a ring of 20 teeth around a pinion of 20; expected z_2 > z_1"):
+        gp.GearPair(**{**given, "z_2": 20}, internal=True)
+    assert gp.GearPair(**{**given, "z_2": 21}, internal=True, h_aP=0.1).centre_distance == pytest.approx(1.5e-3)
+    for x in (1e150, -math.inf):
+        with pytest.raises(BoundError, match=r"GearPair\.x_1 is .*; expected a finite number"):
+            gp.GearPair(**given, x_1=x)
+    for internal in (1, "yes", None):
+        with pytest.raises(BoundError, match=r"GearPair\.internal is .*; expected True or False"):
+            gp.GearPair(**given, internal=internal)
+    assert gp.GearPair(**{**given, "z_2": 60}, internal=np.True_).sense == -1  # type: ignore[arg-type]
+    with pytest.raises(
+        BoundError, match=r"20 and 40 teeth with profile shifts -2 and 0 do not reach each other's base circles"
+    ):
+        gp.GearPair(**given, x_1=-2.0)
+    with pytest.raises(BoundError, match="no pressure angle fits the profile shifts 0 and -2"):
+        gp.GearPair(**given, x_2=-2.0)
+
+
+def test_a_drawn_pair_has_the_tips_and_roots_of_its_racks() -> None:
+    """Addendum and dedendum are normal modules beyond the reference circle, whose radius grows with the helix angle."""
+    for internal in (False, True):
+        pair = gp.GearPair(25, 70, 2e-3, 0.02, x_1=0.2, x_2=0.1, beta=0.3, internal=internal)
+        gears = pair.drawn_gears()
+        wheels = gears.wheels[::-1] if internal else gears.wheels
+        assert [w.name for w in wheels] == ["pinion: 25", "ring: 70" if internal else "wheel: 70"]
+        assert [w.ring for w in wheels] == [False, internal]
+        for wheel, tip, z, x in zip(wheels, pair.tip_radii, (25, 70), (0.2, 0.1), strict=True):
+            ends = [float(f(np.hypot(*wheel.outline.T))) for f in (np.min, np.max)]
+            depth = 2e-3 * (1.25 - x) * (1 if wheel.ring else -1)
+            assert ends[:: -1 if wheel.ring else 1] == pytest.approx([z * 1e-3 / math.cos(0.3) + depth, tip], rel=1e-12)
+        assert gears.contacts[0].alpha == pair.alpha_wt
+        assert gears.wheels[1].orbit == pair.centre_distance
 
 
 def test_too_few_samples_are_refused() -> None:

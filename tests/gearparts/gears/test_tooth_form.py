@@ -9,6 +9,7 @@ from matplotlib.path import Path
 
 import gearparts as gp
 from gearlib.errors import BoundError
+from gearparts.gears.involute import involute_angle
 from gearparts.gears.tooth_form import ToothForm
 
 
@@ -136,6 +137,40 @@ def _distance(polygon, point):
     along = end - start
     share = np.clip(((point - start) * along).sum(1) / (along**2).sum(1), 0, 1)
     return np.hypot(*(start + share[:, None] * along - point).T).min()
+
+
+@pytest.mark.parametrize("alpha", [0.0, 1e-4, 0.05, 0.35, 0.8, 1.2, 1.5])
+def test_the_involute_function_has_an_inverse_for_all_pressure_angles(alpha):
+    assert involute_angle(math.tan(alpha) - alpha) == pytest.approx(alpha, rel=1e-9)
+
+
+def test_points_of_a_flank_are_at_equal_steps_of_its_roll_angle():
+    form = ToothForm(30, 2e-3, ring=True)
+    radii, _ = form.flank()
+    steps = np.diff(np.sqrt((radii / form.base_radius) ** 2 - 1))
+    assert steps == pytest.approx(np.full(len(radii) - 1, steps[0]), rel=1e-9)
+    assert (radii[0], radii[-1]) == pytest.approx((form.tip_radius, form.root_radius), rel=1e-14)
+
+
+def test_a_rounded_corner_that_is_too_wide_for_the_rack_meets_its_neighbour_in_the_middle_of_the_space():
+    """The foot of a tooth is at most as wide as the pitch."""
+    for rho in (0.2, 0.38, 0.7):
+        form = ToothForm(24, 1.0, rho=rho)
+        radii, half = form.flank()
+        assert radii[0] == pytest.approx(form.root_radius)
+        free = math.pi / 4 + (1.25 - rho) * math.tan(form.alpha) + rho / math.cos(form.alpha)  # of the corner's centre, m = 1
+        assert half[0] * form.pitch_radius == pytest.approx(min(free, math.pi / 2), rel=1e-12)
+    assert free > math.pi / 2
+
+
+def test_tips_are_where_they_are_asked_for_or_end_at_the_point_or_at_the_base_circle():
+    assert ToothForm(20, 2e-3, tip=0.0215).tip_radius == 0.0215
+    assert ToothForm(60, 2e-3, ring=True, tip=0.0585).tip_radius == 0.0585
+    ring = ToothForm(20, 2e-3, ring=True)  # the base circle is farther out than one module within the pitch circle
+    assert ring.tip_radius == ring.base_radius > ring.pitch_radius - ring.m
+    assert ToothForm(60, 2e-3, ring=True, x=0.3).tip_radius == pytest.approx(0.06 - 1.3 * 2e-3)
+    assert ToothForm(60, 2e-3, ring=True, x=0.3).root_radius == pytest.approx(0.06 + 0.95 * 2e-3)
+    assert ToothForm(60, 2e-3, x=0.3).root_radius == pytest.approx(0.06 - 0.95 * 2e-3)
 
 
 def test_an_outline_is_a_whole_gear():
