@@ -15,7 +15,7 @@ import pytest
 import sympy as sp
 from matplotlib.colors import to_hex
 
-from gearlib.bondgraph import GY, TF, C, I, RunTime, assign_causality, rate_of, state_equations
+from gearlib.bondgraph import GY, TF, C, I, R, RunTime, Se, Sf, assign_causality, rate_of, state_equations
 from gearlib.bondgraph.draw import BOND_COLOUR, STROKE_COLOUR
 from gearlib.bondgraph.elements import Junction, Zero
 from gearparts.trains import zhou_cui_2022 as zc
@@ -231,6 +231,60 @@ def test_figures_of_the_paper(figure: Figure) -> None:
     covered = [ax.texts[k].get_text() for k in np.flatnonzero(((points > low) & (points < high)).all(axis=2).any(axis=0))]
     assert covered == []
     plt.close(ax.figure)
+
+
+def test_the_figure_of_the_train_is_laid_out_like_the_train() -> None:
+    """The X unit is its own mirror image about the carrier, its planets are alike; shafts and the P unit lie on straight lines."""
+    figure = single_loop_train()
+    at = {e.name: np.array(p) for e, p in figure.positions.items() if isinstance(e, Junction)}
+    middle, sides = at["carrier"][0], [(f"slip {n}", f"support {n}") for n in (1, 2, 3)]
+    sides += [("ring", "sun"), ("ring mesh", "sun mesh"), ("planets, ring", "planets, sun"), ("deflection 6", "deflection 30")]
+    for left, right in sides:
+        assert at[left] - [middle, 0] == pytest.approx((at[right] - [middle, 0]) * [-1, 1], abs=1e-12), left
+    for n in (1, 3):
+        for part in ("slip {}", "support {}", "planet {} spin", "planet {} orbit"):
+            assert at[part.format(n)] - at[part.format(2)] == pytest.approx([0, 4.8 * (2 - n)], abs=1e-12)
+    assert at["planet 2 spin"] == pytest.approx(at["planet 2 orbit"] * [1, -1])
+    assert at["planet 2 spin"][0] == middle
+    for line, axis in (
+        (("ring", "ring mesh", "planets, ring", "slip 2", "support 2", "planets, sun", "sun mesh", "sun"), 1),
+        (("sun", "shaft", "shaft end", "rigid shaft", "gear 1"), 0), (("gear 1", "P mesh", "gear 2", "carrier"), 1),
+    ):  # fmt: skip
+        along = np.array([at[name] for name in line])
+        assert np.ptp(along[:, axis]) < 1e-12, line
+        steps = np.abs(np.diff(along[:, 1 - axis]))
+        assert steps.min() > 1.5, line  # room for a transformer or a number
+    assert at["P mesh"] == pytest.approx((at["gear 1"] + at["gear 2"]) / 2)
+    assert at["shaft"] == pytest.approx((at["sun"] + at["shaft end"]) / 2)
+    assert at["rigid shaft"] == pytest.approx((at["shaft end"] + at["gear 1"]) / 2, abs=0.2)
+    (one, other), (first, second) = (figure.routes[n] for n in (25, 65)), (at["planet 1 orbit"], at["planet 2 orbit"])
+    assert np.array(one[:2]) - [middle, 0] == pytest.approx((np.array(other[:2]) - [middle, 0]) * [-1, 1], abs=1e-12)
+    assert one[2][1] - first[1] == pytest.approx(other[2][1] - second[1])
+    assert middle < one[2][0] == one[1][0]  # straight up, past the other planets
+    assert middle > other[2][0] == other[1][0]
+
+
+def test_elements_of_one_bond_stand_beside_their_junction() -> None:
+    """Straight above, below or beside it, but where two springs and dampers or a planet's damper share the room."""
+    leaning = {6, 7, 11, 30, 31, 35, 74, 75, 83, 84, 85}
+    for figure in (fixed_axis_unit(), planetary_unit(), single_loop_train()):
+        graph = figure.graph
+        for number in (*graph.of_kind(I, C, R), *graph.of_kind(Se, Sf)):
+            ends = [np.array(figure.positions[end]) for end in (graph.bonds[number].tail, graph.bonds[number].head)]
+            along = np.abs(ends[1] - ends[0])
+            assert 0.9 < np.hypot(*along) < 1.9, number
+            assert (along.min() > 1e-9) == (number in leaning), number
+    places = {n: np.array(figure.positions[graph.element(n)]) for n in (*graph.of_kind(I, C, R), *graph.of_kind(Se, Sf))}
+    assert places[11] + places[35] == pytest.approx([20, 2 * places[35][1]])  # mirror images
+    for spring, damper in ((6, 7), (30, 31), (74, 75)):
+        (junction,) = (b for b in (graph.bonds[spring].tail, graph.bonds[spring].head) if isinstance(b, Junction))
+        beside = [np.array(places[n]) - figure.positions[junction] for n in (spring, damper)]
+        assert beside[0] == pytest.approx(beside[1] * [-1, 1])
+        assert np.abs(beside[0][0]) == pytest.approx(np.abs(beside[0][1]))
+    for element in graph.elements:
+        if isinstance(element, TF):
+            around = [figure.positions[bond.other(element)] for bond in graph.at(element)]
+            assert figure.positions[element] == pytest.approx(np.mean(around, axis=0))
 
 
 def test_figures_are_svg_in_notebooks_and_on_pages() -> None:

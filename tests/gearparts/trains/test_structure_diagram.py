@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from itertools import pairwise
+from typing import Any
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 
 from gearlib.errors import ArgumentError, ConnectionError, NameLookupError
@@ -57,3 +60,62 @@ def test_graphs_of_trains_do_not_import_matplotlib() -> None:
         "import sys, gearparts.trains.paper_graphs, gearparts.trains.structure_diagram; sys.exit('matplotlib' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False, env={"PYTHONPATH": ":".join(sys.path)}).returncode == 0
+
+
+@pytest.mark.parametrize("diagram", [*map(single_loop, ("XP", "PX", "XX")), *map(unit_diagram, "PX")], ids=lambda d: d.name)
+def test_labels_stand_beside_what_they_name(diagram: StructureDiagram) -> None:
+    """A unit's in it, a shaft's where the shaft leaves its unit, a node's above or below it; none on a line, and none on another."""
+    ax = diagram.draw()
+    lines = [np.transpose(line.get_data()) for line in ax.lines if len(line.get_xdata()) > 1]
+    dots = {tuple(map(float, np.ravel(line.get_data()))) for line in ax.lines if len(line.get_xdata()) == 1}
+    assert dots == set(diagram.nodes.values())
+    texts = [(text.get_text().strip("$").strip("\\"), np.array(text.get_position())) for text in ax.texts]
+    units = {unit.name: np.array(unit.position) for unit in diagram.units}
+    assert [(n, tuple(p)) for n, p in texts if n in units] == [(n, tuple(p)) for n, p in units.items()]
+    for node, place in diagram.nodes.items():
+        (dx, dy) = next(p for n, p in texts if n == node) - place
+        assert (dx, 0.2 < abs(dy) < 0.4) == (0, True), node
+    shafts = [(n, p) for n, p in texts if n not in units and n not in diagram.nodes]
+    assert sorted(n for n, _ in shafts) == sorted(shaft for _, shaft in diagram.shafts)
+    for name, place in shafts:
+        assert min(np.abs(place - p).max() for p in units.values()) == pytest.approx(0.6), name
+    for name, place in [(n, p) for n, p in texts if n not in units]:
+        assert min(distance(place, line) for line in lines) > 0.1, name
+        assert min(float(np.hypot(*(place - p))) for n, p in texts if p is not place) > 0.3, name
+        assert all(np.hypot(*(place - p)) > 0.43 for p in units.values()), name
+    ends = {tuple(map(float, line[-1])) for line in lines}
+    assert {diagram.nodes[node] for node in diagram.shafts.values()} <= ends
+    for line in lines:  # a shaft leaves its unit sideways and turns once, at a right angle
+        assert all(a[0] == b[0] or a[1] == b[1] for a, b in pairwise(line))
+    for patch, unit in zip(ax.patches, diagram.units, strict=True):
+        box = patch.get_extents().transformed(ax.transData.inverted())
+        assert ((box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2) == pytest.approx(unit.position, abs=1e-9)
+        assert box.width == pytest.approx(box.height) == pytest.approx(0.8, abs=0.07)
+    plt.close(ax.figure)
+
+
+def distance(point: Any, line: Any) -> float:
+    """Of a point from a line of several pieces."""
+    found = []
+    for a, b in pairwise(line):
+        share = np.clip(np.dot(point - a, b - a) / max(np.dot(b - a, b - a), 1e-12), 0, 1)
+        found.append(float(np.hypot(*(a + share * (b - a) - point))))
+    return min(found)
+
+
+def test_shafts_that_share_a_node_are_connected() -> None:
+    """Table 3 of the paper: XP joins the X unit's b and the P unit's alpha, and both units at the output; PX at the input."""
+    joined = {
+        kind: sorted(
+            sorted(f"{u}.{s}" for (u, s), at in single_loop(kind).shafts.items() if at == node) for node in single_loop(kind).nodes
+        )
+        for kind in ("XP", "PX", "XX")
+    }  # fmt: skip
+    assert joined["XP"] == [[], ["P.alpha", "X.b"], ["P.beta", "X.c"], ["X.a"]]
+    assert joined["PX"] == [[], ["P.alpha", "X.a"], ["P.beta", "X.b"], ["X.c"]]
+    assert joined["XX"] == [["X_1.a"], ["X_1.b", "X_2.a"], ["X_1.c", "X_2.c"], ["X_2.b"]]
+    assert (single_loop("XP").terminals, single_loop("PX").terminals) == ({"O": "J_1"}, {"I": "J_0"})
+    for kind in ("XP", "PX", "XX"):
+        nodes = single_loop(kind).nodes
+        assert nodes["I"][0] < min(x for n, (x, _) in nodes.items() if n != "I")
+        assert nodes["O"][0] > max(x for n, (x, _) in nodes.items() if n != "O")
