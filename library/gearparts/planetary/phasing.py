@@ -157,7 +157,7 @@ def planet_positions(Z_s: int, Z_r: int, planets: int, *, Z_p: int | None = None
     steps = [-((planets - 2 * n * (Z_s + Z_r)) // (2 * planets)) for n in range(planets)]  # halves are rounded down
     gaps = [after - before for before, after in pairwise([*steps, Z_s + Z_r])]
     room = min(gaps) * 2 * math.pi / (Z_s + Z_r)
-    narrow = Z_p is not None and planets > 1 and (Z_s + Z_p) * math.sin(min(room, math.pi) / 2) <= Z_p + 2
+    narrow = Z_p is not None and planets > 1 and (Z_s + Z_p) * math.sin(room / 2) <= Z_p + 2
     if min(gaps) == 0 or narrow:
         raise BindingError(
             f"planet_positions: {planets} planets do not fit around a sun of Z_s = {Z_s} teeth: neighbours {math.degrees(room):.4g} "

@@ -66,11 +66,11 @@ def palmgren_friction(
         speeds = [w_max * k / (rows - 1) for k in range(rows)]
     else:
         speeds = [0.0, *(corner + (w_max - corner) * k / (rows - 2) for k in range(rows - 1))]
-    loaded = f_1 * load * d_m
+    loaded, d = f_1 * load * d_m, 1e3 * d_m
 
     def free(w: float) -> float:
         flow = 1e6 * viscosity * w * 30 / math.pi
-        return 1e-3 * f_0 * (1e3 * d_m) ** 3 * (160e-7 if flow < 2000 else 1e-7 * flow ** (2 / 3))
+        return 1e-3 * f_0 * (d * d * d) * (160e-7 if flow < 2000 else 1e-7 * flow ** (2 / 3))
 
     table = tuple((w, loaded + free(w)) for w in speeds)
     if not all(map(is_real, (number for row in table for number in row))):

@@ -10,6 +10,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
+from gearlib.flatten.flatten import flatten
 from gearparts.planetary.lossy_planetary import combined_losses
 
 SHAFTS = ("sun", "carrier", "ring")
@@ -120,6 +121,23 @@ def test_losses_of_both_meshes_are_combined_over_all_speeds() -> None:
     assert table[3][1:] == table[2][1:]
 
 
+def test_combined_losses_are_products_at_every_speed_of_a_row() -> None:
+    """Rows of the three tables at different speeds; between the rows of the product nothing is lost, behind its end it is constant."""
+    sun, ring = ((5.0, 0.9, 0.85), (30.0, 0.99, 0.98)), ((-10.0, 0.95, 0.9), (20.0, 0.97, 0.93), (50.0, 0.98, 0.96))
+    bearing = ((10.0, 0.2), (60.0, 0.5))
+    table = np.array(combined_losses(sun, ring, bearing))
+    assert table[:, 0].tolist() == [-10.0, 0.0, 5.0, 10.0, 20.0, 30.0, 50.0, 60.0, 61.0]
+
+    def at(rows: Any, column: int) -> Any:
+        return np.interp(table[:, 0], *np.array(rows).T[[0, column]])
+
+    assert table[:, 1] == pytest.approx(at(sun, 1) * at(ring, 1), rel=1e-15)
+    assert table[:, 2] == pytest.approx(at(sun, 2) * at(ring, 2), rel=1e-15)
+    assert (table[:, 3] == at(bearing, 1)).all()
+    assert (table[:, 4] == table[:, 3]).all()
+    assert combined_losses(((0.0, 1.0, 1.0),), ((0.0, 1.0, 1.0),)) == ((0.0, 1.0, 1.0, 0.0, 0.0),)
+
+
 @pytest.mark.parametrize("speed", [5.0, 120.0])
 def test_losses_are_constant_beyond_the_tables(speed: float) -> None:
     """The carrier held: the sun gives its torque to the ring, by the efficiency of the first or the last rows."""
@@ -146,9 +164,13 @@ def test_without_losses_it_is_the_ideal_set() -> None:
     ("losses", "message"),
     [
         ({"sun_mesh": ((0.0, 1.1, 1.0),)}, r"LossyPlanetary\.sun_mesh has the row .* efficiencies above 0, up to 1"),
+        ({"sun_mesh": ((0.0, 1.0, 0.0),)}, r"LossyPlanetary\.sun_mesh has the row .* efficiencies above 0, up to 1"),
+        ({"ring_mesh": ((0.0, 0.0, 1.0),)}, r"LossyPlanetary\.ring_mesh has the row .* efficiencies above 0, up to 1"),
+        ({"ring_mesh": ((0.0, 1.0, 1.1),)}, r"LossyPlanetary\.ring_mesh has the row .* efficiencies above 0, up to 1"),
+        ({"bearing": ((0.0, 0.9, 1.0),)}, r"LossyPlanetary\.bearing .* rows of 2 numbers"),
         ({"ring_mesh": ((0.0, 0.9),)}, r"LossyPlanetary\.ring_mesh .* rows of 3 numbers"),
     ],
 )
 def test_wrong_efficiencies_are_named(losses: dict[str, Any], message: str) -> None:
     with pytest.raises(BindingError, match=message):
-        gl.compile(Bench(losses=tuple(losses.items())))
+        flatten(Bench(losses=tuple(losses.items())))

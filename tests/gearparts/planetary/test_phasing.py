@@ -71,6 +71,7 @@ def test_a_phase_that_is_no_number_is_named(ring_to_sun: object) -> None:
     ("given", "message"),
     [
         ((19, 31, 81, 3, None), r"unit: 3 equally spaced planets .* sum 100 must .* valid numbers: 1, 2, 4, 5, 10"),
+        ((40, 38, 116, 5, None), r"valid numbers: 1, 2, 3, 4, 6, 12\)"),
         ((19, 31, 81, 2, [0.0, 1.0]), r"planet 1 at 1 rad does not fit .* nearest position is 1\.00531 rad"),
         ((19, 31, 81, 3, [0.0]), r"1 positions for 3 planets"),
         ((19, 81, 31, 5, None), r"needs Z_r near Z_s \+ 2 Z_p"),
@@ -102,9 +103,36 @@ def test_positions_are_the_nearest_that_can_be_assembled(Z_s: int, Z_r: int, pla
 def test_neighbours_that_touch_are_refused() -> None:
     # tip circles of 33 teeth's diameter, 50 teeth's radius: sin(pi / N) > 33 / 50 up to N = 4
     assert len(gp.planet_positions(19, 81, 4, Z_p=31)) == 4
-    with pytest.raises(BindingError, match="5 planets do not fit around a sun of Z_s = 19 teeth"):
+    with pytest.raises(BindingError, match="5 planets do not fit around a sun of Z_s = 19 teeth: neighbours 72 degrees apart"):
         gp.planet_positions(19, 81, 5, Z_p=31)
     with pytest.raises(BindingError, match="8 planets do not fit"):
         gp.planet_positions(2, 4, 8)
     with pytest.raises(BindingError, match=r"planet_positions: Z_p is 2\.5; expected a whole number above 0"):
         gp.planet_positions(19, 81, 3, Z_p=2.5)
+    with pytest.raises(BindingError, match="2 planets do not fit"):  # opposite each other, their tips touch over the sun
+        gp.planet_positions(2, 20, 2, Z_p=9)
+    assert len(gp.planet_positions(3, 21, 2, Z_p=9)) == 2
+    assert gp.planet_positions(2, 20, 1, Z_p=9) == (0.0,)
+
+
+def test_half_way_between_two_places_a_planet_takes_the_first_one() -> None:
+    assert gp.planet_positions(30, 71, 2) == (0.0, pytest.approx(2 * math.pi * 50 / 101, rel=1e-15))
+    assert gp.planet_positions(20, 70, 4) == pytest.approx([2 * math.pi * k / 90 for k in (0, 22, 45, 67)], rel=1e-15)
+
+
+def test_a_place_may_be_off_by_a_millionth_of_a_tooth() -> None:
+    tooth = 2 * math.pi / 100
+    gp.check_assembly("unit", 19, 31, 81, 2, [0.3, 0.3 + (20 + 0.9e-6) * tooth])
+    for off in (1.1e-6, -1.1e-6, 0.5):
+        with pytest.raises(BindingError, match=r"unit: planet 1 at .* nearest position is"):
+            gp.check_assembly("unit", 19, 31, 81, 2, [0.3, 0.3 + (20 + off) * tooth])
+
+
+def test_phases_of_whole_periods_are_zero() -> None:
+    """Not one, and not a rounding beside it."""
+    for Z_s, Z_p, planets in ((30, 20, 5), (21, 24, 9), (19, 31, 5)):
+        phasing = gp.planet_phasing(Z_s, Z_p, Z_s + 2 * Z_p, planets)
+        for phase in (*phasing.sun, *phasing.ring):
+            assert 0.0 <= phase < 1 - 1e-6
+            assert phase == 0.0 or phase > 1e-6
+        assert phasing.teeth == (Z_s, Z_s + 2 * Z_p)

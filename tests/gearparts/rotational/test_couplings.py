@@ -153,6 +153,30 @@ def test_palmgren_s_friction_worked_by_hand() -> None:
             gp.palmgren_friction(d_m, f_0=2.0, viscosity=1e-5)
 
 
+def test_palmgren_s_table_up_to_the_corner_of_its_law() -> None:
+    """At a largest speed of just the corner there is nothing beyond it; the rows are distinct."""
+    corner = 2000 / (1e6 * 30e-6) * math.pi / 30
+    table = gp.palmgren_friction(0.06, f_0=2.0, viscosity=30e-6, w_max=corner, rows=5)
+    assert [w for w, _ in table] == pytest.approx(np.linspace(0.0, corner, 5), rel=1e-15)
+
+
+@pytest.mark.parametrize("name", ["d_m", "f_0", "viscosity", "w_max", "f_1", "load"])
+def test_values_that_no_bearing_has_are_refused(name: str) -> None:
+    given = {"d_m": 0.06, "f_0": 2.0, "viscosity": 30e-6, "w_max": 100.0, "f_1": 0.0, "load": 0.0}
+    gp.palmgren_friction(**given)
+    may_be_zero = name in ("f_1", "load")
+    for value in (-1e-9, *(() if may_be_zero else (0.0,))):
+        with pytest.raises(
+            ArgumentError, match=f"{name}={value}.*expected {'0 or more' if may_be_zero else 'a positive number'}"
+        ):
+            gp.palmgren_friction(**{**given, name: value})
+
+
+def test_friction_beyond_the_largest_number_is_refused() -> None:
+    with pytest.raises(ArgumentError, match=r"d_m=1e\+105.*the torque is too large for a number"):
+        gp.palmgren_friction(1e105, f_0=2.0, viscosity=30e-6)
+
+
 @pytest.mark.slow
 def test_a_shaft_in_rolling_bearings_runs_down_as_the_table_says() -> None:
     table = gp.palmgren_friction(0.06, f_0=2.0, viscosity=30e-6, f_1=5e-4, load=2000.0, w_max=160.0, rows=4)
