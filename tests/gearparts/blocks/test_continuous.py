@@ -12,6 +12,7 @@ from scipy.signal import lsim, lti
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
+from gearlib.flatten.flatten import flatten
 from tests.gearparts.blocks.bench import Driven, answer, close
 
 B = gp.blocks
@@ -124,9 +125,21 @@ def test_several_inputs_and_outputs() -> None:
         (lambda: B.StateSpace.of(control.rss(2, 2, 1)), r"1 inputs and 2 outputs; MultiStateSpace"),
         (lambda: B.StateSpace.of(control.ss(1, 1, 1, 0, 0.1)), r"discrete, with a sample time of 0\.1; gl\.Sampled"),
         (lambda: B.StateSpace.of(3.0), r"StateSpace\.of\(3\.0\): expected a control\.StateSpace"),
+        (lambda: B.StateSpace(A=[[1.0]], B=[1.0, 2.0], C=[1.0]), r"expected n x n, n and n numbers"),
+        (lambda: B.StateSpace(A=[[1.0]], B=[1.0], C=[]), r"expected n x n, n and n numbers"),
+        (lambda: B.StateSpace(A=[[np.inf]], B=[1.0], C=[1.0]), r"a row of A is .*; expected a sequence of finite numbers"),
+        (
+            lambda: B.MultiStateSpace(A=[[1.0, 0.0]], B=[[1.0]], C=[[1.0]]),
+            r"do not fit each other: A 1 x 2, B 1 x 1, C 1 x 1, D 1 x 1",
+        ),
+        (lambda: B.MultiStateSpace(A=[[1.0]], B=[[1.0], [2.0]], C=[[1.0]]), r"A 1 x 1, B 2 x 1, C 1 x 1"),
+        (lambda: B.MultiStateSpace(A=[[1.0]], B=[[1.0]], C=[[1.0]], D=[[1.0], [2.0]]), r"C 1 x 1, D 2 x 1"),
+        (lambda: B.MultiStateSpace(A=[[1.0]], B=[[1.0]], C=[[1.0]], D=[[1.0, 2.0]]), r"C 1 x 1, D 1 x 2"),
+        (lambda: B.MultiStateSpace(B=[[1.0]], C=[[1.0]]), r"A 0 x 0, B 1 x 1, C 1 x 1"),
+        (lambda: B.MultiStateSpace(A=[[1.0]], B=[[1.0]]), r"A 1 x 1, B 1 x 1, C 0 x 0, D 0 x 0"),
         (lambda: B.MultiStateSpace(A=[[1.0]], B=[[1.0]], C=[[1.0, 2.0]]), r"do not fit each other: A 1 x 1, B 1 x 1, C 1 x 2"),
     ],
 )
 def test_matrices_that_are_refused(make: Any, message: str) -> None:
     with pytest.raises(BindingError, match=message):
-        gl.compile(Driven(make=make))
+        flatten(Driven(make=make))

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import gearlib as gl
 import gearparts as gp
-from tests.gearparts.blocks.bench import close
+from tests.gearparts.blocks.bench import Driven, close
 
 B = gp.blocks
 K, TI, NI, Y_MAX = 100.0, 0.1, 0.1, 12.0
@@ -90,23 +90,16 @@ def test_the_example_of_modelica_agrees_with_equations_by_hand() -> None:
     assert r["PI.y"].min() == -Y_MAX
 
 
-def test_the_controller_without_parts_that_it_has_not() -> None:
-    """P, PI and PD with an output that never meets its limit are linear."""
-    s = control.tf("s")
-    laws = {"P": 2.0 + 0 * s, "PI": 2.0 * (1 + 1 / (0.4 * s)), "PD": 2.0 * (1 + 0.1 * s / (1 + 0.02 * s)),
-            "PID": 2.0 * (1 + 1 / (0.4 * s) + 0.1 * s / (1 + 0.02 * s))}  # fmt: skip
-    given = {"P": {}, "PI": {"Ti": 0.4}, "PD": {"Td": 0.1, "Nd": 5.0}, "PID": {"Ti": 0.4, "Td": 0.1, "Nd": 5.0}}
-    for kind, law in laws.items():
-
-        class One(gl.Component):
-            def assemble(self) -> list[gl.Connection]:
-                self.pid = B.LimPID(controller_type=kind, k=2.0, y_max=1e3, u_m=-gl.sin(gl.time), u_s=0.0, **given[kind])  # noqa: B023
-                return []
-
-        r = gl.simulate(One(), 3.0, samples=31, rtol=1e-9)
-        fine = np.linspace(0.0, 3.0, 30001)
-        expected = control.forced_response(law, fine, np.sin(fine)).outputs[::1000]
-        assert close(r["pid.y"], expected, 1e-6), kind
+@pytest.mark.parametrize("kind", ["P", "PI", "PD", "PID"])
+def test_a_controller_is_the_sum_of_its_parts_with_the_weights_of_the_set_point(kind: str) -> None:
+    """Within its limits: k (wp + 1 / (Ti s) + wd Td s / (1 + Td s / Nd)) from u_s; the measurement has the weights 1."""
+    given = {"wp": 0.6} | ({"Ti": 0.4} if "I" in kind else {}) | ({"Td": 0.1, "Nd": 5.0, "wd": 0.3} if "D" in kind else {})
+    make = lambda: B.LimPID(controller_type=kind, k=2.0, y_max=1e3, **given)  # noqa: E731
+    system, s = gl.compile(Driven(make=make), outputs=["block.y"]), 1j * np.array([0.2, 1.0, 30.0])
+    for signal, sign, wp, wd in (("u_s", 1, 0.6, 0.3), ("u_m", -1, 1.0, 1.0)):
+        law = wp + (1 / (0.4 * s) if "I" in kind else 0) + (wd * 0.1 * s / (1 + 0.02 * s) if "D" in kind else 0 * s)
+        linear = system.linearize([f"block.{signal}"], ["block.y"])
+        assert np.asarray([complex(np.squeeze(linear(x))) for x in s]) == pytest.approx(sign * 2.0 * law, rel=1e-9)
 
 
 def test_a_controller_of_control_in_the_loop_agrees_with_its_feedback() -> None:

@@ -15,6 +15,7 @@ from tests.gearparts.blocks.bench import Driven
 
 B = gp.blocks
 H = 0.07  # s, between instants
+PID = {"y_min": -0.1, "wp": 0.7, "Ni": 0.6, "Nd": 8.0}
 
 
 class Everything(gl.Component):
@@ -30,7 +31,7 @@ class Everything(gl.Component):
         self.sampler, self.delay = B.Sampler(sample_period=H, u=u), B.UnitDelay(sample_period=H, u=u, start={"taken": 9.0})
         self.hold = B.ZeroOrderHold(sample_period=H, start_time=0.02, u=u)
         self.triggered = B.TriggeredSampler(u=1 * gl.time)
-        self.pid = B.DiscretePID(sample_period=0.05, k=2.0, Ti=0.3, Td=0.1, y_max=1.0, u_s=1.0, u_m=u)
+        self.pid = B.DiscretePID(sample_period=0.05, k=2.0, Ti=0.3, Td=0.1, y_max=1.0, u_s=1.0, u_m=u, **PID)
         return [
             gl.connect(self.pulse.y, self.rate.u, self.triggered.trigger, self.logical.u1),
             gl.connect(self.hysteresis.y, self.switch.u2, self.logical.u2),
@@ -78,14 +79,14 @@ def test_the_digital_controller_is_the_loop_by_hand() -> None:
     found = []
     for n in range(41):
         measured = np.sin(7 * n * 0.05)
-        derivative = (0.1 * derivative - 2.0 * 0.1 * 10.0 * (measured - last if n else 0.0)) / (0.1 + 10.0 * 0.05)
-        v = 2.0 * (1.0 - measured) + integral + derivative
-        y = min(max(v, -1.0), 1.0)
-        integral += 0.05 * (2.0 * (1.0 - measured) / 0.3 + (y - v) / (0.9 * 0.3))
+        derivative = (0.1 * derivative - 2.0 * 0.1 * 8.0 * (measured - last if n else 0.0)) / (0.1 + 8.0 * 0.05)
+        v = 2.0 * (0.7 * 1.0 - measured) + integral + derivative
+        y = min(max(v, -0.1), 1.0)
+        integral += 0.05 * (2.0 * (1.0 - measured) / 0.3 + (y - v) / (0.6 * 0.3))
         last = measured
         found.append(y)
     r = run()
-    assert 1.0 in found
+    assert {1.0, -0.1} <= set(found)
     assert len(set(found)) > 10
     assert r["pid.y"] == pytest.approx(np.array(found)[np.floor(r.time / 0.05 + 1e-9).astype(int)], abs=1e-12)
 
@@ -144,6 +145,43 @@ def test_a_digital_controller_in_the_loop() -> None:
         integral += 0.01 * (4.0 * (10.0 - w) / 0.5 + (y - v) / (0.9 * 0.5))
         w += 0.01 * y / 2.0
     assert r["load.w"] == pytest.approx(speeds, abs=1e-11)
+
+
+class Thresholds(gl.Component):
+    """Signals that stand at a limit, and beside it, for a second each."""
+
+    def assemble(self) -> list[Any]:
+        def levels(*values: float) -> Any:
+            return gl.Piecewise(*((v, gl.time < n + 1) for n, v in enumerate(values[:-1])), (values[-1], True))
+
+        u = levels(0.6, 0.61, 0.6, -0.2, -0.21, -0.2, 0.6, 0.7)
+        self.hysteresis = B.Hysteresis(u_low=-0.2, u_high=0.6, u=u)
+        self.begun = B.Hysteresis(u_low=-0.2, u_high=0.6, u=u, start={"on": 1})
+        self.limiter, self.zone = B.Limiter(y_max=0.6, u=u), B.DeadZone(u_max=0.6, u_min=-0.2, u=u)
+        two, one, three = levels(0, 0, 0, 0, 1, 1, 1, 0.5), levels(0, 0, 1, 1, 0, 0, 1, 0.6), levels(0, 1, 0, 1, 0, 1, 0, 0.5)
+        self.logical, self.switch = B.LogicalSwitch(u1=one, u2=two, u3=three), B.Switch(u1=one, u2=two, u3=three)
+        self.slow = B.RateLimiter(Td=0.5, rising=1.0, u=gl.time)
+        self.endless, self.none = (B.Pulse(period=2.0, n_period=n, offset=0.25) for n in (-1.0, 0.0))
+        self.never, self.always = (B.Pulse(period=2.0, width=w) for w in (0.0, 100.0))
+        self.twice = B.Trapezoid(period=2.0, rising=0.5, width=1.0, falling=0.5, n_period=2.0)  # no pause
+        return []
+
+
+def test_at_their_limits_blocks_do_what_their_laws_say() -> None:
+    t = np.arange(8) + 0.5
+    r = gl.simulate(Thresholds(), 8.0, times=t)
+    assert r["hysteresis.y"].tolist() == [0, 1, 1, 1, 0, 0, 0, 1]
+    assert r["begun.y"].tolist() == [1, 1, 1, 1, 0, 0, 0, 1]
+    assert r["limiter.y"] == pytest.approx([0.6, 0.6, 0.6, -0.2, -0.21, -0.2, 0.6, 0.6], abs=1e-15)
+    assert r["zone.y"] == pytest.approx([0, 0.01, 0, 0, -0.01, 0, 0, 0.1], abs=1e-15)
+    assert r["logical.y"].tolist() == [0, 1, 0, 1, 0, 0, 1, 0]
+    assert r["switch.y"].tolist() == [0, 1, 0, 1, 0, 0, 1, 0.5]
+    assert r["slow.y"] == pytest.approx(t - 0.5 * (1 - np.exp(-2 * t)), abs=1e-6)
+    assert r["endless.y"].tolist() == [1.25, 0.25] * 4
+    assert r["none.y"].tolist() == [0.25] * 8
+    assert not r["never.y"].any()
+    assert r["always.y"].all()
+    assert r["twice.y"] == pytest.approx([1, 1, 1, 1, 0, 0, 0, 0], abs=1e-9)
 
 
 def test_a_trigger_that_stops_at_one_half_samples_nothing() -> None:

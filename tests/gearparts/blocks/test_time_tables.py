@@ -11,7 +11,8 @@ from scipy.interpolate import Akima1DInterpolator, PchipInterpolator
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
-from tests.gearparts.blocks.bench import answer, close
+from gearlib.flatten.flatten import flatten
+from tests.gearparts.blocks.bench import Driven, answer, close
 
 B = gp.blocks
 ROWS = [[0.0, 1.0, 2.0], [0.3, 2.0, 0.0], [0.4, -1.0, 0.5], [0.9, 0.0, 3.0]]
@@ -36,26 +37,24 @@ LAWS = {
     ("constant", "periodic"): lambda y, t: steps(y, t % 0.9),
     ("akima", "hold"): lambda y, t: Akima1DInterpolator(T, y)(np.clip(t, T[0], T[-1])),
     ("akima", "periodic"): lambda y, t: Akima1DInterpolator(T, y)(t % 0.9),
-    ("monotone", "lines"): lambda y, t: (
-        PchipInterpolator(T, y)(np.clip(t, T[0], T[-1]))
-        + np.where(t > T[-1], PchipInterpolator(T, y).derivative()(T[-1]) * (t - T[-1]), 0.0)
-    ),
+    ("akima", "lines"): lambda y, t: with_slopes(Akima1DInterpolator(T, y), t),
+    ("monotone", "lines"): lambda y, t: with_slopes(PchipInterpolator(T, y), t),
 }
+
+
+def with_slopes(curve: Any, t: Any) -> Any:
+    """A curve that goes on with the slopes at its ends."""
+    inside, slope = np.clip(t, T[0], T[-1]), curve.derivative()
+    return curve(inside) + slope(inside) * (t - inside)
 
 
 @pytest.mark.parametrize(("smoothness", "extrapolation"), LAWS)
 def test_columns_follow_their_rows(smoothness: str, extrapolation: str) -> None:
+    """From before the first row, at 0.4 s, to behind the last one."""
+    given = {"table": ROWS, "smoothness": smoothness, "extrapolation": extrapolation, "start_time": -1.0, "shift_time": 0.4}
+    r = gl.simulate(Driven(make=lambda: B.CombiTimeTable(**given)), 2.0, samples=38)
     for k in (0, 1):
-        t, y = answer(
-            B.CombiTimeTable,
-            t_end=2.0,
-            samples=38,
-            out=f"outputs[{k}].y",
-            table=ROWS,
-            smoothness=smoothness,
-            extrapolation=extrapolation,
-        )
-        assert close(y, LAWS[smoothness, extrapolation](Y[k], t), 1e-9)
+        assert close(r[f"block.outputs[{k}].y"], LAWS[smoothness, extrapolation](Y[k], r.time - 0.4), 1e-9)
 
 
 def test_offset_start_and_shift() -> None:
@@ -135,6 +134,10 @@ def test_two_rows_at_one_time_make_a_step(smoothness: str, extrapolation: str) -
         ),
         ({"table": [[1.0, 2.0], [1.0, 3.0]], "extrapolation": "periodic"}, "needs two times"),
         ({"table": ROWS, "columns": [3]}, "expected numbers from 1 to 2"),
+        ({"table": ROWS, "columns": [2, 0]}, r"columns is \(2, 0\); expected numbers from 1 to 2"),
+        ({"table": ROWS, "columns": [1.5]}, "expected numbers from 1 to 2"),
+        ({"table": ROWS[:1] * 2, "extrapolation": "periodic"}, "needs two times"),
+        ({"table": [[0.0, 1.0], [1.0]]}, "expected one or more rows of 2 numbers"),
         ({"table": ROWS, "smoothness": "cubic"}, "smoothness is 'cubic'; expected 'linear'"),
         ({"table": ROWS, "extrapolation": "none"}, "extrapolation is 'none'; expected 'lines'"),
         ({"table": ROWS[:1], "extrapolation": "periodic"}, "needs two times"),
@@ -142,4 +145,4 @@ def test_two_rows_at_one_time_make_a_step(smoothness: str, extrapolation: str) -
 )
 def test_what_is_no_table_is_refused(values: dict[str, Any], message: str) -> None:
     with pytest.raises(BindingError, match=message):
-        answer(B.CombiTimeTable, out="outputs[0].y", **values)
+        flatten(Driven(make=lambda: B.CombiTimeTable(**values)))
