@@ -135,6 +135,11 @@ def test_motor_drives_a_train_of_components() -> None:
     forced = np.block([[A, np.array([[V / L], [0.0]])], [np.zeros((1, 3))]])
     expected = np.array([(expm(forced * t) @ [0, 0, 1])[:2] / [1, n] for t in result.time])
     np.testing.assert_allclose(np.column_stack([result["motor.f_2"], result["load.w"]]), expected, rtol=1e-8, atol=1e-12)
+    balance = result.energy_balance()
+    assert balance.relative_residual < 1e-6
+    i, w = result["motor.f_2"], n * result["load.w"]
+    assert balance.stored["motor"] == pytest.approx(L * i**2 / 2 + J * w**2 / 2, rel=1e-9)
+    assert balance.work["motor"][-1] > balance.heat["motor"][-1] > 0
 
 
 # ---------------------------------------------------------------- pushed ports, laws, modulation
@@ -196,6 +201,7 @@ def test_laws_and_modulation_by_time_and_stored_quantities() -> None:
         f = run.bind(given)
         np.testing.assert_allclose(rates, [f(t, row) for t, row in zip(result.time, x, strict=True)], rtol=1e-9, atol=1e-11)
         assert np.abs(x[0] - x[-1]).max() > 0.1
+        assert result.energy_balance().relative_residual < 1e-6
 
 
 # ---------------------------------------------------------------- mistakes

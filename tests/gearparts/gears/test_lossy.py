@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
+from gearlib.flatten.flatten import flatten
 from gearparts.gears.lossy import Gearbox, LossyGear
 from tests.gearparts import msl_hybrid_examples as msl
 from tests.gearparts.rotational.test_friction import METHODS, check_against_reference, run
@@ -286,7 +287,17 @@ def test_a_wrong_table_is_named() -> None:
         gl.compile(Driven(loss_table=((0.0, 0.5),)))
 
 
-@pytest.mark.parametrize("row", [(0.0, 0.9, 0.0, 0.0, 0.0), (0.0, 1.1, 0.9, 0.0, 0.0), (0.0, 0.9, 0.9, -1.0, 0.0)])
-def test_losses_that_would_drive_are_named(row: tuple[float, ...]) -> None:
-    with pytest.raises(BindingError, match=r"loss_table has the row .* eta2 above 0"):
-        gl.compile(Driven(loss_table=(row,)))
+@pytest.mark.parametrize("column", [1, 2, 3, 4])
+def test_losses_that_would_drive_are_named(column: int) -> None:
+    """Efficiencies from 0 to 1, where flange_b could not drive with none; bearing torques of 0 or more."""
+    valid = {1: (0.0, 1.0), 2: (1e-9, 1.0), 3: (0.0, 50.0), 4: (0.0, 50.0)}[column]
+    wrong = {1: (-1e-9, 1 + 1e-9), 2: (0.0, 1 + 1e-9), 3: (-1e-9,), 4: (-1e-9,)}[column]
+    for value in (*valid, *wrong):
+        row = [0.0, 0.9, 0.9, 0.1, 0.1]
+        row[column] = value
+        model = Driven(loss_table=((-1.0, 0.9, 0.9, 0.1, 0.1), tuple(row)))
+        if value in valid:
+            flatten(model)
+        else:
+            with pytest.raises(BindingError, match=rf"loss_table has the row .*{value}.* eta2 above 0"):
+                flatten(model)

@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
+from gearparts.gears.mesh_phase import checked_period, contact_intervals, periodic, wrapped
 from tests.gearparts.related import RelatedProbe
 
 R_A, R_B, Z_A, C = 0.05, 0.1, 20, 1e7
@@ -74,6 +76,51 @@ def test_a_wrong_table_over_the_phase_is_named(rows: Any) -> None:
     said = f"stiffness_table has {len(rows)} rows from 0 to {rows[-1][0]:g} rad; expected three or more within less than one period"
     with pytest.raises(BindingError, match=rf"DetailedExternalMesh\.{re.escape(said)}"):
         gl.compile(pair(stiffness="table", stiffness_table=rows))
+
+
+@pytest.mark.parametrize("contact_ratio", [1, 1.25, 1.75, 2.0, 2.6, 7.5, 100])
+def test_intervals_of_contact_divide_the_period_by_the_contact_ratio(contact_ratio: float) -> None:
+    intervals = contact_intervals("Mesh", contact_ratio)
+    assert len(intervals) == 2
+    assert [intervals[0].start, intervals[0].end, intervals[1].end] == [0.0, intervals[1].start, 1.0]
+    assert [s.pairs for s in intervals] == [math.ceil(contact_ratio), math.floor(contact_ratio)]
+    assert sum(s.pairs * (s.end - s.start) for s in intervals) == pytest.approx(contact_ratio, rel=1e-14)
+    for first in (True, False):
+        for share in np.linspace(0.01, 0.99, 5):
+            mid = intervals[0].end * share if first else intervals[0].end + (1 - intervals[0].end) * share
+            assert [bool(s.within(2 * np.pi * (mid + 3))) for s in intervals] == [first, not first]
+
+
+@pytest.mark.parametrize("contact_ratio", [0.999, 100.001, 0, math.nan])
+def test_a_contact_ratio_of_less_than_one_pair_is_refused(contact_ratio: float) -> None:
+    with pytest.raises(BindingError, match=rf"Mesh\.contact_ratio is {contact_ratio:g}.*; expected a number from 1 to 100"):
+        contact_intervals("Mesh", contact_ratio)
+
+
+def test_a_table_over_the_phase_has_three_rows_within_less_than_a_period() -> None:
+    almost = ((1.0, 0.5), (2.0, 1.0), (1.0 + 2 * math.pi - 1e-9, 0.6))
+    assert checked_period("Mesh.table", almost) == almost
+    for rows in (almost[:2], (*almost[:2], (1.0 + 2 * math.pi, 0.6))):
+        with pytest.raises(
+            BindingError, match=rf"Mesh\.table has {len(rows)} rows from 1 to .* rad; expected three or more within"
+        ):
+            checked_period("Mesh.table", rows)
+
+
+@pytest.mark.parametrize("rows", [STIFF, ERROR, ((-2.0, 1.0), (0.5, 3.0), (4.0, 2.0))])
+def test_a_periodic_table_is_the_spline_with_its_slope(rows: Any) -> None:
+    """For any phase, which is brought into the period of the table first; the slope is continuous from period to period."""
+    curve = CubicSpline(
+        [*(r[0] for r in rows), rows[0][0] + 2 * math.pi], [*(r[1] for r in rows), rows[0][1]], bc_type="periodic"
+    )
+    x = sympy.Symbol("x", real=True)
+    value, slope = (law.args[0] for law in periodic(rows, x))
+    for phase in np.linspace(-9.1, 8.9, 19):
+        inside = float(wrapped(float(phase), rows[0][0] + math.pi))
+        assert rows[0][0] <= inside <= rows[0][0] + 2 * math.pi
+        assert math.remainder(inside - phase, 2 * math.pi) == pytest.approx(0.0, abs=1e-12)
+        assert float(value.subs(x, inside)) == pytest.approx(float(curve(phase)), rel=1e-10, abs=1e-18)
+        assert float(slope.subs(x, inside)) == pytest.approx(float(curve(phase, 1)), rel=1e-9, abs=1e-17)
 
 
 PATTERNS: list[dict[str, Any]] = [

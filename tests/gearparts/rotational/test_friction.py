@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError, SolverError
+from gearlib.flatten.flatten import flatten
 from gearparts.rotational.friction import BearingFriction, Brake, Clutch
 from gearparts.rotational.friction import OneWayClutch as OneWayClutchPart
 from gearparts.tables import at_zero, check_rows, interpolated
@@ -366,9 +367,16 @@ def test_at_zero_is_interpolated_from_rows_to_both_sides() -> None:
     assert at_zero(rows, 1, "akima") == pytest.approx(float(Akima1DInterpolator(*np.array(rows).T)(0.0)))
 
 
-def test_friction_that_would_drive_is_named() -> None:
-    with pytest.raises(BindingError, match=r"Brake\.mu_pos .* expected friction of 0 or more"):
-        gl.compile(Brake(fn_max=1.0, f_normalized=1.0, mu_pos=((0.0, -0.5),)))
+@pytest.mark.parametrize(("make", "name"), [
+    (lambda rows: Brake(fn_max=1.0, f_normalized=1.0, mu_pos=rows), r"Brake\.mu_pos"),
+    (lambda rows: Clutch(fn_max=1.0, f_normalized=1.0, mu_pos=rows), r"Clutch\.mu_pos"),
+    (lambda rows: BearingFriction(tau_pos=rows), r"BearingFriction\.tau_pos"),
+])  # fmt: skip
+def test_friction_that_would_drive_is_named(make: Any, name: str) -> None:
+    for rows in (((0.0, -0.5),), ((0.0, 0.5), (1.0, -1e-9))):
+        with pytest.raises(BindingError, match=f"{name} .* expected friction of 0 or more"):
+            flatten(make(rows))
+    flatten(make(((0.0, 0.5), (1.0, 0.0))))
 
 
 class Rig(gl.Component):
