@@ -250,12 +250,13 @@ def test_wrong_ports_and_names_are_reported() -> None:
         gp.from_bond_graph(graph, ports={"shaft": 6})
     with pytest.raises(ArgumentError, match="two ports are on the same bond"):
         gp.from_bond_graph(graph, ports={"shaft": 8, "end": 8})
-    with pytest.raises(ArgumentError, match="'shaft' is named as a port of both kinds"):
-        gp.from_bond_graph(graph, ports={"shaft": 8}, translational_ports={"shaft": 1})
+    both = {"shaft": 8, "end": 1}
+    with pytest.raises(ArgumentError, match="'end' is named as a port of both kinds"):
+        gp.from_bond_graph(graph, ports=both, translational_ports=both)
     with pytest.raises(ArgumentError, match="no parameter 'R'; did you mean 'R_a'"):
         gp.from_bond_graph(graph, defaults={"R": 1.0})
     with pytest.raises(ArgumentError, match="no variable 'q_9'"):
-        gp.from_bond_graph(graph, nominal={"q_9": 1.0})
+        gp.from_bond_graph(graph, nominal={"e_2": 2.0, "q_9": 1.0, "p_99": 1.0})
     with pytest.raises(DeclarationError, match="'p_6' cannot be a name here"):
         gp.from_bond_graph(graph, ports={"p_6": 8})
     v = One("v")

@@ -73,6 +73,7 @@ def test_counts_of_parts_have_limits_and_numbers_of_teeth_may_be_unknown() -> No
     for kind, name, declared in COUNTED:
         assert (declared.min, declared.max) == limits[name], (kind, name)
         assert declared.default == 0 or not name.startswith("Z"), (kind, name)
+        assert declared.default == 3 or name != "planets" or kind is gp.PlanarPlanetaryUnit, kind  # as in the paper
     for part, message in (
         (lambda: gp.TorsionalShaft(segments=100_001, J=1.0, c=1.0), "segments is 100001; expected 1 to 100000"),
         (lambda: B.PadeDelay(n=21, delay_time=1.0), "n is 21; expected 1 to 20"),

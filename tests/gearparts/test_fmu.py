@@ -82,6 +82,11 @@ def test_coupled_engine_approaches_the_one_in_the_model(version: str, engines: d
     assert errors[1] < 0.6 * errors[0]
 
 
+def test_without_being_told_it_exchanges_every_millisecond(engines: dict[str, Path]) -> None:
+    unit = gp.FMU(engines["3.0"], values={"lag": 0.03})
+    assert unit.exchange.period == unit.period == 1e-3
+
+
 def test_a_second_run_begins_anew_and_copies_do_so_too(engines: dict[str, Path]) -> None:
     system = gl.compile(Coupled(path=str(engines["3.0"]), period=4e-3))
     given = {"engine.signals[0].u": 0.8}

@@ -100,7 +100,7 @@ class ToothForm:
         """
         shift = -self.x if self.ring else self.x
         at_pitch = (math.pi / 2 + 2 * shift * math.tan(self.alpha)) / self.z
-        return at_pitch + involute(self.alpha) - involute(math.acos(min(self.base_radius / radius, 1.0)))
+        return at_pitch + involute(self.alpha) - involute(math.acos(self.base_radius / max(radius, self.base_radius)))
 
     def flank(self) -> tuple[Floats, Floats]:
         """Radii (m) from the root to the tip of an external tooth, from the tip to the root of a ring's, and half angles there (rad)."""

@@ -364,7 +364,7 @@ class LumpedPlanetaryUnit(ElasticPlanetaryUnit):
             self.ring_mesh, self.sun_mesh = self.internal_mesh(), self.external_mesh()
             at_ring, at_sun, riding = self.ring_mesh.flange_b, self.sun_mesh.flange_b, []
         else:
-            (self.sun_mesh,), (self.ring_mesh,) = self.detailed_meshes(self.angles()[:1])
+            (self.sun_mesh,), (self.ring_mesh,) = self.detailed_meshes([self.angles()[0]])
             self.seen_by_ring = PlanetOnCarrier(r_p=self.R_p, r_h=self.R_r - self.R_p)
             self.seen_by_sun = PlanetOnCarrier(r_p=self.R_p, r_h=self.R_s + self.R_p)
             at_ring, at_sun = self.seen_by_ring.ring_side, self.seen_by_sun.sun_side

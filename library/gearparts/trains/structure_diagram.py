@@ -120,18 +120,18 @@ class StructureDiagram:
         units = {unit.name: unit for unit in self.units}
         for (name, shaft), node in self.shafts.items():
             (x, y), (x_end, y_end) = units[name].position, self.nodes[node]
-            ax.plot([x, x_end, x_end], [y, y, y_end], color="0.2", lw=1.3, zorder=1)
+            ax.plot([x, x_end, x_end], [y, y, y_end], color="0.2", lw=1.3)
             beside = (x + 0.2, y + 0.6 * np.sign(y_end - y)) if x == x_end else (x + 0.6 * np.sign(x_end - x), y + 0.16)
             ax.text(*beside, rf"$\{shaft}$" if len(shaft) > 1 else f"${shaft}$", ha="center", va="center", fontsize=9)
         for terminal, node in self.terminals.items():
-            ax.plot(*np.transpose([self.nodes[terminal], self.nodes[node]]), color="0.2", lw=1.3, zorder=1)
+            ax.plot(*np.transpose([self.nodes[terminal], self.nodes[node]]), color="0.2", lw=1.3)
         for unit in self.units:
             x, y = unit.position
             square = patches.Rectangle((x - 0.4, y - 0.4), 0.8, 0.8, fc="white", ec="black", lw=1.3, zorder=2)
             ax.add_patch(square if unit.kind == "P" else patches.Circle((x, y), 0.43, fc="white", ec="black", lw=1.3, zorder=2))
-            ax.text(x, y, f"${unit.name}$", ha="center", va="center", fontsize=11, zorder=3)
+            ax.text(x, y, f"${unit.name}$", ha="center", va="center", fontsize=11)
         for node, (x, y) in self.nodes.items():
-            ax.plot(x, y, "o", color="black", ms=5, zorder=3)
+            ax.plot(x, y, "o", color="black", ms=5)
             from_above = any(end == node and units[name].position[1] > y for (name, _), end in self.shafts.items())
             ax.text(x, y - 0.3 if from_above else y + 0.28, f"${node}$", ha="center", va="center", fontsize=10)
         ax.set_title(self.name, fontsize=10)

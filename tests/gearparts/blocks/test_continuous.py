@@ -136,6 +136,11 @@ def test_several_inputs_and_outputs() -> None:
         (lambda: B.MultiStateSpace(A=[[1.0]], B=[[1.0]], C=[[1.0]], D=[[1.0], [2.0]]), r"C 1 x 1, D 2 x 1"),
         (lambda: B.MultiStateSpace(A=[[1.0]], B=[[1.0]], C=[[1.0]], D=[[1.0, 2.0]]), r"C 1 x 1, D 1 x 2"),
         (lambda: B.MultiStateSpace(B=[[1.0]], C=[[1.0]]), r"A 0 x 0, B 1 x 1, C 1 x 1"),
+        (lambda: B.MultiStateSpace(A=[[1.0]], B=[[]], C=[[1.0]], D=[[]]), r"A 1 x 1, B 1 x 0, C 1 x 1, D 1 x 0"),
+        (
+            lambda: B.MultiStateSpace(A=[[1.0]], B=[[1.0]], C=[[1.0], [1.0, 2.0]], D=[[1.0], [2.0], [3.0]]),
+            r"A 1 x 1, B 1 x 1, C 2 x 1, D 3 x 1",
+        ),
         (lambda: B.MultiStateSpace(A=[[1.0]], B=[[1.0]]), r"A 1 x 1, B 1 x 1, C 0 x 0, D 0 x 0"),
         (lambda: B.MultiStateSpace(A=[[1.0]], B=[[1.0]], C=[[1.0, 2.0]]), r"do not fit each other: A 1 x 1, B 1 x 1, C 1 x 2"),
     ],

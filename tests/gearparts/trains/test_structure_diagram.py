@@ -83,6 +83,9 @@ def test_labels_stand_beside_what_they_name(diagram: StructureDiagram) -> None:
         assert min(distance(place, line) for line in lines) > 0.1, name
         assert min(float(np.hypot(*(place - p))) for n, p in texts if p is not place) > 0.3, name
         assert all(np.hypot(*(place - p)) > 0.43 for p in units.values()), name
+    size = {text.get_text().strip("$").strip("\\"): text.get_fontsize() for text in ax.texts}
+    assert min(size[n] for n in units) > max(size[n] for n in diagram.nodes)
+    assert min(size[n] for n in diagram.nodes) > max(size[n] for n, _ in shafts) > 8
     ends = {tuple(map(float, line[-1])) for line in lines}
     assert {diagram.nodes[node] for node in diagram.shafts.values()} <= ends
     for line in lines:  # a shaft leaves its unit sideways and turns once, at a right angle
@@ -91,6 +94,13 @@ def test_labels_stand_beside_what_they_name(diagram: StructureDiagram) -> None:
         box = patch.get_extents().transformed(ax.transData.inverted())
         assert ((box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2) == pytest.approx(unit.position, abs=1e-9)
         assert box.width == pytest.approx(box.height) == pytest.approx(0.8, abs=0.07)
+        assert (
+            max(line.get_zorder() for line in ax.lines) <= patch.get_zorder() < ax.texts[0].get_zorder()
+        )  # it hides what leads into it
+        assert {patch.get_linewidth()} == {line.get_linewidth() for line in ax.lines if len(line.get_xdata()) > 1}
+    (left, right), places = ax.get_xlim(), [x for x, _ in diagram.nodes.values()]
+    assert 0 < min(places) - left < 0.5
+    assert 0 < right - max(places) < 0.5
     plt.close(ax.figure)
 
 

@@ -44,6 +44,17 @@ def test_details_without_effect_leave_the_linear_train(planet_meshes: str) -> No
         assert np.abs(detailed[name] - plain[name]).max() < 1e-8 * np.abs(plain[name]).max()
 
 
+def test_deflections_of_separate_meshes_are_given_by_their_mean() -> None:
+    names = {side: [f"train.x_unit.{side}_meshes[{n}].q" for n in range(3)] for side in ("ring", "sun")}
+    varying = (("stiffness", "sinusoidal"), ("c_amplitude", 0.3))
+    train = gp.ZhouCui2022(**TEETH, planet_meshes="separate", ring_details=varying, sun_details=varying)
+    result = run(train, ("q_ring", "q_sun", *names["ring"], *names["sun"]))
+    for side, of in names.items():
+        meshes = np.array([result[name] for name in of])
+        assert result[f"q_{side}"] == pytest.approx(meshes.mean(axis=0), rel=1e-12, abs=1e-18)
+        assert np.ptp(meshes, axis=0).max() > 0.01 * np.abs(meshes).max()
+
+
 def test_each_mesh_has_an_error_of_its_own() -> None:
     rates = {"e_rate_ring": lambda t: 1e-3, "e_rate_sun": lambda t: 2e-3 * math.cos(50 * t), "e_rate_pair": lambda t: -3e-3}
     unbound = dict.fromkeys(rates)  # None leaves an input to the run
