@@ -270,8 +270,6 @@ def _resistance(element: R, effort: Any, flow: Any, number: int) -> tuple[Any, A
 
 
 def _equations(part: BondGraphPart, element: Element, bonds: tuple[Bond, ...]) -> list[gl.Eq]:
-    number = bonds[0].number
-    e, f = part._effort(number), part._flow(number)
     if isinstance(element, Junction):
         return _junction(part, element, bonds)
     if isinstance(element, TF | GY):
@@ -281,6 +279,9 @@ def _equations(part: BondGraphPart, element: Element, bonds: tuple[Bond, ...]) -
         if isinstance(element, TF):
             return [gl.Eq(f_out, m * f_in), gl.Eq(e_in, m * e_out)]
         return [gl.Eq(e_in, m * f_out), gl.Eq(e_out, m * f_in)]
+    (bond,) = bonds
+    number = bond.number
+    e, f = part._effort(number), part._flow(number)
     if isinstance(element, Storage):
         stored = getattr(part, f"{'p' if isinstance(element, I) else 'q'}_{number}")
         given, taken = (f, e) if isinstance(element, I) else (e, f)

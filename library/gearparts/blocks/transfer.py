@@ -87,7 +87,7 @@ class StateSpace(SISO):
             raise BindingError(
                 f"StateSpace.of: the system has {D.shape[1]} inputs and {D.shape[0]} outputs; MultiStateSpace.of takes it"
             )
-        return cls(A=A, B=B[:, 0], C=C[0], D=float(D[0, 0]), **values)
+        return cls(A=A, B=B.ravel(), C=C.ravel(), D=D.item(), **values)
 
     def assemble(self) -> Sequence[gl.Connection]:
         A, B, C = _matrix(self, "A", self.A), _numbers(self, "B", self.B), _numbers(self, "C", self.C)

@@ -304,11 +304,10 @@ class ElasticPlanetaryUnit(TurningPlanetaryUnit, MeshValues):
 
     def detailed_meshes(self, angles: list[Any]) -> tuple[list[DetailedExternalMesh], list[DetailedInternalMesh]]:
         """Meshes at sun and ring that ride on the carrier, each with the phase of a planet at one of the ``angles``."""
-        if not (self.Z_s and self.Z_p and self.Z_r):
-            teeth = ", ".join(f"{name}={getattr(self, name)}" for name in ("Z_s", "Z_p", "Z_r"))
+        if not self.Z_s:  # nor the others: `check` refuses some of them
             raise BindingError(
-                f"{path_of(self) or type(self).__name__}: sun_details and ring_details need numbers of teeth, from which the phases "
-                f"of the meshes follow; found {teeth}"
+                f"{path_of(self) or type(self).__name__}: sun_details and ring_details need the numbers of teeth Z_s, Z_p and Z_r, "
+                "from which the phases of the meshes follow"
             )
         from gearparts.gears.mesh_models import DetailedExternalMesh, DetailedInternalMesh, details_of
 

@@ -13,7 +13,7 @@ import gearlib as gl
 from gearlib.arguments import shown
 from gearlib.errors import BindingError
 from gearparts.interfaces import SLOW, Compliant, Dissipative, Flange, TwoFlanges
-from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, interpolated, piecewise_without_events
+from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, interpolated
 
 BACKWARD, STUCK, FORWARD, FREE, UNKNOWN = -1, 0, 1, 2, 3
 HYSTERESIS = 1e-4  # relative, for a one-way clutch's break-away torque
@@ -262,7 +262,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
     def equations(self) -> list[gl.Eq]:
         locked, is_free, was_stuck = gl.holds(self.locked), gl.holds(self.free), gl.holds(gl.pre(self.stuck))
         largest_at_rest = self.level_at_rest().subs(self.f_normalized, 1)
-        peak = piecewise_without_events((self.peak, self.peak > 1 + HYSTERESIS), (1 + HYSTERESIS, True))
+        peak = gl.Max(self.peak, 1 + HYSTERESIS)
         starts = 1 - (1 - self.start_forward) * (1 - gl.pre(self.start_forward))
         limit = self.tau0_max * (1 - starts) + (self.tau0 - ROUNDING * largest_at_rest) * starts
         return [

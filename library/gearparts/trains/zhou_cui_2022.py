@@ -329,13 +329,14 @@ def momentum_map(params: BondParameters) -> Array:
 
 def implicit_matrices(params: BondParameters, repairs: Repairs = ALL_REPAIRS) -> tuple[Array, Array, Array]:
     """E, A and B of E dx/dt = A x + B u: the printed equations, with all derivatives on the left; (8, 8), (8, 8), (8, 4)."""
-    x0, p0, u0 = np.zeros(8), np.zeros(10), np.zeros(4)
-    by_x = np.column_stack([printed_rhs(e, p0, p0, u0, params, repairs) for e in np.eye(8)])
-    by_p = np.column_stack([printed_rhs(x0, e, p0, u0, params, repairs) for e in np.eye(10)])
-    by_dp = np.column_stack([printed_rhs(x0, p0, e, u0, params, repairs) for e in np.eye(10)])
-    by_u = np.column_stack([printed_rhs(x0, p0, p0, e, params, repairs) for e in np.eye(4)])
+    one_x, one_p, one_u = (np.eye(len(names)) for names in (STATES, DEPENDENT, SOURCES))
+    x0, p0, u0 = (0 * one.diagonal() for one in (one_x, one_p, one_u))
+    by_x = np.column_stack([printed_rhs(e, p0, p0, u0, params, repairs) for e in one_x])
+    by_p = np.column_stack([printed_rhs(x0, e, p0, u0, params, repairs) for e in one_p])
+    by_dp = np.column_stack([printed_rhs(x0, p0, e, u0, params, repairs) for e in one_p])
+    by_u = np.column_stack([printed_rhs(x0, p0, p0, e, params, repairs) for e in one_u])
     dependent = momentum_map(params)
-    return np.eye(8) - by_dp @ dependent, by_x + by_p @ dependent, by_u
+    return one_x - by_dp @ dependent, by_x + by_p @ dependent, by_u
 
 
 def explicit_matrices(params: BondParameters, repairs: Repairs = ALL_REPAIRS) -> tuple[Array, Array]:
@@ -382,7 +383,7 @@ def energy_rhs(x: Any, u: Any, params: BondParameters) -> Array:
     The arguments and the result are those of :func:`printed_rhs`.
     """
     x, (Se1, *sources) = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
-    v = dict(zip(INERTIAS, np.eye(15), strict=True))  # of each body, as a row over all of them
+    v = dict(zip(INERTIAS, np.eye(len(INERTIAS)), strict=True))  # of each body, as a row over all of them
     m = params.m
     G = np.array([
         v[62] - m[18] * v[26], v[66] - m[19] * v[62], v[69] - v[66],  # shaft from the sun to the P unit
@@ -396,14 +397,15 @@ def energy_rhs(x: Any, u: Any, params: BondParameters) -> Array:
     ])  # fmt: skip
     I = np.array([params.I[bond] for bond in INERTIAS])
     free = [INERTIAS.index(bond) for bond in INDEPENDENT]
-    speeds = np.zeros(15)
+    speeds = np.zeros(len(I))
     speeds[free] = x[[0, 2, 3, 5, 7]] / I[free]
-    bound = [k for k in range(15) if k not in free]
+    bound = [k for k in range(len(I)) if k not in free]
     speeds[bound] = np.linalg.solve(G[:, bound], -G[:, free] @ speeds[free])
     rates = meshes @ speeds + sources
     efforts = x[[1, 4, 6]] / [params.C[bond] for bond in COMPLIANCES] + rates * [params.R[bond] for bond in (7, 31, 75)]
     losses = slips @ speeds * [params.R[bond] for bond in (82, 83, 84, 85)]
     forces = Se1 * v[2] - meshes.T @ efforts - slips.T @ losses
-    lagrange = np.block([[np.diag(I), G.T], [G, np.zeros((10, 10))]])
-    dp = dict(zip(INERTIAS, I * np.linalg.solve(lagrange, np.concatenate([forces, np.zeros(10)]))[:15], strict=True))
+    still = np.zeros(len(G))
+    lagrange = np.block([[np.diag(I), G.T], [G, np.diag(still)]])
+    dp = dict(zip(INERTIAS, I * np.linalg.solve(lagrange, np.concatenate([forces, still]))[: len(I)], strict=True))
     return np.array([dp[2], rates[0], dp[11], dp[26], rates[1], dp[35], rates[2], dp[78]])

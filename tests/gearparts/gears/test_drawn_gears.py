@@ -176,7 +176,10 @@ def test_a_mesh_is_drawn_from_three_teeth_on_where_its_radii_and_angle_are_known
 
 def test_what_is_not_known_is_not_drawn():
     assert gp.DetailedExternalMesh(r_a=0.1, r_b=0.2, c=1e8, d=0.0).drawn_gears() is None
-    assert gp.PlanetaryUnit(R_s=0.03, R_p=0.02, **UNIT).drawn_gears() is None
+    teeth = {"Z_s": 30, "Z_p": 20, "Z_r": 70}
+    for known in ((), ("Z_s", "Z_p"), ("Z_s", "Z_r"), ("Z_p", "Z_r")):
+        assert gp.PlanetaryUnit(R_s=0.03, R_p=0.02, **UNIT, **{z: teeth[z] for z in known}).drawn_gears() is None
+    assert gp.PlanetaryUnit(R_s=0.0, R_p=0.02, **UNIT, **teeth).drawn_gears() is None
     assert gp.Inertia(J=1.0).drawn_gears() is None
 
 
@@ -185,6 +188,10 @@ def test_numbers_of_teeth_that_do_not_fit_are_refused():
         ModelError, match=r"DetailedExternalMesh: .* give the other one 33\.3333 teeth; expected a whole number"
     ):
         gp.DetailedExternalMesh(r_a=0.03, r_b=0.05, z_a=20, c=1e8, d=0.0).drawn_gears()
+    near = gp.DetailedExternalMesh(r_a=0.03, r_b=0.06 * 1.0008, z_a=20, c=1e8, d=0.0)  # 40.03 teeth are 40
+    assert near.drawn_gears().wheels[1].name == "gear b: 40"
+    with pytest.raises(ModelError, match=r"give the other one 40\.06 teeth"):
+        gp.DetailedExternalMesh(r_a=0.03, r_b=0.06 * 1.0015, z_a=20, c=1e8, d=0.0).drawn_gears()
     with pytest.raises(ModelError, match=r"no profile shift lets the ring mesh .* expected a ring of about 70 teeth"):
         planetary_set((30, 20, 90), 0.1, [0.0], [], [])
 
@@ -195,6 +202,7 @@ def test_numbers_of_teeth_that_do_not_fit_are_refused():
 def test_units_of_all_levels_have_gears(level, meshes, forces):
     unit = gp.PlanetaryUnit(level=level, planet_meshes=meshes, R_s=0.03, R_p=0.02, Z_s=30, Z_p=20, Z_r=70, planets=5, **UNIT)
     gears = unit.drawn_gears()
+    assert [w.ring for w in gears.wheels] == [False] * 6 + [True]
     assert [w.name for w in gears.wheels] == ["sun: 30", *(f"planet {n}: 20" for n in range(1, 6)), "ring: 70"]
     assert len(gears.contacts) == (10 if forces else 0)
     assert gears.wheels[1].orbit == pytest.approx(0.05)

@@ -208,6 +208,20 @@ def test_all_quadrants(tau_a: float, tau_b: float, w0: float, ratio: float) -> N
     assert result["metal.T"] - 300 == pytest.approx((tau_a + tau_b / ratio) * phi - stored, rel=1e-6, abs=1e-5)
 
 
+@pytest.mark.parametrize("tau_a", [4.0, 0.3, -0.3, -4.0])
+def test_it_starts_where_the_torque_exceeds_the_losses_of_that_direction(tau_a: float) -> None:
+    """At rest, for either side driving: tau_b = ratio (loss - tau_a) with the loss of the direction in which it would turn."""
+    eta1, eta2, B1, B2 = ROW[1:]
+    side_a = (B1 - B2) / (eta1 - 1 / eta2)
+    forward = (1 - eta1) * tau_a + B1 if tau_a >= side_a else (1 - 1 / eta2) * tau_a + B2
+    backward = (1 - 1 / eta2) * tau_a - B2 if tau_a > -side_a else (1 - eta1) * tau_a - B1
+    system = gl.compile(Driven(loss_table=(ROW,)), outputs=["gear.w_a"])
+    for loss, beyond, sense in ((forward, 1e-3, 1), (forward, -1e-3, 0), (backward, 1e-3, 0), (backward, -1e-3, -1)):
+        values = {"tau_a": tau_a, "tau_b": 3.0 * (loss - tau_a + beyond), "w0": 0.0}
+        w = system.simulate(0.5, samples=2, parameters=values)["gear.w_a"][-1]
+        assert np.sign(np.round(w, 7)) == sense, (loss, beyond)
+
+
 def test_a_table_of_losses_is_interpolated() -> None:
     # no mesh losses, bearing torque 1 + w / 10 up to w = 20 and beyond: (0.1 + 0.5 / 9) w' = 2 - 1 - w / 10
     rows = ((0.0, 1.0, 1.0, 1.0, 1.0), (10.0, 1.0, 1.0, 2.0, 2.0), (20.0, 1.0, 1.0, 3.0, 3.0))

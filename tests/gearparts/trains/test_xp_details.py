@@ -95,5 +95,8 @@ def test_positions_that_do_not_fit_are_refused() -> None:
         gl.compile(gp.ZhouCui2022(**TEETH, positions=equal))
     with pytest.raises(BindingError, match="2 positions for 3 planets"):
         gl.compile(gp.ZhouCui2022(planet_meshes="separate", ring_details=NO_GAP, **TEETH, positions=(0.0, 1.0)))
-    with pytest.raises(BindingError, match="sun_details and ring_details need numbers of teeth"):
+    with pytest.raises(BindingError, match="sun_details and ring_details need the numbers of teeth"):
         gl.compile(gp.ZhouCui2022(ring_details=NO_GAP))
+    for missing in TEETH:
+        with pytest.raises(BindingError, match=f"PlanetaryUnit: {missing} is 0; expected a whole number above 0"):
+            gl.compile(gp.ZhouCui2022(**TEETH | {missing: 0}))
