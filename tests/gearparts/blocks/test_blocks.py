@@ -12,6 +12,7 @@ import gearparts as gp
 from gearlib.language.component import equations_of
 from gearlib.language.declarations import declared_by
 from tests.gearparts.bench import needed_values
+from tests.gearparts.declared_numbers import misfits
 
 BLOCKS = [getattr(gp.blocks, name) for name in gp.blocks.__all__]
 MADE_OF_PARTS = {"TransferFunction", "StateSpace", "MultiStateSpace", "CombiTimeTable"}
@@ -32,6 +33,7 @@ def test_blocks_are_documented_and_fit_their_units(kind: Any) -> None:
     if kind.__name__ not in MADE_OF_PARTS:
         part = kind(**needed_values(kind, 1.0))
         assert gl.check_units(part) == []
+        assert list(misfits(kind.__name__, declared_by(part))) == []
         known = declared_by(part)
         unknowns = [v for v in known.variables.values() if not isinstance(v, gl.Input)]
         actions = [e.actions if isinstance(e, gl.When) else (e,) for e in equations_of(part)]
