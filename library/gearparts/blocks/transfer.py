@@ -130,9 +130,8 @@ class MultiStateSpace(Block):
         A, B, C = _matrix(self, "A", self.A), _matrix(self, "B", self.B), _matrix(self, "C", self.C)
         n, m = len(A), len(B[0]) if B else 0
         D = _matrix(self, "D", self.D) or tuple((0.0,) * m for _ in C)
-        sizes_needed = ((A, n, n), (B, n, m), (C, len(C), n), (D, len(C), m))
-        fit = all(len(rows) == height and {len(row) for row in rows} == {width} for rows, height, width in sizes_needed)
-        if not (m and fit):
+        shapes = ((A, n, n), (B, n, m), (C, len(C), n), (D, len(C), m))
+        if not (m and all(len(rows) == height and {*map(len, rows)} == {width} for rows, height, width in shapes)):
             sizes = ", ".join(f"{k} {len(v)} x {len(v[0]) if v else 0}" for k, v in (("A", A), ("B", B), ("C", C), ("D", D)))
             raise BindingError(f"{_name(self)}: the matrices do not fit each other: {sizes}")
         x, u = _symbols("x[{}].y", n), _symbols("inputs[{}].y", m)

@@ -116,7 +116,7 @@ def planetary_set(
     shift = (involute(alpha) - involute(working)) * (z_r - z_p) / (2 * math.tan(alpha))
     sun, planet = ToothForm(z_s, m, alpha), ToothForm(z_p, m, alpha)
     # the ring's tips stay as far from the planets' roots as a pair without profile shifts would
-    ring = ToothForm(z_r, m, alpha, shift, ring=True, tip=max(distance + planet.root_radius + CLEARANCE * m, 0.0))
+    ring = ToothForm(z_r, m, alpha, shift, ring=True, tip=distance + planet.root_radius + CLEARANCE * m)
     wheels = [Wheel(f"sun: {z_s}", sun.outline(), distance * z_s / (z_s + z_p), False, FREE)]
     for n, psi in enumerate(angles):
         turn = meshing_turn(z_s, z_p, False, psi, FREE)

@@ -306,8 +306,7 @@ class ElasticPlanetaryUnit(TurningPlanetaryUnit, MeshValues):
         """Meshes at sun and ring that ride on the carrier, each with the phase of a planet at one of the ``angles``."""
         if not self.Z_s:  # nor the others: `check` refuses some of them
             raise BindingError(
-                f"{path_of(self) or type(self).__name__}: sun_details and ring_details need the numbers of teeth Z_s, Z_p and Z_r, "
-                "from which the phases of the meshes follow"
+                f"{path_of(self) or type(self).__name__}: sun_details and ring_details need the numbers of teeth Z_s, Z_p, Z_r"
             )
         from gearparts.gears.mesh_models import DetailedExternalMesh, DetailedInternalMesh, details_of
 

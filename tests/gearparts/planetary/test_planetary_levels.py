@@ -163,7 +163,7 @@ def test_the_lossy_unit_has_the_efficiency_of_its_set() -> None:
         ({"Z_s": 19, "Z_p": 31, "Z_r": 81, "planets": 3}, r"PlanetaryUnit: 3 equally spaced planets cannot be assembled"),
         (
             {"planet_meshes": "separate", "sun_details": (("friction", True),)},
-            r"unit: sun_details and ring_details need the numbers of teeth Z_s, Z_p and Z_r, from",
+            r"unit: sun_details and ring_details need the numbers of teeth Z_s, Z_p, Z_r",
         ),
         ({"level": "rigid"}, r"'level' is 'rigid'; valid choices: 'ideal', 'lossy', 'elastic', 'planar'"),
     ],
