@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 from gearlib.errors import ModelicaError
 from gearlib.modelica.lexer import TextPlace, Token, tokens
@@ -47,6 +47,9 @@ ENDS_OF_EQUATIONS = (
     "end", "else", "elseif", "elsewhen", "initial", "equation", "algorithm", "public", "protected", "annotation",
 )  # fmt: skip
 DEEPEST_TEXT = 60  # nesting depth of expressions and classes; each level takes several Python frames
+
+
+Found = TypeVar("Found")
 
 
 def parsed(text: str, source: str = "the text") -> TextNode:
@@ -137,7 +140,7 @@ class _Parser:
             self.class_modification()
         return words
 
-    def series(self, rule: Callable[[], SyntaxNode], separator: str = ",") -> tuple[SyntaxNode, ...]:
+    def series(self, rule: Callable[[], Found], separator: str = ",") -> tuple[Found, ...]:
         found = [rule()]
         while self.takes(separator):
             found.append(rule())
@@ -276,9 +279,7 @@ class _Parser:
             return [ImportNode(at, self.path(), names[0])]
         while self.takes("."):
             if self.takes("{"):
-                found = [self.identifier()]
-                while self.takes(","):
-                    found.append(self.identifier())
+                found = self.series(self.identifier)
                 self.expect("}")
                 return [ImportNode(at, (*names, name), name) for name in found]
             if self.takes("*"):
@@ -288,15 +289,13 @@ class _Parser:
             return [ImportNode(at, tuple(names), "*")]
         return [ImportNode(at, tuple(names), names[-1])]
 
-    def components(self) -> list[ComponentNode]:
+    def components(self) -> tuple[ComponentNode, ...]:
         prefixes = set[str]()
         while self.sees(*ELEMENT_PREFIXES, *TYPE_PREFIXES):
             prefixes.add(self.step().text)
         path = self.path("a declaration, an equation section or 'end'")
         dimensions = self.subscripts() if self.sees("[") else ()
-        found = [self.component(path, frozenset(prefixes), dimensions)]
-        while self.takes(","):
-            found.append(self.component(path, frozenset(prefixes), dimensions))
+        found = self.series(lambda: self.component(path, frozenset(prefixes), dimensions))
         self.constraint()
         return found
 
@@ -311,13 +310,9 @@ class _Parser:
 
     def class_modification(self) -> tuple[Modification, ...]:
         self.expect("(")
-        found: list[Modification] = []
-        if not self.sees(")"):
-            found.append(self.argument())
-            while self.takes(","):
-                found.append(self.argument())
+        found = () if self.sees(")") else self.series(self.argument)
         self.expect(")")
-        return tuple(found)
+        return found
 
     def argument(self) -> Modification:
         at, prefixes = self.at, set[str]()
@@ -377,9 +372,7 @@ class _Parser:
         self.fail("'='")
 
     def loop(self, at: TextPlace) -> LoopNode:
-        indices = [self.loop_index()]
-        while self.takes(","):
-            indices.append(self.loop_index())
+        indices = self.series(self.loop_index)
         self.expect("loop")
         body = tuple(self.equations())
         self.expect("end")
@@ -398,10 +391,7 @@ class _Parser:
 
     def conditional(self, at: TextPlace, word: str, further: str) -> ConditionalNode:
         branches: list[tuple[SyntaxNode | None, tuple[SyntaxNode, ...]]] = []
-        condition: SyntaxNode | None = self.expression()
-        self.expect("then")
-        branches.append((condition, tuple(self.equations())))
-        while self.takes(further):
+        while not branches or self.takes(further):
             condition = self.expression()
             self.expect("then")
             branches.append((condition, tuple(self.equations())))
@@ -419,13 +409,11 @@ class _Parser:
         if self.depth > DEEPEST_TEXT:
             raise ModelicaError(f"{at}: nested too deeply; give parts of it to variables with equations of their own")
         if self.takes("if"):
-            branches = []
-            while True:
+            branches: list[tuple[SyntaxNode, SyntaxNode]] = []
+            while not branches or self.takes("elseif"):
                 condition = self.expression()
                 self.expect("then")
                 branches.append((condition, self.expression()))
-                if not self.takes("elseif"):
-                    break
             self.expect("else")
             found: SyntaxNode = ChoiceNode(at, tuple(branches), self.expression())
         else:
@@ -465,11 +453,8 @@ class _Parser:
 
     def arithmetic_expression(self) -> SyntaxNode:
         at = self.at
-        if self.sees("+", "-", ".+", ".-"):
-            operator = self.step().text
-            found: SyntaxNode = OperationNode(at, operator, (self.term(),))
-        else:
-            found = self.term()
+        signed = self.sees("+", "-", ".+", ".-")
+        found: SyntaxNode = OperationNode(at, self.step().text, (self.term(),)) if signed else self.term()
         while self.sees("+", "-", ".+", ".-"):
             found = OperationNode(at, self.step().text, (found, self.term()))
         return found
@@ -502,14 +487,9 @@ class _Parser:
         if self.takes("{"):
             return self.array(at)
         if self.takes("["):
-            rows: list[SyntaxNode] = []
-            while True:
-                row_at = self.at
-                rows.append(ArrayNode(row_at, self.series(self.expression)))
-                if not self.takes(";"):
-                    break
+            rows = self.series(lambda: ArrayNode(self.at, self.series(self.expression)), ";")
             self.expect("]")
-            return ArrayNode(at, tuple(rows))
+            return ArrayNode(at, rows)
         if self.sees("der", "initial"):
             word = self.step().text
             return self.call(at, word)
@@ -532,11 +512,9 @@ class _Parser:
             index, values = self.loop_index()
             self.expect("}")
             return ComprehensionNode(at, first, index, values)
-        items = [first]
-        while self.takes(","):
-            items.append(self.expression())
+        items = (first, *self.series(self.expression)) if self.takes(",") else (first,)
         self.expect("}")
-        return ArrayNode(at, tuple(items))
+        return ArrayNode(at, items)
 
     def call(self, at: TextPlace, function: str) -> SyntaxNode:
         self.expect("(")
@@ -549,8 +527,7 @@ class _Parser:
                 named.append((name, self.expression()))
             else:
                 arguments.append(self.expression())
-                if self.sees("for"):
-                    self.step()
+                if self.takes("for"):
                     index, values = self.loop_index()
                     arguments[-1] = ComprehensionNode(at, arguments[-1], index, values)
             if not self.takes(","):
@@ -577,7 +554,6 @@ class _Parser:
 
     def subscript(self) -> SyntaxNode:
         at = self.at
-        if self.sees(":"):
-            self.step()
+        if self.takes(":"):
             return RangeNode(at)
         return self.expression()
