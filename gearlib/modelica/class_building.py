@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from gearlib.errors import GearlibError, ModelicaError
+from gearlib.errors import ModelicaError
 from gearlib.language.component import RESERVED, Component, Connection
 from gearlib.language.declarations import (
     NO_VALUE,
@@ -113,7 +113,9 @@ class _ClassBuilder:
         members: dict[str, Any] = {}
         for name, member in self.members.items():
             _check_name(name, member.element.node)
-            if (declared := self._declared(name, member)) is not None:
+            with member.element.node.at.in_refusals():
+                declared = self._declared(name, member)
+            if declared is not None:
                 members[name] = declared
         for given in _given_nodes(self.modifications.values()):
             members[given.name] = (Input if given.is_signal else Parameter)("any", "given by the enclosing class")
@@ -130,12 +132,10 @@ class _ClassBuilder:
             "__doc__": node.comment or f"The Modelica class {self.scope.name}.", "__module__": __name__, "__qualname__": node.name,
             "modelica_text": self.classes.text, "modelica_source": self.classes.source, "modelica_name": self.scope.name,
         }  # fmt: skip
-        try:
-            found: Any = ModelicaClass(node.name, bases, {**members, **functions, **about})
-        except GearlibError as problem:
-            raise ModelicaError(f"{node.at}: {problem}") from problem
-        made: type[Component] = found
-        return made
+        with node.at.in_refusals():
+            made: Any = ModelicaClass(node.name, bases, {**members, **functions, **about})
+        found: type[Component] = made
+        return found
 
     @property
     def fixed_values(self) -> Evaluation:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from gearlib.errors import GearlibError, GearlibWarning, ModelicaError, warn
+from gearlib.errors import GearlibWarning, ModelicaError, warn
 from gearlib.language import expressions as language
 from gearlib.language.component import Connection, Port, connect
 from gearlib.language.expressions import Eq, Reinit, When
@@ -107,10 +107,8 @@ def _when(node: ConditionalNode, evaluation: Evaluation) -> Iterator[When]:
             becomes = evaluation.condition(each)
             if becomes is False:
                 continue
-            try:
+            with node.at.in_refusals():
                 found = When(becomes, *actions, elsewhen=found)
-            except GearlibError as problem:
-                raise ModelicaError(f"{node.at}: {problem}") from problem
     if found is not None:
         yield found
 
@@ -162,10 +160,9 @@ def connections_from(node: SyntaxNode, evaluation: Evaluation) -> Iterator[Conne
             if isinstance(left, tuple) != isinstance(right, tuple) or (isinstance(left, tuple) and len(left) != len(right)):
                 raise ModelicaError(f"{node.at}: arrays of different sizes cannot be connected")
             for a, b in zip(left, right, strict=True) if isinstance(left, tuple) else [(left, right)]:
-                try:
-                    yield connect(a, b)
-                except GearlibError as problem:
-                    raise ModelicaError(f"{node.at}: {problem}") from problem
+                with node.at.in_refusals():
+                    made = connect(a, b)
+                yield made
         case LoopNode():
             for k in evaluation.range(node.range):
                 for inner in node.body:

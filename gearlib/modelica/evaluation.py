@@ -39,8 +39,8 @@ _FUNCTIONS: Mapping[str, tuple[Callable[..., Any], Callable[..., float], int]] =
     "tanh": (language.tanh, math.tanh, 1), "exp": (language.exp, math.exp, 1), "log": (language.log, math.log, 1),
     "sqrt": (language.sqrt, math.sqrt, 1),
     "log10": (lambda x: language.log(x) / math.log(10.0), math.log10, 1),
-    "abs": (abs, abs, 1), "sign": (language.sign, lambda x: (x > 0) - (x < 0), 1), "min": (language.Min, min, 2),
-    "max": (language.Max, max, 2),
+    "abs": (abs, abs, 1), "sign": (language.sign, lambda x: (x > 0) - (x < 0), 1),
+    "min": (language.Min, lambda *values: min(values), 2), "max": (language.Max, lambda *values: max(values), 2),
 }  # fmt: skip
 _WITHOUT_EVENTS = ("abs", "sign", "min", "max")  # as in Modelica; gearlib's versions raise events by themselves
 _OF_NUMBERS: Mapping[str, tuple[Callable[..., Any], int]] = {
@@ -112,14 +112,13 @@ class Evaluation:
     def value(self, node: SyntaxNode) -> Any:
         """A number, Boolean, string, expression, condition, component, port, or a tuple of these."""
         try:
-            return self._value(node)
-        except (GearlibError, Absent, RecursionError) as problem:
-            if isinstance(problem, GearlibError) and not isinstance(problem, ModelicaError):
-                raise ModelicaError(f"{node.at}: {problem}") from problem
+            with node.at.in_refusals():
+                return self._value(node)
+        except (GearlibError, Absent, RecursionError):
             raise
         except ZeroDivisionError:
             raise ModelicaError(f"{node.at}: a division by zero") from None
-        except (ArithmeticError, TypeError, ValueError) as problem:
+        except (ArithmeticError, LookupError, TypeError, ValueError) as problem:
             raise ModelicaError(f"{node.at}: this cannot be evaluated: {problem}") from None
 
     def _value(self, node: SyntaxNode) -> Any:
@@ -384,12 +383,10 @@ class Evaluation:
                 raise ModelicaError(
                     f"{node.at}: {name}() is read of numbers known when the model is built only; got {values[0]}"
                 )
-            return function(
-                *(int(v) if isinstance(v, float) and v == int(v) and name in ("zeros", "ones") else v for v in values)
-            )
+            return function(*values)
         if name in ("sum", "product"):
             (values,) = self._arguments(node, 1)
-            total: Any = 0 if name == "sum" else 1.0
+            total: Any = 0 if name == "sum" else 1
             for v in values if isinstance(values, tuple) else (values,):
                 total = _arithmetic("+" if name == "sum" else "*", [total, v])
             return total
@@ -420,8 +417,9 @@ class Evaluation:
         if name == "der":
             return 0 if isinstance(x, (int, float)) else language.der(x)
         if name == "semiLinear":
-            above, below = (self.number(a) for a in arguments[1:])
-            return language.Piecewise((above * x, x >= 0), (below * x, True))
+            above, below = (OperationNode(node.at, "*", (a, arguments[0])) for a in arguments[1:])
+            positive = OperationNode(node.at, ">=", (arguments[0], NumberNode(node.at, 0)))
+            return self._choice(ChoiceNode(node.at, ((positive, above),), below))
         if name == "pre":  # of a continuous variable: its left limit, which actions of When see
             declared = self.declaration(arguments[0]) if isinstance(arguments[0], ReferenceNode) else None
             return x if isinstance(declared, (Variable, Derivative)) else language.pre(x)
@@ -462,11 +460,15 @@ def _arithmetic(sign: str, values: list[Any]) -> Any:
             return a + b
         case "-":
             return a - b
+        case "*" if isinstance(a, int) and isinstance(b, int):
+            return a * b
         case "*" | "/":  # integer factors may carry a unit, as in 5 * w
             a, b = (float(v) if isinstance(v, int) else v for v in (a, b))
             return a * b if sign == "*" else a / b
-    if isinstance(b, float) and not isinstance(a, (int, float)) and b * 2 == int(b * 2):
-        b = int(b) if b == int(b) else language.as_number(Fraction(b), "an exponent")
+    if isinstance(a, (int, float)) and isinstance(b, (int, float)):
+        return math.pow(a, b)
+    if isinstance(b, float) and b * 2 == int(b * 2):
+        b = language.as_number(Fraction(b), "an exponent")
     return a**b
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
-from gearlib.errors import ModelicaError
+from gearlib.errors import GearlibError, ModelicaError
 
 TokenKind = Literal["identifier", "keyword", "number", "string", "symbol", "end of text"]
 
@@ -42,6 +44,16 @@ class TextPlace:
 
     def __str__(self) -> str:
         return f"{self.source}, line {self.line}, column {self.column}"
+
+    @contextmanager
+    def in_refusals(self) -> Iterator[None]:
+        """Refusals that do not know the text are said with this position."""
+        try:
+            yield
+        except ModelicaError:
+            raise
+        except GearlibError as problem:
+            raise ModelicaError(f"{self}: {problem}") from problem
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from gearlib.errors import GearlibError, ModelicaError, nearest
+from gearlib.errors import ModelicaError, nearest
 from gearlib.language.component import Component
 from gearlib.language.declarations import Connector, Declaration, Derivative, Discrete, Input, Parameter, Structural, Variable
 from gearlib.modelica.class_content import Modifications, by_name, content_of, with_classes
 from gearlib.modelica.counterparts import Counterpart
 from gearlib.modelica.element_types import ElementType, kind_of, type_named
 from gearlib.modelica.evaluation import Evaluation
+from gearlib.modelica.lexer import TextPlace
 from gearlib.modelica.scopes import ClassScope
 from gearlib.modelica.syntax_tree import (
     ArrayNode,
@@ -41,12 +42,10 @@ class PartValues:
     nominal: dict[str, float] = field(default_factory=dict)
     state: dict[str, Any] = field(default_factory=dict)
 
-    def made(self, kind: type[Component], at: object) -> Component:
+    def made(self, kind: type[Component], at: TextPlace) -> Component:
         """The instance."""
-        try:
+        with at.in_refusals():
             return kind(start=self.start, guess=self.guess, nominal=self.nominal, state=self.state, **self.values)
-        except GearlibError as problem:
-            raise ModelicaError(f"{at}: {problem}") from problem
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,7 @@ class PartMaker:
     class_of: ClassOf
     number: int | None = None
 
-    def made(self, kind: ElementType, modifications: Modifications, at: object) -> Component:
+    def made(self, kind: ElementType, modifications: Modifications, at: TextPlace) -> Component:
         """An instance of a library class, or of a class of the text."""
         given = PartValues()
         if kind.counterpart is not None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gearlib.errors import ModelicaError
-from gearlib.modelica.syntax_tree import ClassNode, ComponentNode, ExtendsNode, ImportNode, OperationNode, SyntaxNode
+from gearlib.modelica.syntax_tree import ClassNode, ComponentNode, ExtendsNode, ImportNode, SyntaxNode
 from gearlib.modelica.text_parser import DEEPEST_TEXT, parsed
 
 
@@ -159,7 +159,8 @@ def test_what_a_declaration_holds() -> None:
     text = """final parameter input P.Q[2] a[3](start = 1, each final b.c(min = 0) = 2 "inner", redeclare R r(k = 3) constrainedby S(k = 1))
         = 4 if held "words " + "joined" annotation(Icon(x = 1)), b; """
     first, second = parsed(f"model M {text} end M;").classes[0].elements
-    assert isinstance(first, ComponentNode) and isinstance(second, ComponentNode)
+    assert isinstance(first, ComponentNode)
+    assert isinstance(second, ComponentNode)
     assert (first.name, first.type, first.prefixes) == ("a", ("P", "Q"), {"final", "parameter", "input"})
     assert [form(d) for d in first.dimensions] == [("NumberNode", 3), ("NumberNode", 2)], (
         "its own come before those of the type"
@@ -219,16 +220,21 @@ def test_classes_within_a_class() -> None:
         None,
     )
     torque = classes["Torque"].short_for
-    assert torque is not None and (torque.type, torque.modifications[0].name) == (("Real",), ("unit",))
+    assert torque is not None
+    assert (torque.type, torque.modifications[0].name) == (("Real",), ("unit",))
     assert (classes["Open"].literals, classes["R"].prefixes) == ((), {"replaceable", "partial"})
     short = classes["S"].short_for
-    assert short is not None and (short.type, short.modifications, classes["S"].prefixes) == (("R",), (), {"redeclare"})
+    assert short is not None
+    assert (short.type, short.modifications, classes["S"].prefixes) == (("R",), (), {"redeclare"})
     base, part = classes["T"].elements
-    assert isinstance(base, ExtendsNode) and (base.type, base.modifications[0].name) == (("A", "R"), ("k",))
+    assert isinstance(base, ExtendsNode)
+    assert (base.type, base.modifications[0].name) == (("A", "R"), ("k",))
     assert isinstance(part, ComponentNode)
     model, component, value = part.modifications
-    assert isinstance(model.redeclared, ClassNode) and (model.name, model.redeclared.kind) == (("V",), "model")
-    assert isinstance(component.redeclared, ComponentNode) and component.redeclared.type == ("X",)
+    assert isinstance(model.redeclared, ClassNode)
+    assert (model.name, model.redeclared.kind) == (("V",), "model")
+    assert isinstance(component.redeclared, ComponentNode)
+    assert component.redeclared.type == ("X",)
     assert (component.final, value.final, value.redeclared) == (False, True, None)
     assert parsed("within; model M end M;").within == ()
 
