@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 from gearlib.errors import ModelicaError, nearest
 from gearlib.modelica.counterparts import Counterpart, standard_library
-from gearlib.modelica.scopes import ClassScope, lookup
+from gearlib.modelica.scopes import ClassScope, lookup, member
 from gearlib.modelica.syntax_tree import ClassNode, ComponentNode, ExtendsNode, Modification, SyntaxNode
 
 Modifications = Mapping[str, Modification]
@@ -53,13 +54,14 @@ def content_of(scope: ClassScope, modifications: Modifications) -> Content:
     found = Content()
     used: set[str] = set()
     _collect(scope, modifications, found, used, ())
-    for name, modification in modifications.items():
-        library = any(name not in c.ignored for c, _ in found.library_bases)
-        if name not in used and not library:
-            raise ModelicaError(
-                f"{modification.at}: {scope.name} has no element '{name}' to be modified; {nearest(name, found.elements)}"
-            )
+    _check_used(modifications, used, scope, found)
     return found
+
+
+def _check_used(modifications: Modifications, used: set[str], scope: ClassScope, found: Content) -> None:
+    for name, m in modifications.items():
+        if name not in used and not found.library_bases:  # which say themselves what they do not have
+            raise ModelicaError(f"{m.at}: {scope.name} has no element '{name}' to be modified; {nearest(name, found.elements)}")
 
 
 def _collect(scope: ClassScope, given: Modifications, found: Content, used: set[str], above: tuple[ClassNode, ...]) -> None:
@@ -72,7 +74,7 @@ def _collect(scope: ClassScope, given: Modifications, found: Content, used: set[
     for element in scope.node.elements:
         if isinstance(element, ExtendsNode):
             _extend(element, scope, given, found, used, above)
-        elif isinstance(element, ComponentNode):
+        elif isinstance(element, ComponentNode) and "redeclare" not in element.prefixes:
             used.add(element.name)
             made = _modified(element, scope, given.get(element.name))
             if element.name in found.elements and found.elements[element.name].node != element:
@@ -88,10 +90,13 @@ def _extend(
 ) -> None:
     around = scope.outer
     named = lookup(base.type, scope if scope.node.short_for is None else around or scope)
-    own = merged(qualified(base.modifications, scope), given)
+    written = merged(qualified(base.modifications, scope), qualified(_redeclarations(scope.node), scope))
+    own = merged(written, given)
     if isinstance(named, ClassScope):
-        _collect(with_classes(named, own, scope), own, found, used, above)
-        used.update(m for m in own if m not in given)
+        inherited: set[str] = set()
+        _collect(with_classes(named, own, scope), own, found, inherited, above)
+        _check_used(written, inherited, named, found)
+        used |= inherited
         return
     path = ".".join(named)
     if path.startswith(_EMPTY_BASES):
@@ -102,14 +107,39 @@ def _extend(
     found.library_bases.append((counterpart, own))
 
 
+def _redeclarations(node: ClassNode) -> Iterator[Modification]:
+    """The elements of a class that redeclare inherited ones."""
+    for new in (*node.elements, *node.classes.values()):
+        if isinstance(new, (ComponentNode, ClassNode)) and "redeclare" in new.prefixes:
+            yield Modification(new.at, (new.name,), redeclared=new)
+
+
 def with_classes(scope: ClassScope, modifications: Modifications, where: ClassScope) -> ClassScope:
     """A class with some of its local classes replaced by redeclarations."""
     replaced = {
-        name: ClassScope(m.redeclared, (*scope.path, name), where)
+        name: ClassScope(_under(m.redeclared, member(scope, name)), (*scope.path, name), where)
         for name, m in modifications.items()
         if isinstance(m.redeclared, ClassNode)
     }
     return replace(scope, replaced={**scope.replaced, **replaced}) if replaced else scope
+
+
+def _under(new: ClassNode, old: ClassScope | None) -> ClassNode:
+    """A redeclared class under those modifications of the first declaration that it keeps."""
+    short = None if old is None else old.node.short_for
+    kept = _kept(old.node, short.modifications) if old is not None and short is not None else ()
+    return _with_modifications(new, kept) if kept else new
+
+
+def _kept(node: ClassNode | ComponentNode, modifications: tuple[Modification, ...]) -> tuple[Modification, ...]:
+    return modifications if node.constraint is None else node.constraint
+
+
+@lru_cache(maxsize=1000)  # one class for all parts
+def _with_modifications(new: ClassNode, kept: tuple[Modification, ...]) -> ClassNode:
+    if new.short_for is None:
+        raise ModelicaError(f"{new.at}: only a short class can redeclare one that is declared with modifications")
+    return replace(new, short_for=replace(new.short_for, modifications=(*kept, *new.short_for.modifications)))
 
 
 def _modified(node: ComponentNode, scope: ClassScope, modification: Modification | None) -> DeclaredElement:
@@ -124,7 +154,9 @@ def _modified(node: ComponentNode, scope: ClassScope, modification: Modification
         new = modification.redeclared
         prefixes = node.prefixes | new.prefixes
         kept = replace(new, prefixes=prefixes, condition=node.condition, dimensions=new.dimensions or node.dimensions)
-        return DeclaredElement(kept, scope, merged(own, by_name(new.modifications)))
+        return DeclaredElement(
+            kept, scope, merged(qualified(_kept(node, node.modifications), scope), by_name(new.modifications))
+        )
     value = node.value if modification.value is None else modification.value
     return DeclaredElement(replace(node, value=value), scope, merged(own, by_name(modification.inner)))
 

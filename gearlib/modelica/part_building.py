@@ -11,7 +11,7 @@ from gearlib.language.component import Component
 from gearlib.language.declarations import Connector, Declaration, Derivative, Discrete, Input, Parameter, Structural, Variable
 from gearlib.modelica.class_content import Modifications, by_name, content_of, with_classes
 from gearlib.modelica.counterparts import Counterpart
-from gearlib.modelica.element_types import ElementType, kind_of, type_named
+from gearlib.modelica.element_types import ElementType, connector_class, kind_of, type_named
 from gearlib.modelica.evaluation import Evaluation
 from gearlib.modelica.lexer import TextPlace
 from gearlib.modelica.scopes import ClassScope
@@ -199,8 +199,8 @@ class PartMaker:
                     kept[name] = replace(m, inner=tuple(further.values()))
             else:
                 declared: Declaration = Discrete() if here == "discrete" else Variable()
-                if here == "connector" and kind.counterpart is not None:
-                    declared = kind.counterpart.component()
+                if here == "connector":
+                    declared = kind.counterpart.component() if kind.scope is None else connector_class(kind.scope)()
                 self.attributes(".".join((*path, name)), declared, m, given)
         return kept
 

@@ -174,6 +174,7 @@ class ComponentNode(SyntaxNode):
     value: SyntaxNode | None = None
     condition: SyntaxNode | None = None
     comment: str = ""
+    constraint: tuple[Modification, ...] | None = None  # what redeclarations keep; None: all of its modifications
 
 
 @dataclass(frozen=True)
@@ -206,6 +207,10 @@ class ClassNode(SyntaxNode):
     comment: str = ""
     short_for: ExtendsNode | None = None
     literals: tuple[str, ...] = ()  # of an enumeration
+    constraint: tuple[Modification, ...] | None = None  # as that of a component
+
+    __eq__ = object.__eq__  # the base compares places, and another text has a class there, too
+    __hash__ = object.__hash__
 
 
 @dataclass(frozen=True)

@@ -259,19 +259,32 @@ class _Parser:
             made = self.class_definition()
             if made.name in classes:
                 raise ModelicaError(f"{at}: the class {made.name} is declared twice")
-            classes[made.name] = replace(made, prefixes=made.prefixes | prefixes)
-            self.constraint()
+            classes[made.name] = self.constrained_class(replace(made, prefixes=made.prefixes | prefixes))
         else:
             elements.extend(self.components())
         self.expect(";")
 
-    def constraint(self) -> None:
-        """Skip ``constrainedby C(...)``, which restricts redeclarations without making one."""
-        if self.takes("constrainedby"):
-            self.path("the name of a class")
-            if self.sees("("):
-                self.class_modification()
-            self.comment()
+    def constraint(self) -> tuple[Modification, ...] | None:
+        """The modifications of ``constrainedby C(...)``, which hold for a declaration and for its redeclarations."""
+        if not self.takes("constrainedby"):
+            return None
+        self.path("the name of a class")
+        found = self.class_modification() if self.sees("(") else ()
+        self.comment()
+        return found
+
+    def constrained_class(self, made: ClassNode) -> ClassNode:
+        at, constraint = self.at, self.constraint()
+        if not constraint:
+            return replace(made, constraint=constraint)
+        if made.short_for is None:
+            raise ModelicaError(f"{at}: a constraint with modifications is supported for short classes and components only")
+        own = replace(made.short_for, modifications=(*constraint, *made.short_for.modifications))
+        return replace(made, short_for=own, constraint=constraint)
+
+    def constrained(self, made: tuple[ComponentNode, ...]) -> tuple[ComponentNode, ...]:
+        constraint = self.constraint()
+        return tuple(replace(m, modifications=(*(constraint or ()), *m.modifications), constraint=constraint) for m in made)
 
     def imports(self, at: TextPlace) -> list[ImportNode]:
         names = [self.identifier("the name of a package")]
@@ -295,9 +308,7 @@ class _Parser:
             prefixes.add(self.step().text)
         path = self.path("a declaration, an equation section or 'end'")
         dimensions = self.subscripts() if self.sees("[") else ()
-        found = self.series(lambda: self.component(path, frozenset(prefixes), dimensions))
-        self.constraint()
-        return found
+        return self.constrained(self.series(lambda: self.component(path, frozenset(prefixes), dimensions)))
 
     def component(self, path: tuple[str, ...], prefixes: frozenset[str], dimensions: tuple[SyntaxNode, ...]) -> ComponentNode:
         at, name = self.at, self.identifier("the name of a component")
@@ -321,13 +332,11 @@ class _Parser:
         each, final = "each" in prefixes, "final" in prefixes
         if "redeclare" in prefixes or "replaceable" in prefixes:
             if self.begins_class():
-                new_class = self.class_definition()
-                self.constraint()
+                new_class = self.constrained_class(self.class_definition())
                 return Modification(at, (new_class.name,), each=each, final=final, redeclared=new_class)
             while self.sees(*TYPE_PREFIXES):
                 prefixes.add(self.step().text)
-            component = self.component(self.path("the name of a class"), frozenset(prefixes), ())
-            self.constraint()
+            (component,) = self.constrained((self.component(self.path("the name of a class"), frozenset(prefixes), ()),))
             return Modification(at, (component.name,), each=each, final=final, redeclared=component)
         names = self.path("a modification, such as J = 2")
         if self.sees("["):

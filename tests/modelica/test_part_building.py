@@ -1,21 +1,242 @@
-"""Modifications of parts: which are allowed."""
+"""Modifications of parts: what they give to which part, and which are allowed."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
+import sympy
 
 import gearlib as gl
 from gearlib.errors import ModelicaError
+from gearlib.language.component import equations_of, given_to
+from gearlib.language.declarations import declared_by
+from gearlib.language.expressions import real_symbol
+from gearlib.language.interior import connections_of, parts_of
 
-CLASS = "model A final parameter Real k = 2; parameter Real j = 1; Real x = k * j; end A;"
+PACKAGE = """
+package P
+  import Modelica.Mechanics.Rotational.{Components, Interfaces, Sources};
+  import Modelica.Blocks.{Continuous, Math};
+  type Level = enumeration(low, high);
+  connector Pin "of one's own"
+    Real v;
+    flow Real i;
+  end Pin;
+  model Small "one of everything"
+    parameter Real k = 1;
+    final parameter Real f = 4;
+    constant Real c = 5;
+    parameter Integer n = 2;
+    parameter Boolean on = true;
+    parameter Level level = Level.low;
+    input Real u;
+    Real x(start = 3);
+    discrete Real d(start = 1);
+    Pin pin;
+    Interfaces.Flange_a flange;
+    Components.Inertia body(J = k);
+    Sources.Torque torque;
+  end Small;
+  model Large
+    parameter Real j = 7;
+    Small s(k = 2 * j, body(w(start = j)));
+    replaceable Components.Inertia some(J = 3) constrainedby Interfaces.PartialTwoFlanges;
+  end Large;
+  model Lossy
+    extends Components.Inertia(J = 6, w.start = 2);
+    parameter Real loss = 1;
+  end Lossy;
+"""
 
 
-def test_what_is_not_final_can_be_modified() -> None:
-    model = gl.read_modelica(f"{CLASS} model B A a(j = 3); A b; end B;", "B")
-    result = gl.simulate(model(), 1.0, samples=2)
-    assert (result["a.x"][0], result["b.x"][0]) == (6.0, 2.0)
+LARGE = {
+    "l.s": {"values": {"k": "2.0*j"}, "guess": {"body.w": "j"}},
+    "l.s.body": {"values": {"J": "k"}},
+}  # what Large says itself
 
 
-def test_what_is_final_cannot_be_modified() -> None:
-    with pytest.raises(ModelicaError, match="'k' is final, and cannot be modified"):
-        gl.compile(gl.read_modelica(f"{CLASS} model B A a(k = 3); end B;", "B")())
+def parts(text: str, package: str = PACKAGE) -> dict[str, Any]:
+    """The parts of a model with these declarations, by path, to any depth."""
+    found: dict[str, Any] = {}
+
+    def look(component: gl.Component, prefix: str) -> None:
+        connections_of(component)  # makes the parts
+        for name, part in parts_of(component).items():
+            found[prefix + name] = part
+            look(part, f"{prefix}{name}.")
+
+    look(gl.read_modelica(f"{package} model M parameter Real p = 9; {text} end M; end P;")(), "")
+    return found
+
+
+def given(text: str) -> dict[str, dict[str, Any]]:
+    """What the parts of a model are given, without what is empty."""
+    found: dict[str, dict[str, Any]] = {}
+    for name, part in parts(text).items():
+        for kind, values in vars(given_to(part)).items():
+            if values:
+                found.setdefault(name, {})[kind] = {k: str(v) if isinstance(v, sympy.Expr) else v for k, v in values.items()}
+    return found
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("Components.Inertia i(J = 2);", {"i": {"values": {"J": 2}}}),
+        ("Components.Inertia i(J = 2, phi(start = 1, fixed = true), w(start = 3));",
+         {"i": {"values": {"J": 2}, "start": {"phi": 1}, "guess": {"w": 3}}}),
+        ("Components.Inertia i(w(fixed = true));", {"i": {"start": {"w": 0.0}}}),
+        ("Components.Inertia i(w(start = 3, fixed = false));", {"i": {"guess": {"w": 3}}}),
+        ("Components.Inertia i(w.start = 3, w.fixed = true, w.nominal = 2);", {"i": {"start": {"w": 3}, "nominal": {"w": 2.0}}}),
+        ("Components.Inertia i(a(start = 3, nominal = 4));", {"i": {"nominal": {"a": 4.0}}}),
+        ("Components.Inertia i(stateSelect = StateSelect.always);", {"i": {"state": {"phi": "prefer", "w": "prefer"}}}),
+        ("Components.Inertia i(w(stateSelect = StateSelect.avoid, unit = \"rad/s\"));", {"i": {"state": {"w": "avoid"}}}),
+        ("Components.Inertia i(flange_a(phi(start = 3, fixed = true)));", {"i": {"start": {"flange_a.phi": 3}}}),
+        ("Components.Inertia i(J(min = 1));", {}),
+        ("Components.RelativeStates r(phi_nominal = 3, stateSelect = StateSelect.never);",
+         {"r": {"nominal": {"phi_rel": 3}, "state": {"phi_rel": "never", "w_rel": "never"}}}),
+        ("Components.InitializeFlange z(stateSelect = StateSelect.never);", {}),
+        ("Components.Fixed f[3](phi0 = {1, 2, 3});", {f"f[{k}]": {"values": {"phi0": k + 1}} for k in range(3)}),
+        ("Components.Fixed f[2](each phi0 = 4);", {f"f[{k}]": {"values": {"phi0": 4}} for k in range(2)}),
+        ("Components.Fixed f[0](each phi0 = 4);", {}),
+        ("Components.Inertia i[2](w(start = {1, 2}, each fixed = true));", {f"i[{k}]": {"start": {"w": k + 1}} for k in range(2)}),
+        ("Continuous.Integrator g(k = 2, y_start = 3, initType = Modelica.Blocks.Types.Init.InitialState);",
+         {"g": {"values": {"k": 2}, "start": {"y": 3}}}),
+        ("Sources.Move m(u = {time, 1, 0});", {"m": {"values": {"phi_ref": "time", "w_ref": 1, "a_ref": 0}}}),
+        ("Sources.SignTorque s(tau_nominal = 1, reg = Modelica.Blocks.Types.Regularization.CoSine);",
+         {"s": {"values": {"tau_nominal": 1}, "choices": {"reg": "cosine"}}}),
+        ("parameter Boolean on = false; Components.Fixed f(phi0 = 1) if on; Components.Fixed g(phi0 = 2) if not on;",
+         {"g": {"values": {"phi0": 2}}}),
+        ("Small s;", {"s.body": {"values": {"J": "k"}}}),
+        ("Small s(k = 3, n = 4, on = false, level = Level.high, u = time);",
+         {"s": {"values": {"k": 3, "u": "time"}, "choices": {"n": 4, "on": False, "level": "high"}}, "s.body": {"values": {"J": "k"}}}),
+        ("Small s(x(start = 5), pin(v(start = 6, nominal = 2)), flange(phi(start = 7, fixed = true)));",
+         {"s": {"guess": {"x": 5, "pin.v": 6}, "start": {"flange.phi": 7}, "nominal": {"pin.v": 2.0}}, "s.body": {"values": {"J": "k"}}}),
+        ("Small s(d(start = 5), x(fixed = true));", {"s": {"start": {"d": 5, "x": 0.0}}, "s.body": {"values": {"J": "k"}}}),
+        ("Small s(body(J = 5, w(start = 2, fixed = true)));",
+         {"s": {"values": {"body__J": 5}, "start": {"body.w": 2}}, "s.body": {"values": {"J": "body__J"}}}),
+        ("Small s(torque(tau = time));",
+         {"s": {"values": {"torque__tau": "time"}}, "s.body": {"values": {"J": "k"}}, "s.torque": {"values": {"tau": "torque__tau"}}}),
+        ("Large l(j = 2);",
+         {"l": {"values": {"j": 2}}, "l.some": {"values": {"J": 3}}, **LARGE}),
+        ("Large l(s(k = 4, body(J = 8, phi(fixed = true))));",
+         {"l": {"values": {"s__k": 4, "s__body__J": 8}, "start": {"s.body.phi": 0.0}},
+          "l.s": {"values": {"k": "s__k", "body__J": "s__body__J"}, "guess": {"body.w": "j"}}, "l.s.body": {"values": {"J": "body__J"}},
+          "l.some": {"values": {"J": 3}}}),
+        ("Large l(some(J = 5));", {"l": {"values": {"some__J": 5}}, "l.some": {"values": {"J": "some__J"}}, **LARGE}),
+        ("Large l(redeclare Components.Disc some(deltaPhi = 5));",
+         {"l": {"values": {"some__deltaPhi": 5}}, "l.some": {"values": {"delta_phi": "some__deltaPhi"}}, **LARGE}),
+        ("Lossy l(J = 3, loss = 2, w(start = 8));", {"l": {"values": {"J": 3, "loss": 2}, "guess": {"w": 8}}}),
+    ],
+)  # fmt: skip
+def test_what_modifications_give_to_parts(text: str, expected: Any) -> None:
+    """Names in quotes stand for parameters of the enclosing class."""
+    assert given(text) == expected
+
+
+REDECLARED = """
+package P
+  model A parameter Real k = 1; Real x = 10 + k; end A;
+  model B parameter Real k = 2; Real x = 20 + k; end B;
+"""
+
+
+@pytest.mark.parametrize(
+    ("declared", "used", "expected"),
+    [
+        ("A s;", "C c;", 11),
+        ("A s(k = 3);", "C c;", 13),
+        ("A s constrainedby A(k = 5);", "C c;", 15),
+        ("A s(k = 3) constrainedby A(k = 5);", "C c;", 13),
+        ("A s;", "C c(redeclare B s);", 22),
+        ("A s(k = 3);", "C c(redeclare B s);", 23),
+        ("A s(k = 3) constrainedby A;", "C c(redeclare B s);", 22),
+        ("A s(k = 3) constrainedby A(k = 5);", "C c(redeclare B s);", 25),
+        ("A s(k = 3) constrainedby A(k = 5);", "C c(redeclare B s(k = 7));", 27),
+        ("A s(k = 3);", "C c(redeclare B s constrainedby B(k = 7));", 27),
+        ("A s(k = 3);", "extends C(redeclare B s);", 23),
+        ("A s(k = 3);", "extends C; redeclare B s;", 23),
+        ("A s(k = 3);", "extends C; redeclare B s(k = 4);", 24),
+        ("model S = A; S s;", "C c;", 11),
+        ("model S = A(k = 3); S s;", "C c;", 13),
+        ("model S = A constrainedby A(k = 5); S s;", "C c;", 15),
+        ("model S = A(k = 3) constrainedby A(k = 5); S s;", "C c;", 13),
+        ("model S = A; S s;", "C c(redeclare model S = B);", 22),
+        ("model S = A(k = 3); S s;", "C c(redeclare model S = B);", 23),
+        ("model S = A(k = 3) constrainedby A; S s;", "C c(redeclare model S = B);", 22),
+        ("model S = A(k = 3) constrainedby A(k = 5); S s;", "C c(redeclare model S = B);", 25),
+        ("model S = A(k = 3) constrainedby A(k = 5); S s;", "C c(redeclare model S = B(k = 7));", 27),
+        ("model S = A(k = 3); S s;", "C c(redeclare model S = B constrainedby B(k = 7));", 27),
+        ("model S = A(k = 3); S s;", "extends C(redeclare model S = B);", 23),
+        ("model S = A(k = 3); S s;", "extends C; redeclare model S = B;", 23),
+        ("model S = A(k = 3); S s(k = 8);", "C c(redeclare model S = B);", 28),
+        ("model S extends A(k = 6); end S; S s;", "C c(redeclare model S = B);", 22),
+    ],
+)
+def test_redeclarations_keep_what_the_specification_says(declared: str, used: str, expected: int) -> None:
+    """Modelica 3.6, 7.3.2: the constraint's modifications, or those of the first declaration if it has no constraint."""
+    found = parts(used, f"{REDECLARED} model C replaceable {declared} end C;")
+    (part,) = (part for path, part in found.items() if path.rpartition(".")[2] == "s")
+    k = given_to(part).values.get("k", declared_by(part).parameters["k"].default)
+    (equation,) = equations_of(part)
+    outer = {
+        real_symbol(name): value
+        for whole in found.values()
+        for name, value in given_to(whole).values.items()
+        if whole is not part
+    }
+    assert float(equation.right.subs(real_symbol("k"), k).subs(outer)) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("Small s(f = 3);", "'f' is final, and cannot be modified"),
+        ("Small s(c = 3);", "'c' is a constant, and cannot be modified"),
+        ("Small s(kk = 3);", "P.Small has no element 'kk' to be modified; did you mean 'k'?"),
+        ("extends Small(kk = 3);", "P.Small has no element 'kk' to be modified; did you mean 'k'?"),
+        ("extends Small(f = 3);", "f is final, and cannot be modified"),
+        ("extends Small(c = 3);", "c is a constant, and cannot be modified"),
+        ("Small s(x = 3);", "'x' is a variable of a part; an equation gives its value"),
+        ("Small s(x(begin = 3));", "'begin' is not an attribute of a variable; "),
+        ("Small s(body(I = 3));", "Inertia has no 'I' that can be modified; "),
+        ("Components.Inertia i(I = 3);", "Inertia has no 'I' that can be modified; "),
+        ("Components.Inertia i(w = 3);", "Inertia has no 'w' that can be modified; "),
+        ("Components.Inertia i(a(start = 1, fixed = true));",
+         "'a' is a derivative, whose start value cannot be fixed; use InitializeFlange"),
+        ("Components.Inertia i(redeclare Components.Fixed J);", "'J' cannot be redeclared here"),
+        ("Components.Fixed f[3](phi0 = {1, 2});", "2 values; the array has more elements"),
+        ("Components.Fixed f[2, 2];", "arrays of components with several dimensions are not supported"),
+        ("Components.Fixed f[1.5];", "the size of 'f' is 1.5; expected a whole number"),
+        ("Components.Fixed f[-1];", "the size of 'f' is -1; expected a whole number"),
+        ("Components.Fixed f[true];", "the size of 'f' is True; expected a whole number"),
+        ("Components.Fixed f if p > 10;", "the condition of a component has to be known when the model is built"),
+        ("Components.Fixed f = 3;", "'f' is a component; modifications give values to it, as in f(J = 2)"),
+        ("Sources.Move m(u = {time, 1});", "'u' is an array of 3 signals"),
+        ("Sources.Move m(u = time);", "'u' is an array of 3 signals"),
+        ("Sources.SignTorque s(reg = Modelica.Blocks.Types.Regularization.Cosine);", "reg = Cosine is not supported; "),
+        ("Continuous.PI c(initType = Modelica.Blocks.Types.Init.SteadyState);",
+         "initType = SteadyState is not supported; expected InitialState or NoInit"),
+        ("Small s(n = p);", "this has to be a constant, known when the model is built; it depends on p"),
+        ("extends Q;", "the class Q is not known; "),
+        ("Small s; Small s(k = 2);", "'s' is declared twice"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_modified(text: str, said: str) -> None:
+    with pytest.raises(ModelicaError) as problem:
+        parts(text)
+    assert str(problem.value).partition(": ")[2].startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("replaced", "said"),
+    [
+        ("model S extends A; end S constrainedby A(k = 5);",
+         "a constraint with modifications is supported for short classes and components only"),
+        ("model S = A(k = 3);", "only a short class can redeclare one that is declared with modifications"),
+    ],
+)  # fmt: skip
+def test_long_classes_are_redeclared_without_modifications(replaced: str, said: str) -> None:
+    with pytest.raises(ModelicaError, match=said):
+        parts("C c(redeclare model S extends B; end S);", f"{REDECLARED} model C replaceable {replaced} S s; end C;")
