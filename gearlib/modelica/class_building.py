@@ -19,7 +19,15 @@ from gearlib.language.declarations import (
     Variable,
 )
 from gearlib.language.expressions import Eq, When
-from gearlib.modelica.class_content import Content, DeclaredElement, Modifications, content_of, merged
+from gearlib.modelica.class_content import (
+    Content,
+    DeclaredElement,
+    Modifications,
+    by_name,
+    check_attributes,
+    content_of,
+    merged,
+)
 from gearlib.modelica.counterparts import Counterpart
 from gearlib.modelica.element_types import ElementKind, ElementType, connector_class, element_of, kind_of, type_named, unit_of
 from gearlib.modelica.equation_reading import assigned_in_whens, connections_from, equations_from
@@ -159,6 +167,8 @@ class _ClassBuilder:
         for prefix in ("inner", "outer", "stream"):
             if prefix in node.prefixes:
                 raise ModelicaError(f"{node.at}: '{prefix}' is not supported")
+        if member.kind not in ("connector", "part"):
+            check_attributes(attributes)
         unit = unit_of(member.element, member.type)
         match member.kind:
             case "parameter":
@@ -167,9 +177,9 @@ class _ClassBuilder:
             case "structural":
                 return Structural(self._structural(member), node.comment)
             case "input":
-                return Input(unit, node.comment, default=self._default(member), **self._variable(name, member))
+                return Input(unit, node.comment, default=self._default(member), **self._variable(name, node, attributes))
             case "variable":
-                return Variable(unit, node.comment, **self._variable(name, member))
+                return Variable(unit, node.comment, **self._variable(name, node, attributes))
             case "discrete":
                 start = attributes.get("start")
                 value = 0.0 if start is None or start.value is None else float(self.fixed_values.constant(start.value))
@@ -197,8 +207,7 @@ class _ClassBuilder:
         found = Evaluation(member.element.scope, None, self._constants()).constant(node)
         return float(found) if member.type.kind == "real" and isinstance(found, int) else found
 
-    def _variable(self, name: str, member: Member) -> dict[str, Any]:
-        attributes = member.attributes
+    def _variable(self, name: str, node: SyntaxNode, attributes: Modifications) -> dict[str, Any]:
         found: dict[str, Any] = {}
         start, fixed = attributes.get("start"), attributes.get("fixed")
         held = fixed is not None and fixed.value is not None and bool(self.fixed_values.constant(fixed.value))
@@ -206,7 +215,7 @@ class _ClassBuilder:
             if _names_in(start.value) - self._constants().keys() or isinstance(start.value, GivenNode):
                 if held:
                     given = start.value
-                    self.starting.append((f"{name}_from_start", lambda e: e.value(_reference(member, name)) - e.number(given)))
+                    self.starting.append((f"{name}_from_start", lambda e: e.value(_reference(node, name)) - e.number(given)))
             else:
                 value = float(self.fixed_values.constant(start.value))
                 found["start" if held else "guess"] = value
@@ -258,11 +267,10 @@ class _ClassBuilder:
             return {
                 local: replace(declared, default=lambda c: replace(self.evaluation(c), of_parameters=constant).number(value))
             }
-        if isinstance(declared, Variable):
-            inner = {i.name[0]: i for i in m.inner}
-            held = "fixed" in inner and inner["fixed"].value is not None and self.fixed_values.constant(inner["fixed"].value)
-            start = self._number(inner["start"]) if "start" in inner else 0.0
-            return {local: replace(declared, start=start) if held else replace(declared, guess=start)}
+        if isinstance(declared, Variable) and value is None:
+            attributes = by_name(m.inner)
+            check_attributes(attributes)
+            return {local: replace(declared, **self._variable(name, m, attributes))}
         raise ModelicaError(f"{m.at}: this modification of {counterpart.component.__name__} is not supported")
 
     # ------------------------------------------------------------ equations
@@ -286,7 +294,7 @@ class _ClassBuilder:
             e = self.evaluation(component)
             for name, member in self.members.items():
                 if member.kind in ("variable", "discrete") and member.default is not None:
-                    left = e.value(_reference(member, name))
+                    left = e.value(_reference(member.element.node, name))
                     found.append(Eq(left, replace(e, scope=member.element.scope).number(member.default)))
             for name, difference in self.starting:
                 found.append(Eq(getattr(component, name), difference(e)))
@@ -341,8 +349,8 @@ class _ClassBuilder:
         setattr(component, name, parts)
 
 
-def _reference(member: Member, name: str) -> ReferenceNode:
-    return ReferenceNode(member.element.node.at, (name,), ((),))
+def _reference(node: SyntaxNode, name: str) -> ReferenceNode:
+    return ReferenceNode(node.at, (name,), ((),))
 
 
 def _check_name(name: str, node: SyntaxNode) -> None:

@@ -12,6 +12,7 @@ from gearlib.modelica.scopes import ClassScope, lookup, member
 from gearlib.modelica.syntax_tree import ClassNode, ComponentNode, ExtendsNode, Modification, SyntaxNode
 
 Modifications = Mapping[str, Modification]
+ATTRIBUTES = ("start", "fixed", "nominal", "stateSelect", "displayUnit", "quantity", "unit", "min", "max", "unbounded")
 _EMPTY_BASES = ("Modelica.Icons.", "Modelica.Mechanics.Rotational.Icons.", "Modelica.Blocks.Icons.")  # icons only
 
 
@@ -184,6 +185,13 @@ def by_name(modifications: Iterable[Modification]) -> Modifications:
             m = Modification(m.at, (first,), None, (replace(m, name=tuple(rest)),))
         found[first] = _joined(found[first], m) if first in found else m
     return found
+
+
+def check_attributes(modifications: Modifications) -> None:
+    """Refuse what is no attribute of a variable or a parameter."""
+    for name, m in modifications.items():
+        if name not in ATTRIBUTES:
+            raise ModelicaError(f"{m.at}: '{name}' is not an attribute of a variable; {nearest(name, ATTRIBUTES)}")
 
 
 def merged(inner: Modifications, outer: Modifications) -> Modifications:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from gearlib.errors import ModelicaError, nearest
 from gearlib.language.declarations import Connector, Flow, Input, Potential
-from gearlib.modelica.class_content import DeclaredElement, Modifications, by_name, content_of, merged
+from gearlib.modelica.class_content import DeclaredElement, Modifications, by_name, check_attributes, content_of, merged
 from gearlib.modelica.counterparts import Counterpart, standard_library
 from gearlib.modelica.scopes import ClassScope, Path, lookup
 from gearlib.modelica.si_types import unit_named, unit_written
@@ -30,7 +30,7 @@ class ElementType:
     """Type of an element: its kind, the attributes from its type, and the class of a connector or a part."""
 
     kind: TypeKind
-    prefix: str = ""  # input or output, if part of the type
+    prefix: str = ""  # input, if part of the type
     unit: str = "any"
     attributes: Modifications = field(default_factory=dict)
     counterpart: Counterpart | None = None
@@ -78,7 +78,8 @@ def _type_of_class(found: ClassScope, node: SyntaxNode) -> ElementType:
             )
         base = type_named(short.type, found.outer, short)
         attributes = merged(base.attributes, by_name(short.modifications))
-        return replace(base, attributes=attributes)
+        prefix = "input" if "input" in found.node.prefixes else base.prefix
+        return replace(base, attributes=attributes, prefix=prefix)
     if kind == "connector":
         return ElementType("connector", scope=found)
     if kind in ("model", "block", "class"):
@@ -134,6 +135,7 @@ def connector_class(scope: ClassScope) -> type[Connector]:
         kind = type_named(element.node.type, element.scope, element.node)
         if kind.kind != "real" or element.node.dimensions or content.equations:
             raise ModelicaError(f"{element.node.at}: expected real variables in the connector {scope.name}, without equations")
+        check_attributes(element.modifications)
         declared = Flow if "flow" in element.node.prefixes else Potential
         members[name] = declared(unit_of(element, kind), element.node.comment)
     if "stream" in {p for e in content.elements.values() for p in e.node.prefixes}:

@@ -9,7 +9,7 @@ from typing import Any
 from gearlib.errors import ModelicaError, nearest
 from gearlib.language.component import Component
 from gearlib.language.declarations import Connector, Declaration, Derivative, Discrete, Input, Parameter, Structural, Variable
-from gearlib.modelica.class_content import Modifications, by_name, content_of, with_classes
+from gearlib.modelica.class_content import Modifications, by_name, check_attributes, content_of, with_classes
 from gearlib.modelica.counterparts import Counterpart
 from gearlib.modelica.element_types import ElementType, connector_class, kind_of, type_named
 from gearlib.modelica.evaluation import Evaluation
@@ -28,7 +28,6 @@ from gearlib.modelica.syntax_tree import (
 )
 
 ClassOf = Callable[[ClassScope, Modifications], type[Component]]
-NO_EFFECT = frozenset({"displayUnit", "quantity", "unit", "min", "max", "unbounded", "fixed"})
 STATE_SELECT = {"never": "never", "avoid": "avoid", "default": "default", "prefer": "prefer", "always": "prefer"}
 
 
@@ -115,7 +114,7 @@ class PartMaker:
             value = self._value(m, self._evaluation(isinstance(declared, Parameter)).number)
             given.values[local] = counterpart.converted[name][0](value) if name in counterpart.converted else value
         elif isinstance(declared, Parameter):
-            return  # attributes such as min
+            check_attributes(by_name(m.inner))
         elif isinstance(declared, (Variable, Discrete, Connector, Derivative)) and m.value is None:
             self.attributes(local, declared, m, given)
         else:
@@ -131,6 +130,7 @@ class PartMaker:
             for name, further in inner.items():
                 self.attributes(f"{path}.{name}", declared.variables.get(name), further, given)
             return
+        check_attributes(inner)
         fixed = "fixed" in inner and self._value(inner["fixed"], self.evaluation.constant)
         if "start" in inner:
             value = self._value(inner["start"], self.evaluation.constants_only().number)
@@ -147,9 +147,6 @@ class PartMaker:
                 given.nominal[path] = float(self._value(further, self.evaluation.constant))
             elif name == "stateSelect":
                 given.state[path] = STATE_SELECT[self._value(further, self.evaluation.constant)]
-            elif name not in NO_EFFECT and name != "start":
-                valid = ["start", "fixed", "nominal", "stateSelect", *NO_EFFECT]
-                raise ModelicaError(f"{further.at}: '{name}' is not an attribute of a variable; {nearest(name, valid)}")
 
     # ------------------------------------------------------------ classes of the text
 
@@ -199,8 +196,10 @@ class PartMaker:
                     kept[name] = replace(m, inner=tuple(further.values()))
             else:
                 declared: Declaration = Discrete() if here == "discrete" else Variable()
-                if here == "connector":
-                    declared = kind.counterpart.component() if kind.scope is None else connector_class(kind.scope)()
+                if kind.counterpart is not None:
+                    declared = kind.counterpart.component()
+                elif kind.scope is not None:
+                    declared = connector_class(kind.scope)()
                 self.attributes(".".join((*path, name)), declared, m, given)
         return kept
 

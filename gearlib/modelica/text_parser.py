@@ -208,13 +208,14 @@ class _Parser:
             return replace(made, literals=tuple(literals), comment=self.comment())
         if made.kind == "function" and self.sees("der"):
             raise ModelicaError(f"{self.at}: functions that are partial derivatives are not supported")
+        prefixes = set(made.prefixes)
         while self.sees(*TYPE_PREFIXES):
-            self.step()
+            prefixes.add(self.step().text)
         at, path = self.at, self.path("the name of a class")
         if self.sees("["):
             raise ModelicaError(f"{self.at}: a class of arrays is not supported; give dimensions where components are declared")
         base = ExtendsNode(at, path, self.class_modification() if self.sees("(") else ())
-        return replace(made, short_for=base, comment=self.comment())
+        return replace(made, prefixes=frozenset(prefixes), short_for=base, comment=self.comment())
 
     def composition(self, made: ClassNode) -> ClassNode:
         elements: list[ComponentNode | ExtendsNode | ImportNode] = []

@@ -172,7 +172,11 @@ def test_what_a_declaration_holds() -> None:
     assert (inner.name, form(inner.value), inner.each, inner.final) == (("b", "c"), ("NumberNode", 2), True, True)
     assert [(m.name, form(m.value)) for m in inner.inner] == [(("min",), ("NumberNode", 0))]
     assert isinstance(new.redeclared, ComponentNode)
-    assert (new.name, new.redeclared.type, len(new.redeclared.modifications)) == (("r",), ("R",), 1)
+    assert (new.name, new.redeclared.type, len(new.redeclared.modifications)) == (("r",), ("R",), 2)
+    constraint = new.redeclared.constraint
+    assert constraint is not None
+    assert new.redeclared.modifications[0] is constraint[0], "the constraint's come first, and its own take precedence"
+    assert (first.constraint, second.name) == (None, "b")
     assert (second.name, second.type, second.prefixes) == ("b", ("P", "Q"), first.prefixes)
     assert (second.value, second.condition, second.modifications, len(second.dimensions)) == (None, None, (), 1)
 
@@ -225,7 +229,7 @@ def test_classes_within_a_class() -> None:
     assert (classes["Open"].literals, classes["R"].prefixes) == ((), {"replaceable", "partial"})
     short = classes["S"].short_for
     assert short is not None
-    assert (short.type, short.modifications, classes["S"].prefixes) == (("R",), (), {"redeclare"})
+    assert (short.type, short.modifications, classes["S"].prefixes) == (("R",), classes["S"].constraint, {"redeclare"})
     base, part = classes["T"].elements
     assert isinstance(base, ExtendsNode)
     assert (base.type, base.modifications[0].name) == (("A", "R"), ("k",))

@@ -1,0 +1,249 @@
+"""Classes of Modelica text as component classes: what they declare, which equations they have, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import GearlibWarning, ModelicaError
+from gearlib.language.component import equations_of
+from gearlib.language.declarations import NO_VALUE, declared_by
+from gearlib.language.interior import connections_of, parts_of
+
+AROUND = """
+package P
+  import Modelica.Mechanics.Rotational.{Components, Interfaces, Sources};
+  constant Real two = 2;
+  type Level = enumeration(low, high);
+  type Stiffness = Modelica.Units.SI.RotationalSpringConstant(min = 0, start = 3);
+  type Hard = Stiffness(max = 10);
+  connector Pin
+    Real v(unit = "V") "level";
+    flow Real i(unit = "A") "current";
+  end Pin;
+  connector Signal = input Real;
+  partial model Base
+    parameter Real k = 1;
+    Real x(start = 1);
+  end Base;
+  function f input Real x; end f;
+"""
+
+
+def read(text: str) -> type[gl.Component]:
+    return gl.read_modelica(f"{AROUND} model M {text} end M; end P;")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("parameter Real y = 3 \"why\";", gl.Parameter("any", "why", default=3.0)),
+        ("parameter Real y;", gl.Parameter("any", "")),
+        ("parameter Real y(min = 1, max = 2, unit = \"rad\") = 2;", gl.Parameter("rad", "", default=2.0, min=1.0, max=2.0)),
+        ("parameter Real y(unit = \"km/h\") = 2;", gl.Parameter("any", "", default=2.0)),
+        ("parameter Stiffness y = 4;", gl.Parameter("N.m/rad", "", default=4.0, min=0.0)),
+        ("parameter Hard y(min = 2) = 4;", gl.Parameter("N.m/rad", "", default=4.0, min=2.0, max=10.0)),
+        ("parameter Modelica.Units.SI.Unheard y = 4;", gl.Parameter("any", "", default=4.0)),
+        ("parameter Integer y = 4;", gl.Structural(4, "")),
+        ("parameter Integer n = 2; parameter Integer y = n + 1;", gl.Structural(None, "")),
+        ("parameter Boolean y = two > 1;", gl.Structural(True, "")),
+        ("parameter Level y = Level.high;", gl.Structural("high", "")),
+        ("parameter StateSelect y = StateSelect.avoid;", gl.Structural("avoid", "")),
+        ("parameter Modelica.Blocks.Types.Init y = Modelica.Blocks.Types.Init.NoInit;", gl.Structural("NoInit", "")),
+        ("parameter String y = \"text\";", gl.Structural("text", "")),
+        ("parameter Real y[2] = {1, 2};", gl.Structural((1, 2), "")),
+        ("parameter Integer y;", gl.Structural(None, "")),
+        ("constant Real y = 4;", None),
+        ("input Real y;", gl.Input("any", "")),
+        ("input Real y = 4;", gl.Input("any", "", default=4.0)),
+        ("Signal y;", gl.Input("any", "")),
+        ("Modelica.Blocks.Interfaces.RealInput y;", gl.Input("any", "")),
+        ("Modelica.Blocks.Interfaces.RealOutput y;", gl.Variable("any", "")),
+        ("output Real y \"out\";", gl.Variable("any", "out")),
+        ("Real y(start = 3, nominal = 5);", gl.Variable("any", "", guess=3.0, nominal=5.0)),
+        ("Real y(start = 3, fixed = true, stateSelect = StateSelect.always);", gl.Variable("any", "", start=3.0, state="prefer")),
+        ("Real y(start = 3, fixed = false);", gl.Variable("any", "", guess=3.0)),
+        ("Real y(fixed = true);", gl.Variable("any", "", start=0.0)),
+        ("parameter Real k = 3; Real y(start = k, nominal = k);", gl.Variable("any", "")),
+        ("Stiffness y;", gl.Variable("N.m/rad", "", guess=3.0)),
+        ("discrete Real y;", gl.Discrete("")),
+        ("discrete Real y(start = 3) \"held\";", gl.Discrete("held", start=3.0)),
+        ("Integer y(start = two);", gl.Discrete("", start=2.0)),
+        ("Boolean y(start = true);", gl.Discrete("", start=1.0)),
+        ("Real y; equation when time > 1 then y = 1; end when;", gl.Discrete("")),
+        ("Real y; initial equation y = 1;", gl.Variable("any", "")),
+        ("extends Base(k = 2); Real y;", gl.Variable("any", "")),
+    ],
+)  # fmt: skip
+def test_declarations(text: str, expected: Any) -> None:
+    found = vars(read(text)).get("y")
+    assert type(found) is type(expected)
+    for name, value in vars(expected).items() if expected is not None else ():
+        assert getattr(found, name) == value, name
+
+
+def test_connectors() -> None:
+    kind = read('Pin p "one"; parameter Boolean on = true; Pin q if on; Interfaces.Flange_a a "shaft";')
+    pin, q, flange = (vars(kind)[name] for name in "pqa")
+    assert {name: (type(v), v.unit, v.description) for name, v in pin.variables.items()} == {
+        "v": (gl.Potential, "V", "level"), "i": (gl.Flow, "A", "current"),
+    }  # fmt: skip
+    assert (pin.description, pin.when, q.when, flange.description) == ("one", None, "on", "shaft")
+    assert type(q) is type(pin)
+    assert isinstance(flange, gp.Flange)
+    assert set(declared_by(kind(on=False)).connectors) == {"p", "a"}
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("Real x = 3; Real y = 2 * x;", ["x = 3", "y = 2.0*x"]),
+        ("parameter Real k = 2; Real x(start = k, fixed = true); equation der(x) = 1;", ["x_from_start = -k + x", "der(x) = 1"]),
+        ("parameter Real k = 2; Real x(start = k); equation der(x) = 1;", ["der(x) = 1"]),
+        ("Real x; initial equation x = 3; equation der(x) = 1;", ["initial_equation_1 = x - 3", "der(x) = 1"]),
+        ("Real x, y; initial equation x = 3; x = 2 * y; equation x = y; y = 1;",
+         ["initial_equation_1 = x - 3", "initial_equation_2 = x - 2.0*y", "x = y", "y = 1"]),
+        ("Real x, y; equation {x, y} = {1, 2};", ["x = 1", "y = 2"]),
+        ("parameter Integer n = 2; Real x; equation for k in n:3 loop k = x + k; end for;", ["2 = x + 2", "3 = x + 3"]),
+        ("parameter Integer n = 2; Real x; equation if n == 2 then x = 1; elseif n == 3 then x = 2; else x = 3; end if;", ["x = 1"]),
+        ("parameter Integer n = 4; Real x; equation if n == 2 then x = 1; elseif n == 3 then x = 2; else x = 3; end if;", ["x = 3"]),
+        ("parameter Integer n = 4; Real x; equation if n == 2 then x = 1; end if; x = 2;", ["x = 2"]),
+        ("Real x, y; equation if x > 1 then x = 1; y = 2; else x = 3; 2 * y = x; end if;",
+         ["x = Piecewise((1, x > 1), (3, True))", "Piecewise((y - 2, x > 1), (-x + 2.0*y, True)) = 0"]),
+        ("Real x; equation if time > 1 then x = 1; elseif time > 2 then x = 2; else x = 3; end if;",
+         ["x = Piecewise((1, time > 1), (2, time > 2), (3, True))"]),
+        ("extends Base(k = 5); Real y; equation der(x) = k; y = two;", ["der(x) = k", "y = 2"]),
+        ("Modelica.Blocks.Math.Gain g(k = 2); output Real y = g.y;", ["y = g.y"]),
+        ("Modelica.Blocks.Math.Gain g[2](each k = 2); output Real y = sum(g.y);", ["y = g[0].y + g[1].y"]),
+        ("Pin p; equation p.v = 2 * p.i;", ["p.v = 2.0*p.i"]),
+        ("Real y[2] = {1, 2};", None),
+    ],
+)  # fmt: skip
+def test_equations(text: str, expected: list[str] | None) -> None:
+    if expected is None:
+        with pytest.raises(ModelicaError, match="arrays of variables"):
+            read(text)
+        return
+    component = read(text)()
+    connections_of(component)
+    assert [f"{e.left} = {e.right}" for e in equations_of(component)] == expected
+
+
+def test_branches_of_when() -> None:
+    component = read("""Real x; discrete Real d, e; equation der(x) = 1;
+      when {x > 1, x > 2} then d = 1; e = 2; reinit(x, 3); elsewhen x > 4 then d = 5; e = 6; end when;""")()
+    last = gl.When(component.x > 4, gl.Eq(component.d, 5), gl.Eq(component.e, 6))
+    actions = gl.Eq(component.d, 1), gl.Eq(component.e, 2), gl.reinit(component.x, 3)
+    expected = gl.When(component.x > 1, *actions, elsewhen=gl.When(component.x > 2, *actions, elsewhen=last))
+    assert equations_of(component)[1] == expected
+
+
+def test_connections() -> None:
+    component = read("""parameter Integer n = 3; parameter Boolean on = false; Components.Fixed f[n]; Components.Fixed absent if on;
+      Components.Inertia a, b[n], c; Interfaces.Flange_a shaft; Interfaces.Flange_a away if on; equation
+      connect(shaft, a.flange_a); connect(absent.flange, a.flange_b); connect(away, a.flange_b); connect(f.flange, b.flange_a);
+      for k in 1:n - 1 loop connect(b[k].flange_b, b[k + 1].flange_a); end for;
+      if on then connect(a.flange_b, c.flange_a); elseif n == 3 then connect(a.flange_b, c.flange_b); else connect(shaft, c.flange_a);
+      end if; if on then connect(shaft, c.flange_a); end if;""")()
+    found = [tuple(f"{port!r}" for port in connection.ports) for connection in connections_of(component)]
+    inner = [(f"f[{k}].flange", f"b[{k}].flange_a") for k in range(3)] + [
+        (f"b[{k}].flange_b", f"b[{k + 1}].flange_a") for k in range(2)
+    ]
+    assert [tuple(name[len("<Flange ") : -1].removeprefix("M.") for name in pair) for pair in found] == [
+        ("shaft", "a.flange_a"), *inner, ("a.flange_b", "c.flange_b"),
+    ]  # fmt: skip
+    assert "absent" not in parts_of(component)
+
+
+def test_values_of_a_base_class_of_the_library() -> None:
+    kind = read("""extends Components.Inertia(J = 2 * k, phi(start = 1, fixed = true),
+      w(start = 3, nominal = 2, stateSelect = StateSelect.never));
+      parameter Real k = 4;""")
+    assert issubclass(kind, gp.Inertia)
+    declared = declared_by(kind())  # 2 k is 8
+    assert (declared.variables["phi"].start, declared.variables["w"].start, declared.variables["w"].guess) == (1.0, None, 3.0)
+    assert (declared.variables["w"].nominal, declared.variables["w"].state) == (2.0, "never")
+    assert str(declared.parameters["J"].default(kind())) == "8.0"
+    assert declared.parameters["k"].default == 4.0
+
+
+def content(text: str) -> None:
+    made = read(text)()
+    connections_of(made)
+    equations_of(made)
+
+
+BEGIN = "'begin' is not an attribute of a variable; did you mean 'min'? "
+BEGIN += "Valid names: displayUnit, fixed, max, min, nominal, quantity, start, stateSelect, unbounded, unit"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("outer Real x;", "'outer' is not supported"),
+        ("stream Real x;", "'stream' is not supported"),
+        ("Real _x;", "the name '_x' is reserved; give it another one"),
+        ("Real start;", "the name 'start' is reserved; give it another one"),
+        ("Pin p[2];", "arrays of connectors, such as 'p', are not supported; arrays of components are"),
+        ("Pin p if time > 1;", "the condition of a connector is read as the name of a Boolean parameter only"),
+        ("Real x; Pin p if x;", "the condition of a connector is read as the name of a Boolean parameter only"),
+        ("Real x; initial equation der(x);", "expected an equation of variables, such as w = w_start"),
+        ("discrete Real x; initial equation pre(x) = 1;", "expected an equation of variables, such as w = w_start"),
+        ("String s;", "'s' is a string that may vary; only parameters are read"),
+        ("Level s;", "'s' is a string that may vary; only parameters are read"),
+        ("type Long Real x; end Long; Long y;",
+         "this type is not supported; expected a short form, as in type Torque = Real(unit=\"N.m\")"),
+        ("f y;", "P.f is a function; expected a model, a block, a connector or a type"),
+        ("connector Bad Integer n; end Bad; Bad b;", "expected real variables in the connector P.M.Bad, without equations"),
+        ("connector Bad Real n[2]; end Bad; Bad b;", "expected real variables in the connector P.M.Bad, without equations"),
+        ("connector Bad Real n; equation n = 1; end Bad; Bad b;", "expected real variables in the connector P.M.Bad, without equations"),
+        ("connector Bad Real n; flow Real j; stream Real k; end Bad; Bad b;", "stream variables are not supported"),
+        ("Real x = f(2);", "user-defined functions, such as f, are not supported"),
+        ("constant Real c; Real x = c;", "nothing is called 'c' here; Valid names: x"),
+        ("parameter Real p = 1; Real x = p.q;", "p.q is not supported: what stands before '.q' is not a component"),
+        ("Components.Inertia a; Real x = a.nothing;", None),
+        ("Components.Inertia a; Real x; equation x = a.flange_a;",
+         "this is not a variable; a connector's variables are equated, or connectors connected"),
+        ("Components.Fixed a[2]; Components.Inertia b[3]; equation connect(a.flange, b.flange_a);",
+         "arrays of different sizes cannot be connected"),
+        ("Components.Fixed a[2]; Components.Inertia b; equation connect(a.flange, b.flange_a);",
+         "arrays of different sizes cannot be connected"),
+        ("Components.Fixed a; Components.Inertia b; equation if time > 1 then connect(a.flange, b.flange_a); end if;",
+         "connections under a condition that may vary are not supported"),
+        ("Components.Fixed a; Components.Inertia b; equation if time > 1 then connect(a.flange, b.flange_a); else end if;",
+         "connections under a condition that may vary are not supported"),
+        ("Components.Fixed a; Components.Inertia b; equation connect(a.flange, b.J);", None),
+        ("Real x(start = 1e999);", "Variable: guess is inf; expected a finite number"),
+        ("extends Components.Inertia(q = 2);", "this modification of Inertia is not supported"),
+        ("extends Components.Inertia(w = 2);", "this modification of Inertia is not supported"),
+        ("extends Components.Inertia(w(begin = 2));", BEGIN),
+        ("Components.Inertia i(w(begin = 2));", BEGIN),
+        ("Components.Inertia i(J(begin = 2));", BEGIN),
+        ("Real x(begin = 2);", BEGIN),
+        ("parameter Integer x(begin = 2);", BEGIN),
+        ("connector Bad Real n(begin = 2); end Bad; Bad b;", BEGIN),
+        ("type Bad = Real(begin = 2); Bad b;", BEGIN),
+        ("parameter Integer n = 1.5; Components.Fixed f[n];", "the size of 'f' is 1.5; expected a whole number"),
+        ("parameter Real x(min = time) = 2;", "this has to be a number, known when the model is built; it depends on time"),
+    ],
+)  # fmt: skip
+def test_what_is_refused_of_classes(text: str, said: str | None) -> None:
+    with pytest.raises(ModelicaError) as problem:
+        content(text)
+    assert str(problem.value).startswith("the text, line ")
+    assert said is None or str(problem.value).partition(": ")[2] == said
+
+
+def test_an_assertion_is_not_watched() -> None:
+    made = read('Real x = time; equation assert(x < 1, "too late");')()
+    with pytest.warns(GearlibWarning, match=r"line \d+, column \d+: an assertion is not watched"):
+        assert len(equations_of(made)) == 1
+
+
+def test_a_class_that_says_nothing_is_described_by_its_name() -> None:
+    assert (read("").__doc__, read("")().__class__.__name__) == ("The Modelica class P.M.", "M")
+    assert gl.read_modelica('model M "a train" end M;').__doc__ == "a train"
+    assert declared_by(read("parameter Real y;")()).parameters["y"].default is NO_VALUE
