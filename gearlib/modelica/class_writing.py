@@ -234,7 +234,6 @@ class ClassText:
         return f"parameter Real {safe_name(name)}{attributes_text(attributes, declared.unit)}{text}{comment(declared.description)};"
 
     def _variable(self, name: str, declared: Variable, outer: Any, joined: Mapping[str, str]) -> str:
-        attributes: dict[str, str] = {}
         start, fixed = (declared.start, True) if declared.start is not None else (declared.guess or None, False)
         nominal, state = declared.nominal, declared.state
         if outer is not None:
@@ -243,16 +242,7 @@ class ClassText:
             if name in outer.start:
                 start, fixed = outer.start[name], True
             nominal, state = outer.nominal.get(name, nominal), outer.state.get(name, state)
-        if start is not None:
-            attributes["start"] = self.text(start)
-        if fixed:
-            attributes["fixed"] = "true"
-        if nominal != 1.0:
-            attributes["nominal"] = repr(float(nominal))
-        if math.isfinite(declared.min):
-            attributes["min"] = repr(float(declared.min))
-        if state != "default":
-            attributes["stateSelect"] = f"StateSelect.{state}"
+        attributes = variable_attributes(declared, None if start is None else self.text(start), fixed, nominal, state)
         value = ""
         if isinstance(declared, Input):
             given = outer.values.get(name, declared.default) if outer is not None else declared.default
@@ -505,6 +495,16 @@ def _choice_text(counterpart: Counterpart, name: str, value: Any) -> str:
         whole = all(isinstance(v, int) for v in value)
         return "{" + ", ".join(repr(v if whole else float(v)) for v in value) + "}"
     return f'"{value}"' if isinstance(value, str) else repr(value)
+
+
+def variable_attributes(declared: Variable, start: str | None, fixed: bool, nominal: float, state: str) -> dict[str, str]:
+    """The attributes of a variable that are not Modelica's defaults, except for its unit."""
+    every = {
+        "start": start, "fixed": "true" if fixed else None, "nominal": repr(float(nominal)) if nominal != 1.0 else None,
+        "min": repr(float(declared.min)) if math.isfinite(declared.min) else None,
+        "stateSelect": f"StateSelect.{state}" if state != "default" else None,
+    }  # fmt: skip
+    return {name: text for name, text in every.items() if text is not None}
 
 
 def attributes_text(attributes: Mapping[str, str], unit: str) -> str:

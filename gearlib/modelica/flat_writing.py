@@ -24,7 +24,14 @@ from gearlib.language.expressions import time, value_of
 from gearlib.language.interior import connections_of, parts_of
 from gearlib.language.sampled import Sampled
 from gearlib.language.tabulated import Tabulated
-from gearlib.modelica.class_writing import attributes_text, comment, equation_lines, integer_discretes, safe_name
+from gearlib.modelica.class_writing import (
+    attributes_text,
+    comment,
+    equation_lines,
+    integer_discretes,
+    safe_name,
+    variable_attributes,
+)
 
 _NO_LETTER = re.compile(r"\W+")
 
@@ -45,6 +52,7 @@ class FlatText:
         self.members = dict(_members(root, ""))
         self.prefix = {id(part): prefix for prefix, part in self.members.items()}
         self.names: dict[str, str] = {}
+        self.taken: set[str] = set()
         for prefix, part in self.members.items():
             if isinstance(part, Sampled):
                 raise ModelicaError(f"{prefix[:-1]} calls a Python function, which cannot be written in Modelica")
@@ -59,11 +67,12 @@ class FlatText:
     def _name(self, path: str) -> None:
         """A unique name of letters, digits and underscores."""
         wanted = name = safe_name(_NO_LETTER.sub("_", re.sub(r"\[(\d+)\]", lambda m: f"_{int(m[1]) + 1}", path)))
-        taken, number = set(self.names.values()), 1
-        while name in taken:
+        number = 1
+        while name in self.taken:
             number += 1
             name = f"{wanted}_{number}"
         self.names[path] = name
+        self.taken.add(name)
 
     def text(self, value: Any, prefix: str) -> str:
         """A value written in the scope of a part."""
@@ -105,22 +114,14 @@ class FlatText:
             for equation in equations_of(part):
                 stated += equation_lines(equation, lambda n, prefix=prefix: self._named(prefix, n))
         yield "equation"
-        yield from (f"  {line}" for line in stated)
-        yield from (f"  {line}" for line in self._connections())
+        yield from stated
+        yield from self._connections()
 
     def _variable(
         self, prefix: str, name: str, v: Variable, part: Component, own: dict[str, str], bound: dict[str, str]
     ) -> str:
-        attributes: dict[str, str] = {}
-        if v.start is not None or v.guess:
-            attributes = {"start": repr(float(v.start if v.start is not None else v.guess))}
-        if v.start is not None:
-            attributes["fixed"] = "true"
-        if v.nominal != 1.0:
-            attributes["nominal"] = repr(float(v.nominal))
-        if v.state != "default":
-            attributes["stateSelect"] = f"StateSelect.{v.state}"
-        attributes |= own
+        start = repr(float(v.start if v.start is not None else v.guess)) if v.start is not None or v.guess else None
+        attributes = variable_attributes(v, start, v.start is not None, v.nominal, v.state) | own
         kind, value = "", bound.get(prefix + name)
         if isinstance(v, Input) and value is None:
             given = given_to(part).values.get(name)
