@@ -85,7 +85,7 @@ class TextClasses:
 
     def class_of(self, scope: ClassScope, modifications: Modifications) -> type[Component]:
         """Component class for a class of the text, with modifications of its parts applied."""
-        key = scope.node, tuple((n, s.node) for n, s in scope.replaced.items()), tuple(modifications.items())
+        key = scope.node, scope.kept, tuple((n, s.node) for n, s in scope.replaced.items()), tuple(modifications.items())
         if key not in self.made:
             self.made[key] = _ClassBuilder(self, scope, modifications).made()
         return self.made[key]

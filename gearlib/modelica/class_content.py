@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 
 from gearlib.errors import ModelicaError, nearest
 from gearlib.modelica.counterparts import Counterpart, standard_library
@@ -70,7 +69,8 @@ def _collect(scope: ClassScope, given: Modifications, found: Content, used: set[
         raise ModelicaError(f"{scope.node.at}: {scope.name} extends itself")
     above = (*above, scope.node)
     if scope.node.short_for is not None:
-        _extend(scope.node.short_for, scope, given, found, used, above)
+        short = scope.node.short_for
+        _extend(replace(short, modifications=(*scope.kept, *short.modifications)), scope, given, found, used, above)
         return
     for element in scope.node.elements:
         if isinstance(element, ExtendsNode):
@@ -118,29 +118,28 @@ def _redeclarations(node: ClassNode) -> Iterator[Modification]:
 def with_classes(scope: ClassScope, modifications: Modifications, where: ClassScope) -> ClassScope:
     """A class with some of its local classes replaced by redeclarations."""
     replaced = {
-        name: ClassScope(_under(m.redeclared, member(scope, name)), (*scope.path, name), where)
+        name: _redeclared(m.redeclared, name, scope, where)
         for name, m in modifications.items()
         if isinstance(m.redeclared, ClassNode)
     }
     return replace(scope, replaced={**scope.replaced, **replaced}) if replaced else scope
 
 
-def _under(new: ClassNode, old: ClassScope | None) -> ClassNode:
-    """A redeclared class under those modifications of the first declaration that it keeps."""
-    short = None if old is None else old.node.short_for
-    kept = _kept(old.node, short.modifications) if old is not None and short is not None else ()
-    return _with_modifications(new, kept) if kept else new
+def _kept(node: ClassNode | ComponentNode) -> tuple[Modification, ...]:
+    """Modifications of a declaration that hold for its redeclarations, too."""
+    if node.constraint is not None:
+        return node.constraint
+    if isinstance(node, ComponentNode):
+        return node.modifications
+    return () if node.short_for is None else node.short_for.modifications
 
 
-def _kept(node: ClassNode | ComponentNode, modifications: tuple[Modification, ...]) -> tuple[Modification, ...]:
-    return modifications if node.constraint is None else node.constraint
-
-
-@lru_cache(maxsize=1000)  # one class for all parts
-def _with_modifications(new: ClassNode, kept: tuple[Modification, ...]) -> ClassNode:
-    if new.short_for is None:
+def _redeclared(new: ClassNode, name: str, scope: ClassScope, where: ClassScope) -> ClassScope:
+    old = member(replace(scope, replaced={}), name)  # as it was declared
+    kept = () if old is None else _kept(old.node)
+    if kept and new.short_for is None:
         raise ModelicaError(f"{new.at}: only a short class can redeclare one that is declared with modifications")
-    return replace(new, short_for=replace(new.short_for, modifications=(*kept, *new.short_for.modifications)))
+    return ClassScope(new, (*scope.path, name), where, kept=kept)
 
 
 def _modified(node: ComponentNode, scope: ClassScope, modification: Modification | None) -> DeclaredElement:
@@ -155,9 +154,7 @@ def _modified(node: ComponentNode, scope: ClassScope, modification: Modification
         new = modification.redeclared
         prefixes = node.prefixes | new.prefixes
         kept = replace(new, prefixes=prefixes, condition=node.condition, dimensions=new.dimensions or node.dimensions)
-        return DeclaredElement(
-            kept, scope, merged(qualified(_kept(node, node.modifications), scope), by_name(new.modifications))
-        )
+        return DeclaredElement(kept, scope, merged(qualified(_kept(node), scope), by_name(new.modifications)))
     value = node.value if modification.value is None else modification.value
     return DeclaredElement(replace(node, value=value), scope, merged(own, by_name(modification.inner)))
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from gearlib.errors import ModelicaError
-from gearlib.modelica.syntax_tree import ClassNode, ExtendsNode, ImportNode, TextNode
+from gearlib.modelica.syntax_tree import ClassNode, ExtendsNode, ImportNode, Modification, TextNode
 
 Path = tuple[str, ...]
 
@@ -21,6 +21,7 @@ class ClassScope:
     within: Path = ()
     is_known: Callable[[Path], bool] = lambda path: False  # whether the standard library has that name
     replaced: Mapping[str, ClassScope] = field(default_factory=dict)  # redeclared classes
+    kept: tuple[Modification, ...] = ()  # modifications of the class that it redeclares
 
     @property
     def name(self) -> str:

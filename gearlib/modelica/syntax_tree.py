@@ -209,9 +209,6 @@ class ClassNode(SyntaxNode):
     literals: tuple[str, ...] = ()  # of an enumeration
     constraint: tuple[Modification, ...] | None = None  # as that of a component
 
-    __eq__ = object.__eq__  # the base compares places, and another text has a class there, too
-    __hash__ = object.__hash__
-
 
 @dataclass(frozen=True)
 class TextNode(SyntaxNode):
