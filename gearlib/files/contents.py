@@ -111,18 +111,8 @@ class Record:
         ('rad/s',)
         """
         names = (
-            "names",
-            "columns",
-            "signs",
-            "units",
-            "descriptions",
-            "model",
-            "parameters",
-            "stats",
-            "events",
-            "options",
-            "versions",
-        )
+            "names", "columns", "signs", "units", "descriptions", "model", "parameters", "stats", "events", "options", "versions",
+        )  # fmt: skip
         content = {KIND: VERSION} | {name: getattr(self, name) for name in names}
         return json.dumps(content | {"samples": len(self.time), "checksum": self.checksum}, default=_plain)
 

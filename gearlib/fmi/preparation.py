@@ -204,11 +204,7 @@ def next_time_body(exported: ExportedModel) -> Body:
                 continue
             assert timed.terms is not None, "only those that follow a formula are here"
             a, b = (_filled(scalar_source(part), table) for part in timed.terms)
-            body.lines += [
-                f"y = -({a}) / ({b})",
-                "if y > later and y < values[0]:",
-                "    values[0] = y",
-            ]
+            body.lines += [f"y = -({a}) / ({b})", "if y > later and y < values[0]:", "    values[0] = y"]
     return body
 
 

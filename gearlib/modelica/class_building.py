@@ -8,16 +8,7 @@ from typing import Any
 
 from gearlib.errors import ModelicaError
 from gearlib.language.component import RESERVED, Component, Connection
-from gearlib.language.declarations import (
-    NO_VALUE,
-    Connector,
-    Declaration,
-    Discrete,
-    Input,
-    Parameter,
-    Structural,
-    Variable,
-)
+from gearlib.language.declarations import NO_VALUE, Connector, Declaration, Discrete, Input, Parameter, Structural, Variable
 from gearlib.language.expressions import Eq, When
 from gearlib.modelica.class_content import (
     Content,

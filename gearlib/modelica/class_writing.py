@@ -11,13 +11,7 @@ from typing import Any
 from gearlib.equations.modelica_printer import condition_text, modelica_name, modelica_text
 from gearlib.errors import ModelicaError
 from gearlib.flatten.signals import joined_signals
-from gearlib.language.component import (
-    Component,
-    Port,
-    equations_of,
-    evaluated_in,
-    given_to,
-)
+from gearlib.language.component import Component, Port, equations_of, evaluated_in, given_to
 from gearlib.language.declarations import NO_VALUE, Connector, Discrete, Flow, Input, Parameter, Variable, declared_by
 from gearlib.language.delayed import Delayed
 from gearlib.language.expressions import Eq, Reinit, When, pre, time, value_of

@@ -12,12 +12,7 @@ import networkx as nx
 from gearlib.equations.modelica_printer import modelica_text
 from gearlib.errors import ModelicaError
 from gearlib.flatten.signals import joined_signals
-from gearlib.language.component import (
-    Component,
-    equations_of,
-    evaluated_in,
-    given_to,
-)
+from gearlib.language.component import Component, equations_of, evaluated_in, given_to
 from gearlib.language.declarations import NO_VALUE, Flow, Input, Variable, declared_by
 from gearlib.language.delayed import Delayed
 from gearlib.language.expressions import time, value_of
