@@ -237,7 +237,7 @@ class RunTime:
         """Derivatives of the residual with respect to the unknowns, the states and the inputs."""
         residual = sp.Matrix(self.equations.residual)
         wanted = (self.equations.unknowns, self.equations.states, self.equations.inputs)
-        return [residual.jacobian(list(v)) if v else sp.zeros(len(residual), 0) for v in wanted]
+        return [residual.jacobian(list(v)) if v and residual else sp.zeros(len(residual), len(v)) for v in wanted]
 
     @cached_property
     def _bends(self) -> bool:
