@@ -311,7 +311,8 @@ def _head(layout: SweepLayout) -> tuple[bytes, dict[str, tuple[str, tuple[int, .
         if v.kind != "f8":
             raise ArgumentError(f"to: {name} is complex, which netCDF cannot hold; give a path that ends in .zarr")
         variables.append((name, (RUN, *v.dimensions), (layout.runs, *v.shape), "double", v.attributes))
-    for name, dimensions, shape, kind, _ in variables:
+    kept = [v for v in variables if 0 not in v[2]]  # a dimension of length 0 would be the unlimited one
+    for name, dimensions, shape, kind, _ in kept:
         sizes |= dict(zip(dimensions, shape, strict=True))
         if wrong := [n for n in (name, *dimensions) if "/" in n]:
             raise ArgumentError(f"to: netCDF has no variable of the name {wrong[0]!r}; give a path that ends in .zarr")
@@ -321,7 +322,7 @@ def _head(layout: SweepLayout) -> tuple[bytes, dict[str, tuple[str, tuple[int, .
 
     def head(places: list[int]) -> bytes:
         entries = []
-        for (name, dimensions, shape, kind, attributes), at in zip(variables, places, strict=True):
+        for (name, dimensions, shape, kind, attributes), at in zip(kept, places, strict=True):
             length = int(np.prod(shape)) * _TYPES[kind].itemsize
             ids = struct.pack(f">i{len(dimensions)}i", len(dimensions), *(order[d] for d in dimensions))
             entries.append(
@@ -331,12 +332,14 @@ def _head(layout: SweepLayout) -> tuple[bytes, dict[str, tuple[str, tuple[int, .
         whole = _attributes({"Conventions": "CF-1.8", HEADER: layout.header})
         return b"CDF\x02" + struct.pack(">i", 0) + _list("dimensions", lengths) + whole + _list("variables", entries)
 
-    at, places = len(head([0] * len(variables))), []
-    for _, _, shape, kind, _ in variables:
+    at, places = len(head([0] * len(kept))), []
+    for _, _, shape, kind, _ in kept:
         at += -at % 8
         places.append(at)
         at += int(np.prod(shape)) * _TYPES[kind].itemsize
-    found = {v[0]: (v[3], v[2], place) for v, place in zip(variables, places, strict=True)}
+    found = {v[0]: (v[3], v[2], 0) for v in variables} | {
+        v[0]: (v[3], v[2], place) for v, place in zip(kept, places, strict=True)
+    }
     return head(places), found, at + -at % 8
 
 

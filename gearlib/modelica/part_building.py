@@ -155,6 +155,13 @@ class PartMaker:
         inside = self._split((), scope, modifications, given)
         return self.class_of(with_classes(scope, modifications, self.evaluation.scope), inside)
 
+    def _within(self, path: tuple[str, ...], kind: ElementType, inner: Modifications, given: PartValues) -> Modifications:
+        """Modifications of a part within the part, of either kind."""
+        if kind.counterpart is not None:
+            return self._of_library(path, kind.counterpart, inner, given)
+        assert kind.scope is not None
+        return self._split(path, kind.scope, inner, given)
+
     def _split(
         self, path: tuple[str, ...], scope: ClassScope, modifications: Modifications, given: PartValues
     ) -> Modifications:
@@ -179,20 +186,15 @@ class PartMaker:
             elif here in ("parameter", "input", "structural"):
                 if m.value is None:
                     continue
-                _check_open(element.node.prefixes, m)
+                if "final" in element.node.prefixes:
+                    raise ModelicaError(f"{m.at}: '{name}' is final, and cannot be modified")
                 if path:
                     kept[name] = self._given_within((*path, name), m, here == "structural", given, here == "input")
                 else:
                     of = self.evaluation.constant if here == "structural" else self._evaluation(here == "parameter").number
                     given.values[name] = self._value(m, of)
             elif here == "part":
-                inner = by_name(m.inner)
-                if kind.counterpart is not None:
-                    further = self._of_library((*path, name), kind.counterpart, inner, given)
-                else:
-                    assert kind.scope is not None
-                    further = self._split((*path, name), kind.scope, inner, given)
-                if further:
+                if further := self._within((*path, name), kind, by_name(m.inner), given):
                     kept[name] = replace(m, inner=tuple(further.values()))
             else:
                 declared: Declaration = Discrete() if here == "discrete" else Variable()
@@ -251,13 +253,7 @@ class PartMaker:
         """A redeclaration whose values are parameters of the enclosing class."""
         new = m.redeclared
         assert isinstance(new, ComponentNode)
-        kind = type_named(new.type, self.evaluation.scope, new)
-        inner = by_name(new.modifications)
-        if kind.counterpart is not None:
-            further = self._of_library(path, kind.counterpart, inner, given)
-        else:
-            assert kind.scope is not None
-            further = self._split(path, kind.scope, inner, given)
+        further = self._within(path, type_named(new.type, self.evaluation.scope, new), by_name(new.modifications), given)
         return replace(m, redeclared=replace(new, modifications=tuple(further.values())))
 
 
@@ -271,11 +267,6 @@ def chosen(counterpart: Counterpart, name: str, value: Any, m: Modification) -> 
     if value not in values:
         raise ModelicaError(f"{m.at}: {name} = {value} is not supported; {nearest(str(value), map(str, values))}")
     return values[value]
-
-
-def _check_open(prefixes: frozenset[str], m: Modification) -> None:
-    if "final" in prefixes:
-        raise ModelicaError(f"{m.at}: '{m.name[0]}' is final, and cannot be modified")
 
 
 def _literal(value: Any, m: Modification) -> SyntaxNode:
