@@ -1,0 +1,190 @@
+"""Power flows made by hand: sums, texts, tables and circulating powers, by what is at the flanges."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gearlib as gl
+from gearlib.errors import ArgumentError, ModelError, NameLookupError
+from gearlib.statics.circulation import PowerEdge, circulations
+from gearlib.statics.power_flow import FlangePower, PowerFlow
+
+
+def flange(
+    component: str, name: str, speed: float, torque: float, shaft: int, leaf: bool = True, sliding: bool = False
+) -> FlangePower:
+    return FlangePower(component, name, speed, torque, speed * torque, shaft, leaf, sliding)
+
+
+FLANGES = (
+    flange("motor", "flange", 100.0, -10.0, 0),
+    flange("rotor", "flange_a", 100.0, 10.0, 0),  # a body that passes on its torque
+    flange("rotor", "flange_b", 100.0, -10.0, 0),
+    flange("box.gear", "flange_a", 100.0, 10.0, 0),
+    flange("box.gear", "flange_b", 20.0, -45.0, 1),
+    flange("box", "flange_a", 100.0, 10.0, 0, leaf=False),
+    flange("load", "flange", 20.0, 40.0, 1),
+    flange("pump", "flange", 20.0, 5.0, 1),
+    flange("idle", "flange", 20.0, 0.0, 1),
+)
+
+
+def test_sums_of_power() -> None:
+    flow = PowerFlow(FLANGES, 1, "Train")
+    assert flow.absorbed == {"motor": -1000, "rotor": 0, "box.gear": 100, "load": 800, "pump": 100, "idle": 0}
+    assert flow.outer == ("motor", "load", "pump")
+    assert (flow.input_power, flow.output_power, flow.efficiency) == (1000, 900, 0.9)
+    assert flow.losses == {"box.gear": 100}
+    assert flow.largest == 1000
+    assert flow.imbalance == 0
+    assert flow.circulating == ()
+    assert flow.circulating_power == 0
+    assert PowerFlow((FLANGES[0],), 1).imbalance == 1.0
+    nothing = PowerFlow((), 0)
+    assert (nothing.input_power, nothing.largest, nothing.imbalance) == (0, 0, 0)
+    assert math.isnan(nothing.efficiency)
+    assert flow["box.flange_a"].torque == 10
+    assert flange("", "shaft", 1.0, 1.0, 0).name == "shaft"
+    with pytest.raises(NameLookupError, match=r"the model has no flange 'load\.flang'; did you mean 'load\.flange'"):
+        flow["load.flang"]
+
+
+def test_the_text_leaves_out_what_says_nothing() -> None:
+    title, empty, *table, note, left_out, blank, drive, load, lost, efficiency, around = str(
+        PowerFlow(FLANGES, 1, "Train")
+    ).splitlines()
+    assert title == "Steady power flow of Train: mobility 1 (1 degree of freedom)"
+    assert empty == blank == ""
+    head, *rows = table
+    assert re.split(r"\s{2,}|(?<=s) (?=speed)", head.strip())[0] == "flange"
+    values = [(line.split()[0], [float(v) for v in line.split()[1:]]) for line in rows]
+    expected = [
+        f for f in FLANGES if f.name in ("motor.flange", "box.gear.flange_a", "box.gear.flange_b", "load.flange", "pump.flange")
+    ]
+    assert [name for name, _ in values] == [f.name for f in expected]
+    for (_, numbers), f in zip(values, expected, strict=True):
+        assert numbers == pytest.approx([f.speed, f.speed * 30 / math.pi, f.torque, f.power], rel=1e-5)
+    assert len({len(line) for line in table}) == 1  # columns end alike
+    assert note == "(torque and power are positive into the component: a drive's power is negative, a load's positive)"
+    assert left_out == "(3 flanges of bodies that pass on their torque, or of parts without any, are left out)"
+    assert drive == "input power        1000 W from motor"
+    assert load == "output power       900 W to load, pump"
+    assert lost == "losses             100 W: box.gear 100"
+    assert efficiency == "efficiency         0.9"
+    assert around == "circulating power  none"
+    two = str(PowerFlow(FLANGES, 2)).splitlines()
+    assert two[0] == "Steady power flow: mobility 2 (2 degrees of freedom)"
+    assert "losses             0 W" in str(PowerFlow((), 0))
+    assert "efficiency" not in str(PowerFlow((FLANGES[0],), 1))
+
+
+@pytest.mark.parametrize("count", [1, 3, 4])
+def test_torques_that_equilibrium_leaves_open_are_named_three_at_most(count: int) -> None:
+    names = tuple(f"mesh[{k}].flange_a" for k in range(count))
+    text = " ".join(str(PowerFlow(FLANGES, 1, "", names)).split())
+    said = ", ".join(names[:3]) + (", ..." if count > 3 else "")
+    assert f"(equilibrium leaves {count} torques open: {said}; they are those of parallel paths without preload," in text
+    assert "equilibrium" not in str(PowerFlow(FLANGES, 1))
+
+
+def test_rounding_is_shown_as_zero_and_slides_have_no_revolutions() -> None:
+    flow = PowerFlow(
+        (
+            flange("a", "rod", 1e-12, 50.0, 0, sliding=True),
+            flange("a", "flange", 2.0, 40e-12, 1),
+            flange("b" * 50, "flange", -2.0, -50.0, 1),
+        ),
+        1,
+    )
+    rod, shaft, long = (line.split() for line in str(flow).splitlines()[3:6])
+    assert rod == ["a.rod", "0", "-", "50", "0", "(m/s,", "N)"]
+    assert shaft == ["a.flange", "2", f"{60 / math.pi:.6g}", "0", "0"]
+    assert long[1:] == ["-2", f"{-60 / math.pi:.6g}", "-50", "100"]
+    assert len(long[0]) == 42 - len("  (m/s, N)")
+    assert max(map(len, str(flow).splitlines())) <= 100
+    html = flow._repr_html_()
+    assert html.count("<tr>") == 4
+    assert f'<td class="number">{-60 / math.pi:.6g}</td>' in html
+    table = PowerFlow(FLANGES, 1).to_dataframe()
+    assert table.loc["pump.flange"].tolist() == [20, 5, 100]
+    assert len(table) == len(FLANGES)
+
+
+def test_willis_ratio_of_speeds_and_torques() -> None:
+    """Ring over sun of 2.5, in any motion; NaN for a set that turns as a block, or without torque."""
+    for ring, carrier in ((0.0, 1.0), (-3.0, 0.5), (2.0, 2.0 + 1e-9)):
+        sun = carrier - 2.5 * (ring - carrier)
+        flow = PowerFlow(
+            (flange("s", "sun", sun, 4.0, 0), flange("s", "ring", ring, 10.0, 1), flange("s", "carrier", carrier, -14.0, 2)), 2
+        )
+        assert flow.willis("s.sun", "s.ring", "s.carrier") == pytest.approx((-2.5, -2.5), rel=1e-6)
+    block = PowerFlow(
+        (flange("s", "sun", 3.0, 0.0, 0), flange("s", "ring", 3.0, 0.0, 1), flange("s", "carrier", 3.0, 0.0, 2)), 1
+    )
+    assert all(map(math.isnan, block.willis("s.sun", "s.ring", "s.carrier")))
+
+
+def test_circulating_power_is_said_with_its_share_and_its_way() -> None:
+    """Drive 100 W into a shaft, from which 130 W pass a gear and 30 W come back through another."""
+    flanges = (
+        flange("drive", "flange", 10.0, -10.0, 0), flange("one", "a", 10.0, 13.0, 0), flange("one", "b", 5.0, -26.0, 1),
+        flange("two", "a", 5.0, 6.0, 1), flange("two", "b", 10.0, -3.0, 0), flange("load", "flange", 5.0, 20.0, 1),
+    )  # fmt: skip
+    flow = PowerFlow(flanges, 1)
+    assert [(c.power, c.components) for c in flow.circulating] == [(30.0, ("one", "two"))]
+    lines = str(flow).splitlines()
+    assert lines[-2:] == ["circulating power  30 W, 30 % of the input", "                   30 W through one, two"]
+    assert flow.efficiency == 1.0
+
+
+@given(st.lists(st.lists(st.integers(0, 7), min_size=2, max_size=5, unique=True), min_size=1, max_size=3), st.data())
+def test_circulations_are_what_flows_in_circles(cycles: list[list[int]], data: st.DataObject) -> None:
+    """Circles of shafts on top of a flow from shaft to shaft without any: taken out, nothing flows in circles, and balances stay."""
+    edges = [
+        PowerEdge("drive", 0, -5.0),
+        *(e for k in range(7) for e in (PowerEdge(f"g{k}", k, 5.0), PowerEdge(f"g{k}", k + 1, -5.0))),
+    ]
+    edges.append(PowerEdge("load", 7, 5.0))
+    assert circulations(edges) == ()
+    total = 0.0
+    for n, cycle in enumerate(cycles):
+        power = data.draw(st.sampled_from([1.0, 2.0, 3.5]))
+        total += power
+        for i, (a, b) in enumerate(zip(cycle, [*cycle[1:], cycle[0]], strict=True)):
+            edges += [PowerEdge(f"c{n}.{i}", a, power), PowerEdge(f"c{n}.{i}", b, -power)]
+    found = circulations(edges)
+    assert found
+    assert [c.power for c in found] == sorted((c.power for c in found), reverse=True)
+    left: dict[tuple[str, int], float] = {(e.component, e.shaft): e.power for e in edges}
+    for c in found:
+        assert c.components[0] == min(c.components)
+        for name in c.components:
+            for key in [key for key in left if key[0] == name]:
+                left[key] -= math.copysign(c.power, left[key]) if len([k for k in left if k[0] == name]) == 2 else 0.0
+    assert circulations([PowerEdge(*key, power) for key, power in left.items() if abs(power) > 1e-9]) == ()
+    assert all(power * before.power >= -1e-9 for power, before in zip(left.values(), edges, strict=True))
+
+
+def test_the_shortest_circles_are_taken_out_first() -> None:
+    short = [PowerEdge("a", 1, 5.0), PowerEdge("a", 2, -5.0), PowerEdge("b", 2, 2.0), PowerEdge("b", 1, -2.0)]
+    long = [PowerEdge("c", 2, 3.0), PowerEdge("c", 3, -3.0), PowerEdge("d", 3, 3.0), PowerEdge("d", 1, -3.0)]
+    assert [(c.power, c.components) for c in circulations([*long, *short])] == [(3.0, ("a", "c", "d")), (2.0, ("a", "b"))]
+    assert circulations([]) == ()
+    rounding = [PowerEdge("a", 1, 1.0), PowerEdge("a", 2, -1.0), PowerEdge("b", 2, 1.0), PowerEdge("b", 1, -1.0 + 1e-13)]
+    assert len(circulations(rounding)) == 1
+
+
+def test_wrong_arguments_of_drawings() -> None:
+    flow = PowerFlow(FLANGES, 1)
+    with pytest.raises(ArgumentError, match=r"other\['2nd'\] is 3; expected a PowerFlow, as power_flow\(\.\.\.\) gives it"):
+        flow.speed_ladder("1st", {"2nd": 3})  # type: ignore[dict-item]
+    with pytest.raises(ModelError, match="this PowerFlow was made by hand, without a model whose gears could be drawn"):
+        flow.scheme()
+    assert isinstance(flow, gl.PowerFlow)
+    assert np.isfinite(flow.efficiency)
