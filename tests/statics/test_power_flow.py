@@ -94,14 +94,12 @@ def test_torques_that_equilibrium_leaves_open_are_named_three_at_most(count: int
 
 
 def test_rounding_is_shown_as_zero_and_slides_have_no_revolutions() -> None:
-    flow = PowerFlow(
-        (
-            flange("a", "rod", 1e-12, 50.0, 0, sliding=True),
-            flange("a", "flange", 2.0, 40e-12, 1),
-            flange("b" * 50, "flange", -2.0, -50.0, 1),
-        ),
-        1,
+    slide, small, large = (
+        flange("a", "rod", 1e-12, 50.0, 0, sliding=True),
+        flange("a", "flange", 2.0, 40e-12, 1),
+        flange("b" * 50, "flange", -2.0, -50.0, 1),
     )
+    flow = PowerFlow((slide, small, large), 1)
     rod, shaft, long = (line.split() for line in str(flow).splitlines()[3:6])
     assert rod == ["a.rod", "0", "-", "50", "0", "(m/s,", "N)"]
     assert shaft == ["a.flange", "2", f"{60 / math.pi:.6g}", "0", "0"]
@@ -118,16 +116,16 @@ def test_rounding_is_shown_as_zero_and_slides_have_no_revolutions() -> None:
 
 def test_willis_ratio_of_speeds_and_torques() -> None:
     """Ring over sun of 2.5, in any motion; NaN for a set that turns as a block, or without torque."""
+
+    def ratios(speeds: tuple[float, float, float], torque: float) -> tuple[float, float]:
+        torques = (torque, 2.5 * torque, -3.5 * torque)
+        names = ("sun", "ring", "carrier")
+        flanges = (flange("s", name, w, tau, k) for k, (name, w, tau) in enumerate(zip(names, speeds, torques, strict=True)))
+        return PowerFlow(tuple(flanges), 2).willis("s.sun", "s.ring", "s.carrier")
+
     for ring, carrier in ((0.0, 1.0), (-3.0, 0.5), (2.0, 2.0 + 1e-9)):
-        sun = carrier - 2.5 * (ring - carrier)
-        flow = PowerFlow(
-            (flange("s", "sun", sun, 4.0, 0), flange("s", "ring", ring, 10.0, 1), flange("s", "carrier", carrier, -14.0, 2)), 2
-        )
-        assert flow.willis("s.sun", "s.ring", "s.carrier") == pytest.approx((-2.5, -2.5), rel=1e-6)
-    block = PowerFlow(
-        (flange("s", "sun", 3.0, 0.0, 0), flange("s", "ring", 3.0, 0.0, 1), flange("s", "carrier", 3.0, 0.0, 2)), 1
-    )
-    assert all(map(math.isnan, block.willis("s.sun", "s.ring", "s.carrier")))
+        assert ratios((carrier - 2.5 * (ring - carrier), ring, carrier), 4.0) == pytest.approx((-2.5, -2.5), rel=1e-6)
+    assert all(map(math.isnan, ratios((3.0, 3.0, 3.0), 0.0)))
 
 
 def test_circulating_power_is_said_with_its_share_and_its_way() -> None:
