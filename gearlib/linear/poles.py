@@ -160,9 +160,12 @@ def _norm(matrix: Floats) -> float:
     Power iteration starts from that row, since the matrix of a freely rotating train maps equal speeds to zero.
     """
     x = matrix[int(np.argmax(np.linalg.norm(matrix, axis=1)))] if len(matrix) else np.ones(0)
+    size = 0.0
     for _ in range(20):
-        x = matrix.T @ (matrix @ (x / max(float(np.linalg.norm(x)), 1e-300)))
-    return float(np.sqrt(np.linalg.norm(x)))
+        mapped = matrix @ (x / max(float(np.linalg.norm(x)), 1e-300))
+        size = float(np.linalg.norm(mapped))
+        x = matrix.T @ (mapped / max(size, 1e-300))  # of the size of the matrix, whose fourth power may not be finite
+    return float(np.sqrt(size * np.linalg.norm(x)))
 
 
 def rows_and_null(matrix: Floats, limit: float) -> tuple[Floats, Floats]:

@@ -1,4 +1,4 @@
-"""Poles where states are coupled in one direction only: they are those of the states alone, however large the coupling is."""
+"""Poles: where states are coupled in one direction only, at 0 and on the axis, their changes; and linear models made by hand."""
 
 from __future__ import annotations
 
@@ -6,9 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.sparse as sparse
 
 import gearlib as gl
-from gearlib.linear.poles import poles
+from gearlib.errors import ArgumentError, NameLookupError, SolverError
+from gearlib.linear import eigenvalue_changes as eigenvalue_changes_module
+from gearlib.linear.eigenvalue_changes import eigenvalue_changes
+from gearlib.linear.linear_model import is_sparse
+from gearlib.linear.poles import deflate, poles, rows_and_null
+from gearlib.linear.steady_state import SteadyState
 from gearlib.vibration.spectrum import dense_spectrum
 
 FAST, SLOW, COUPLING = 2.2e4, 0.0449, 5e8
@@ -55,3 +61,185 @@ def test_all_analyses_see_a_slow_state_behind_a_large_coupling() -> None:
     s = 1j * omega
     expected = -COUPLING * FAST / ((s + FAST) * (s + SLOW))
     assert np.asarray(response["y", "u"]) == pytest.approx(expected, rel=1e-9)
+
+
+# ---------------------------------------------------------------- verdicts
+
+
+def similar(blocks: list[np.ndarray], seed: int = 3) -> np.ndarray:
+    """The matrix of these blocks in other states of about the same size."""
+    from scipy.linalg import block_diag
+
+    rng = np.random.default_rng(seed)
+    matrix = block_diag(*blocks)
+    turn = np.linalg.qr(rng.normal(size=matrix.shape))[0]
+    return np.asarray(turn @ matrix @ turn.T)
+
+
+def swing(w: float, d: float = 0.0) -> np.ndarray:
+    return np.array([[0.0, w], [-w, -d]])
+
+
+FREE, STILL = np.array([[0.0, 1.0], [0.0, 0.0]]), np.zeros((1, 1))
+DECAY, GROWTH = np.array([[-2.0]]), np.array([[0.5]])
+PAIRED = np.block([[swing(3.0), np.eye(2)], [np.zeros((2, 2)), swing(3.0)]])
+CASES: list[tuple[list[Any], str, tuple[int, ...], list[float]]] = [
+    ([DECAY, swing(3.0, 1.0)], "stable", (), []),
+    ([DECAY, swing(3.0)], "marginal", (), [3.0]),
+    ([DECAY, STILL], "marginal", (1,), [0.0]),
+    ([STILL, STILL, DECAY], "marginal", (2,), [0.0]),
+    ([FREE, DECAY], "drifting", (1, 1), [0.0]),
+    ([FREE, STILL, swing(2.0, 1.0)], "drifting", (2, 1), [0.0]),
+    ([np.eye(3, k=1), DECAY], "drifting", (1, 1, 1), [0.0]),
+    ([swing(3.0), swing(3.0), DECAY], "marginal", (), [3.0]),
+    ([swing(3.0), swing(3.0), swing(5.0)], "marginal", (), [3.0, 5.0]),
+    ([PAIRED, DECAY], "drifting", (), [3.0]),
+    ([swing(3.0), GROWTH, FREE], "unstable", (1, 1), [0.0, 3.0]),
+    ([swing(3.0, -0.1)], "unstable", (), []),
+]
+
+
+@pytest.mark.parametrize(("blocks", "verdict", "chains", "axis"), CASES)
+def test_verdicts_follow_from_the_blocks(blocks: list[Any], verdict: str, chains: tuple[int, ...], axis: list[float]) -> None:
+    matrix = similar(blocks)
+    found = poles(matrix)
+    expected = np.concatenate([np.linalg.eigvals(b) for b in blocks])
+    assert found.verdict == verdict
+    assert found.chains == chains
+    assert found.at_zero == sum(chains) == (found.values == 0).sum()
+    assert found.right == (expected.real > 1e-6).sum()
+    assert found.on_axis == pytest.approx(axis, abs=1e-6)
+    assert found.chained == (pytest.approx((3.0,), abs=1e-6) if PAIRED is blocks[0] else ())
+    near = 1e-6 if PAIRED is blocks[0] else 1e-9
+    assert np.sort_complex(np.round(found.values, 5)) == pytest.approx(np.sort_complex(np.round(expected, 5)), abs=near + 2e-5)
+    sizes = np.abs(found.values)
+    assert (np.diff(np.round(sizes, 9)) >= 0).all()
+    assert (found.tolerances[found.values == 0] == 0).all()
+    assert (found.tolerances[found.values != 0] > 0).all()
+    ratio = found.damping
+    assert np.isnan(ratio[sizes == 0]).all()
+    moving = sizes > 0
+    assert ratio[moving] == pytest.approx(-found.values[moving].real / sizes[moving], abs=1e-12)
+
+
+def test_conjugates_stand_side_by_side_and_the_slower_first() -> None:
+    values = poles(similar([swing(5.0, 1.0), swing(2.0, 1.0), np.array([[-3.0]])])).values
+    assert values.imag == pytest.approx([-np.sqrt(3.75), np.sqrt(3.75), 0.0, -np.sqrt(24.75), np.sqrt(24.75)])
+    alike = poles(similar([np.array([[-5.0]]), swing(5.0, 1.0)])).values
+    assert alike.imag == pytest.approx([0.0, -np.sqrt(24.75), np.sqrt(24.75)])
+
+
+def test_matrices_without_poles_or_with_zeros_only() -> None:
+    assert poles(np.empty((0, 0))).verdict == "stable"
+    nothing = poles(np.zeros((3, 3)))
+    assert (nothing.chains, nothing.values.tolist(), nothing.tolerances.tolist()) == ((3,), [0, 0, 0], [0, 0, 0])
+    assert poles(sparse.csr_matrix(np.diag([-1.0, -2.0]))).values.real.tolist() == [-1, -2]
+    for wrong, said in ((np.ones((2, 3)), r"shape \(2, 3\) has no eigenvalues"), (np.ones(3), r"shape \(3,\)"),
+                        (np.array([[np.nan]]), "not finite"), (np.array([[1e150]]), "whose squares are not")):  # fmt: skip
+        with pytest.raises(ArgumentError, match=said):
+            poles(wrong)
+    assert poles(np.array([[-0.9e150]])).right == 0
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_null_space_is_split_off_whatever_its_rank(seed: int) -> None:
+    """Orthonormal bases; the one is mapped to nothing, the other keeps all of the matrix; up to the limit and just beyond it."""
+    rng = np.random.default_rng(seed)
+    n, rank = 6, int(rng.integers(0, 7))
+    left, right = (np.linalg.qr(rng.normal(size=(n, n)))[0] for _ in range(2))
+    sizes = np.concatenate([10.0 ** rng.uniform(-3, 2, rank), np.full(n - rank, 0.9e-6)])
+    matrix = left @ np.diag(sizes) @ right.T
+    rows, null = rows_and_null(matrix, 1e-6 if rank < n else 1e-12)
+    assert (rows.shape[1], null.shape[1]) == (rank, n - rank)
+    both = np.hstack([rows, null])
+    assert both.T @ both == pytest.approx(np.eye(n), abs=1e-12)
+    assert np.linalg.norm(matrix @ null, axis=0).max(initial=0.0) < 2e-6
+    assert np.linalg.norm(matrix @ rows) == pytest.approx(np.linalg.norm(sizes[:rank]), abs=1e-5)
+
+
+def test_the_staircase_leaves_a_block_triangular_matrix() -> None:
+    matrix = similar([FREE, STILL, np.eye(3, k=1), swing(2.0, 1.0)])
+    zero, others, chains = deflate(matrix)
+    assert chains == (3, 2, 1)
+    assert others.T @ matrix @ zero == pytest.approx(np.zeros((2, 6)), abs=1e-12)
+    inner = zero.T @ matrix @ zero
+    assert np.linalg.matrix_power(inner, 3) == pytest.approx(np.zeros((6, 6)), abs=1e-12)
+    assert inner[:, :3] == pytest.approx(np.zeros((6, 3)), abs=1e-12)
+    assert np.abs(np.linalg.eigvals(others.T @ matrix @ others)) == pytest.approx([2.0, 2.0])
+
+
+# ---------------------------------------------------------------- derivatives of eigenvalues
+
+
+@pytest.mark.parametrize("large", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_changes_of_eigenvalues_are_their_differences(seed: int, large: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In states of any units, along two changes at once, by all eigenvectors or by inverse iteration."""
+    if large:
+        monkeypatch.setattr(eigenvalue_changes_module, "MOST_FULL", 3)
+    rng = np.random.default_rng(seed)
+    n = 9
+    units = 10.0 ** rng.uniform(-3, 3, n)
+    matrix = rng.normal(size=(n, n))
+    changes = [rng.normal(size=(n, n)) for _ in range(2)]
+    values = np.linalg.eigvals(matrix)
+    given: list[Any] = [m * units[:, None] / units for m in (matrix, *changes)]
+    if large:
+        given = [sparse.csr_matrix(m) for m in given]
+    found = eigenvalue_changes(given[0], given[1:], values)
+    for row, change in zip(found, changes, strict=True):
+        h = 1e-6
+        ahead, behind = (np.linalg.eigvals(matrix + step * change) for step in (h, -h))
+        for k, value in enumerate(values):
+            difference = ahead[np.argmin(abs(ahead - value))] - behind[np.argmin(abs(behind - value))]
+            assert row[k] == pytest.approx(difference / (2 * h), rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_branches_of_repeated_eigenvalues(large: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 2, 2, 2 and 5 along a change that parts them by -1, 0 and 4; zeros stay; all or, if they part, none of the branches."""
+    if large:
+        monkeypatch.setattr(eigenvalue_changes_module, "MOST_FULL", 3)
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(8, 8)))[0]
+    rest = [7.0, 9.0, 11.0]
+
+    def of(diagonal: list[float]) -> Any:
+        matrix = turn @ np.diag(diagonal) @ turn.T
+        return sparse.csr_matrix(matrix) if large else matrix
+
+    A, change = of([2.0, 2.0, 2.0, 5.0, 0.0, *rest]), of([4.0, -1.0, 0.0, 1.0, 3.0, 0.0, 0.0, 0.0])
+    found = eigenvalue_changes(A, [change], np.array([2.0, 5.0, 2.0, 0.0, 2.0]))
+    assert found[0] == pytest.approx(np.array([-1.0, 1.0, 0.0, 0.0, 4.0]), abs=1e-6)
+    assert eigenvalue_changes(A, [change], np.zeros(2)) == pytest.approx(np.zeros((1, 2)))
+    said = r"the eigenvalue 2\+0j 1/s is repeated 3 times, and a change of the parameter parts them; ask for all of them, not for 2"
+    with pytest.raises(SolverError, match=said):
+        eigenvalue_changes(A, [change], np.array([2.0, 2.0]))
+    alike = of([3.0, 3.0, 3.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    assert eigenvalue_changes(A, [alike], np.array([2.0]))[0] == pytest.approx([3.0], abs=1e-6)
+    chain = np.diag([2.0, 2.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0])
+    chain[0, 1] = 1.0
+    with pytest.raises(
+        SolverError, match=r"the eigenvalue 2 1/s has no derivative: it is repeated with too few independent shapes"
+    ):
+        eigenvalue_changes(chain, [np.eye(8)], np.array([2.0]))
+
+
+# ---------------------------------------------------------------- linear models
+
+
+def test_large_matrices_with_few_entries_count_as_sparse() -> None:
+    few, many = np.eye(81), np.eye(81)
+    many.ravel()[: int(0.1 * 81**2) + 1] = 1.0
+    assert is_sparse(few)
+    assert is_sparse(sparse.csr_matrix(few))
+    assert not is_sparse(many)
+    assert not is_sparse(sparse.csr_matrix(many))
+    assert not is_sparse(np.eye(80))
+
+
+def test_a_steady_state_is_listed_with_its_units() -> None:
+    state = SteadyState(("load.w", "a"), np.array([6.0, -1e-7]), ("rad/s", ""), lambda name: np.array([1.0, 2.0]))
+    assert str(state) == "load.w             6 rad/s\na             -1e-07"
+    assert (state["a"], state.sensitivity("a", "x")) == (-1e-7, 2.0)
+    with pytest.raises(NameLookupError, match=r"the steady state was not asked for 'load\.v'; did you mean 'load\.w'"):
+        state["load.v"]
