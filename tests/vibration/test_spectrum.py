@@ -1,0 +1,166 @@
+"""Spectra of matrices by hand: free motions, preloads and positions at 0, decays, and the scales of large matrices."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+from scipy.linalg import block_diag
+
+from gearlib.errors import SolverError
+from gearlib.vibration import spectrum as module
+from gearlib.vibration.eigenvalue_count import missing_inside
+from gearlib.vibration.lowest_eigenvalues import lowest, similarity
+from gearlib.vibration.spectrum import dense_spectrum, sparse_spectrum, without_preloads
+
+
+def chain(n: int, inertia: float = 2.0, c: float = 18.0) -> tuple[Any, Any, Any]:
+    """Bodies in a row with springs between them, twists before speeds; their speeds and torques as rows."""
+    twist = np.zeros((n - 1, n))
+    twist[np.arange(n - 1), np.arange(n - 1)], twist[np.arange(n - 1), np.arange(1, n)] = 1.0, -1.0
+    A = np.block([[np.zeros((n - 1, n - 1)), twist], [-c * twist.T / inertia, np.zeros((n, n))]])
+    speeds = np.hstack([np.zeros((n, n - 1)), np.eye(n)])
+    forces = np.hstack([c * np.eye(n - 1), np.zeros((n - 1, n))])
+    return A, speeds, forces
+
+
+def hand(n: int, inertia: float = 2.0, c: float = 18.0) -> Any:
+    return 2 * np.sqrt(c / inertia) * np.sin(np.pi * np.arange(1, n) / (2 * n))
+
+
+@pytest.mark.parametrize("count", [None, 1, 3, 9])
+@pytest.mark.parametrize("n", [2, 5])
+def test_a_free_chain(n: int, count: int | None) -> None:
+    """One free motion, in which all speeds are alike and nothing is twisted; shapes with the largest state 1."""
+    A, speeds, forces = chain(n)
+    found = dense_spectrum(A, speeds, count, forces)
+    kept = len(hand(n)[:count])
+    assert found.values == pytest.approx(1j * hand(n)[:count], rel=1e-10)
+    assert (found.values.real == 0).all()
+    assert found.free.shape == (2 * n - 1, 1)
+    motion = found.free[:, 0] / found.free[-1, 0]
+    assert motion == pytest.approx([0.0] * (n - 1) + [1.0] * n)
+    assert found.preloads == 0
+    assert len(found.decays) == 0
+    assert np.abs(found.vectors).max(axis=0) == pytest.approx(np.ones(kept))
+    assert A @ found.vectors == pytest.approx(found.vectors * found.values, abs=1e-9)
+    assert dense_spectrum(A, speeds, count).preloads is None
+
+
+def test_what_is_at_zero_is_a_motion_a_preload_or_neither() -> None:
+    """A loop of two springs between two bodies can be preloaded; a position on which nothing depends is not counted."""
+    A = np.zeros((5, 5))  # two twists, a position, two speeds
+    A[0, 3], A[0, 4], A[1, 3], A[1, 4], A[2, 3] = 1.0, -1.0, 1.0, -1.0, 1.0
+    A[3, :2], A[4, :2] = [-6.0, -3.0], [2.0, 1.0]
+    speeds, forces = np.eye(5)[3:], np.diag([6.0, 3.0, 0, 0, 0])[:2]
+    found = dense_spectrum(A, speeds, None, forces)
+    assert found.values == pytest.approx([1j * np.sqrt(12.0)])
+    assert (found.free.shape[1], found.preloads) == (1, 1)
+    assert dense_spectrum(A, speeds, None, 0 * forces).preloads == 0
+    keep = [0, 1, 3, 4]
+    free = found.free[keep]
+    clean, alone = without_preloads(A[np.ix_(keep, keep)], speeds[:, keep], free + np.array([[1.0], [-2.0], [0.0], [0.0]]))
+    assert alone
+    assert clean[:, 0] == pytest.approx([0.0, 0.0, *free[2:, 0]])
+    mixed, alone = without_preloads(np.array([[0.0, 1.0], [-1.0, 0.0]]), np.array([[1.0, 0.0]]), np.ones((2, 1)))
+    assert not alone
+    assert mixed.tolist() == [[1], [1]]
+
+
+def test_still_or_empty_matrices() -> None:
+    nothing = dense_spectrum(np.zeros((0, 0)), np.zeros((0, 0)), None, np.zeros((0, 0)))
+    assert (len(nothing.values), nothing.free.shape, nothing.preloads, len(nothing.decays)) == (0, (0, 0), 0, 0)
+    still = dense_spectrum(np.zeros((2, 2)), np.zeros((1, 2)), None, np.zeros((1, 2)))
+    assert (still.free.shape, still.preloads) == ((2, 0), 0)
+    coasting = dense_spectrum(np.zeros((2, 2)), np.array([[0.0, 1.0]]), None, np.array([[5.0, 0.0]]))
+    assert coasting.free.shape == (2, 1)
+    assert coasting.free[0, 0] == pytest.approx(0)
+    assert coasting.preloads == 1
+
+
+def test_decays_are_sorted_from_the_slowest_and_modes_by_magnitude() -> None:
+    swings = [np.array([[0.0, w], [-w, -2 * ratio * w]]) for w, ratio in ((5.0, 0.1), (3.0, 0.9), (4.0, 0.0))]
+    A = block_diag(*swings, [[-7.0]], [[-0.5]], [[2.0]])
+    found = dense_spectrum(A, np.eye(9), None)
+    assert found.decays == pytest.approx([2.0, -0.5, -7.0])
+    assert np.abs(found.values) == pytest.approx([3.0, 4.0, 5.0])
+    assert -found.values.real / np.abs(found.values) == pytest.approx([0.9, 0.0, 0.1], abs=1e-12)
+    assert found.values[1].real == 0
+
+
+@pytest.mark.parametrize("n", [40, 90])
+def test_large_chains_have_the_same_lowest_modes(n: int) -> None:
+    A, speeds, _ = chain(n)
+    large = sparse_spectrum(sparse.csr_matrix(A), sparse.csr_matrix(speeds), 4)
+    assert large.values[:4] == pytest.approx(1j * hand(n)[:4], rel=1e-9)
+    assert large.free.shape[1] == 1
+    assert large.free[:, 0] / large.free[-1, 0] == pytest.approx([0.0] * (n - 1) + [1.0] * n, abs=1e-9)
+    assert large.preloads is None
+
+
+def test_what_cannot_be_verified_is_computed_in_full_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    A, speeds, _ = chain(6)
+    monkeypatch.setattr(module, "lowest", lambda *_: None)
+    given = sparse.csr_matrix(A), sparse.csr_matrix(speeds)
+    assert sparse_spectrum(*given, 3).values == pytest.approx(1j * hand(6)[:3])
+    monkeypatch.setattr(module, "MOST_FULL", 11)
+    assert len(sparse_spectrum(*given, 3).values) == 3
+    monkeypatch.setattr(module, "MOST_FULL", 10)
+    with pytest.raises(
+        SolverError, match=r"the lowest 3 modes of 11 states could not be told .* \(10 states have all theirs\)"
+    ):
+        sparse_spectrum(*given, 3)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_scales_make_partners_alike_and_rows_as_large_as_columns(seed: int) -> None:
+    """Of random units: a_ij and a_ji come to one size; what acts one way only is scaled, too, and what is alone stays finite."""
+    rng = np.random.default_rng(seed)
+    n = 12
+    units = 10.0 ** rng.uniform(-5, 5, n)
+    skew = np.triu(rng.uniform(0.5, 2, (n, n)) * (rng.random((n, n)) < 0.3), 1)
+    A = (skew - skew.T) * units[:, None] / units
+    A[0, :] = A[:, 0] = 0.0  # a state without any coupling
+    A[0, 0] = -3.0
+    scale = similarity(sparse.csr_matrix(A))
+    assert np.isfinite(scale).all()
+    assert np.log(scale).mean() == pytest.approx(0)
+    scaled = np.abs(A / scale[:, None] * scale)
+    assert scaled == pytest.approx(scaled.T, rel=1e-4)
+    A[1, 2:5], A[2:5, 1] = 1e6 * rng.uniform(1, 2, 3), 0.0  # state 1 is driven by others, and drives nothing of them
+    scale = similarity(sparse.csr_matrix(A))
+    assert np.isfinite(scale).all()
+    scaled = np.abs(A / scale[:, None] * scale) * ~np.eye(n, dtype=bool)
+    rows, columns = scaled.sum(axis=1), scaled.sum(axis=0)
+    both = (rows > 0) & (columns > 0)
+    assert (np.abs(np.log(rows[both] / columns[both])) < 1.0).all()
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_the_lowest_of_a_matrix_with_zeros_and_decays(count: int) -> None:
+    """Poles at 0 are counted in advance; real ones take places in the disc, but are not oscillating modes."""
+    w = np.array([1.0, 1.0, 2.5, 4.0, *np.linspace(20, 60, 90)])
+    swings = [np.array([[0.0, x], [-x, -0.02 * x]]) for x in w]
+    A = sparse.csc_matrix(block_diag(*swings, np.zeros((2, 2)), np.diag([-0.1, -1.7, -3.0])))
+    found = lowest(A, count, 2)
+    assert found is not None
+    ringing = found.values[found.values.imag > 0]
+    assert len(ringing) >= count
+    assert np.abs(ringing) == pytest.approx(w[: len(ringing)], rel=1e-9)
+    assert -ringing.real / np.abs(ringing) == pytest.approx(np.full(len(ringing), 0.01), rel=1e-7)
+    radius = np.abs(found.values).max()
+    inside = [x for x in (-0.1, -1.7, -3.0) if abs(x) <= radius]
+    assert sorted(found.values[found.values.imag == 0].real, reverse=True) == pytest.approx(inside)
+    assert (np.diff(np.abs(found.values)) > -1e-9).all()
+    assert A @ found.vectors == pytest.approx(found.vectors * found.values, abs=1e-7)
+    assert missing_inside(A, radius * 1.01, found.values, 2) == 0
+
+
+def test_a_count_on_the_edge_is_not_known() -> None:
+    A = sparse.csc_matrix(block_diag(*(np.array([[0.0, x], [-x, 0.0]]) for x in range(1, 20))))
+    assert missing_inside(A, 5.0, np.empty(0, complex), 0) is None
+    assert missing_inside(A, 5.0 + 1e-12, np.empty(0, complex), 0) is None
+    assert missing_inside(A, 5.01, np.empty(0, complex), 0) == 10
+    assert missing_inside(A, 0.5, np.empty(0, complex), 0) == 0
