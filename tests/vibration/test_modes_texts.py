@@ -1,0 +1,147 @@
+"""What modes print and refuse: energies, remarks, decays; names and amplitudes of free motions."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.vibration.modes import Modes
+
+
+class Pair(gl.Component):
+    """Two bodies on a shaft, a damper and a slow load."""
+
+    def assemble(self) -> list[Any]:
+        self.a, self.b, self.shaft, self.ground = gp.Inertia(J=1.0), gp.Inertia(J=3.0), gp.Spring(c=3.0), gp.Fixed()
+        self.brake, self.slide, self.rod, self.wall = (
+            gp.Damper(d=1e-3),
+            gp.Mass(m=2.0),
+            gp.TranslationalSpring(c=32.0),
+            gp.TranslationalFixed(),
+        )
+        return [
+            gl.connect(self.a.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.b.flange_a),
+            gl.connect(self.b.flange_b, self.brake.flange_a),
+            gl.connect(self.brake.flange_b, self.ground.flange),
+            gl.connect(self.slide.flange_a, self.rod.flange_a),
+            gl.connect(self.rod.flange_b, self.wall.flange),
+        ]
+
+
+@pytest.fixture(scope="module")
+def system() -> gl.System:
+    return gl.compile(Pair())
+
+
+@pytest.fixture(scope="module")
+def modes(system: gl.System) -> Modes:
+    return gl.modes(system)
+
+
+@pytest.fixture(scope="module")
+def free(system: gl.System) -> Modes:
+    return gl.modes(system, parameters={"brake.d": 0.0})
+
+
+def test_each_mode_has_a_line_with_its_largest_shares(free: Modes) -> None:
+    head, *rows = str(free).splitlines()
+    assert re.split(r"\s{2,}", head) == ["mode", "frequency, Hz", "damping", "kinetic energy", "potential energy"]
+    assert [re.split(r"\s{2,}", row.strip()) for row in rows] == [
+        ["0", "0", "0.00000", "b 75 %, a 25 %"],
+        ["1", f"{1 / np.pi:.6g}", "0.00000", "a 75 %, b 25 %", "shaft 100 %"],
+        ["2", f"{2 / np.pi:.6g}", "0.00000", "slide 100 %", "rod 100 %"],
+    ]
+    at = head.index("kinetic energy")
+    assert all(row[at - 1] == " " != row[at] for row in rows)
+
+
+def test_decays_are_listed_eight_at_most(modes: Modes) -> None:
+    (decay,) = modes.decays
+    assert decay == pytest.approx(-1e-3 / 4, rel=1e-3)
+    assert str(modes).splitlines()[-1] == f"Decays without oscillation, 1/s: {-decay:.6g}"
+    many = replace(modes, decays=-np.arange(1.0, 11.0))
+    assert str(many).splitlines()[-1] == "Decays without oscillation, 1/s: 1, 2, 3, 4, 5, 6, 7, 8"
+    assert "Decays" not in str(replace(modes, decays=np.empty(0)))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "line"),
+    [("preloads", 1, "Besides these, 1 pole at 0 is a constant preload, locked into loops of meshes."),
+     ("preloads", 2, "Besides these, 2 poles at 0 are constant preloads, locked into loops of meshes."),
+     ("preloads", None, "Constant preloads in loops of meshes are not counted above 500 states."), ("preloads", 0, None),
+     ("positions", ("m.turned", "n.q"), "Nothing depends on m.turned, n.q."), ("positions", (), None),
+     ("gaps", {1: "m, n"}, "Mode 1 is a free relative motion across m, n."),
+     ("conditions", ("open: m", "sliding: k"), "Operating point: open: m; sliding: k.")],
+)  # fmt: skip
+def test_remarks_stand_below_and_in_notebooks(modes: Modes, field: str, value: Any, line: str | None) -> None:
+    plain = replace(modes, preloads=0, positions=(), gaps={}, conditions=())
+    before, after = str(plain).splitlines(), str(replace(plain, **{field: value})).splitlines()
+    assert [text for text in after if text not in before] == ([] if line is None else [line])
+    html = replace(plain, **{field: value})._repr_html_()
+    assert html.count("<p>") == plain._repr_html_().count("<p>") + (line is not None)
+    assert html.count("<tr>") == 1 + len(plain)
+
+
+def test_amplitudes_of_free_and_other_motions(free: Modes) -> None:
+    """Of the free one the speeds are real and alike; the angles those of a slow swing; nothing else moves."""
+    speeds = free.shape(0, "a.w", "b.w", "slide.v")
+    assert speeds[1] == pytest.approx(speeds[0])
+    assert speeds[2] == pytest.approx(0, abs=1e-9)
+    slow = free.omega[free.omega > 0].min()
+    assert free.shape(0, "a.phi") == pytest.approx(speeds[:1] / (1j * slow))
+    elastic = 1
+    a, b, twist, torque = free.shape(elastic, "a.flange_b.phi", "b.flange_a.phi", "shaft.phi_rel", "shaft.tau")
+    assert a / b == pytest.approx(-3.0)
+    assert twist == pytest.approx(b - a)
+    assert torque == pytest.approx(3.0 * twist)
+    assert free.shape(elastic, "der(a.w)", "a.a") == pytest.approx(-(free.omega[elastic] ** 2) * a * np.ones(2))
+    assert free.frequencies[elastic] == pytest.approx(1 / np.pi)
+    assert free.damped_frequencies[elastic] == pytest.approx(1 / np.pi)
+
+
+def test_bodies_are_those_with_kinetic_energy(modes: Modes) -> None:
+    assert [(name, unit) for name, unit, _ in modes.motions(0)] == [("a", "rad"), ("b", "rad"), ("slide", "m")]
+    for k in range(len(modes)):
+        values = {name: value for name, _, value in modes.motions(k)}
+        assert np.array(list(values.values())) == pytest.approx(
+            modes.shape(k, "a.flange_a.phi", "b.flange_a.phi", "slide.flange_a.s")
+        )
+    assert modes.components == ("a", "b", "shaft", "slide", "rod")
+    table = modes.to_dataframe()
+    assert list(table["kinetic, %"].columns) == ["a", "b", "slide"]
+    assert list(table["potential, %"].columns) == ["shaft", "rod"]
+    assert table.index.name == "mode"
+
+
+@pytest.mark.parametrize("mode", [2, -3, 1.0, True, "1"])
+def test_modes_that_do_not_exist_are_refused(modes: Modes, mode: Any) -> None:
+    assert len(modes) == 2
+    for call in (modes.amplitudes, modes.motions, modes.draw, modes.scheme, modes.shape):
+        with pytest.raises(ArgumentError, match=r"there is no mode .*; there are 2, from 0"):
+            call(mode)
+    assert modes.shape(-1, "a.w") == pytest.approx(modes.shape(1, "a.w"))
+    with pytest.raises(NameLookupError, match=r"a\.v"):
+        modes.shape(0, "a.v")
+
+
+def test_damped_frequencies_and_ratios(system: gl.System) -> None:
+    found = gl.modes(system, parameters={"brake.d": 0.5})
+    assert found.damped_frequencies == pytest.approx(np.abs(found.eigenvalues.imag) / (2 * np.pi))
+    assert found.damping == pytest.approx(-found.eigenvalues.real / np.abs(found.eigenvalues), abs=1e-12)
+    assert (found.damped_frequencies <= found.frequencies + 1e-12).all()
+    assert found.damping.max() > 1e-3
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_the_number_of_modes_can_be_chosen(system: gl.System, count: int) -> None:
+    found = gl.modes(system, count, parameters={"brake.d": 0.0})
+    assert len(found) == 1 + min(count, 2)
+    assert found.free == 1
