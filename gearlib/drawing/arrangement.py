@@ -344,11 +344,10 @@ def _drawn(
                 for n in here[i]:
                     if n < len(design.things):
                         _place(design, n, x, top[n], widths[first + i], nodes[n].height, places[n], boxes, border)
+                        _to_edges(design, n, x, top[n], widths[first + i], nodes[n], pieces)
                     else:
                         net = nodes[n].pins[0][0]
                         pieces.setdefault(net, []).append((x, top[n], x + widths[first + i], top[n]))
-                    if n < len(design.things):
-                        _to_edges(design, n, x, top[n], widths[first + i], nodes[n], pieces)
                 x += widths[first + i]
         total = max(total, x)
         upper = max([bottom, *leaving.values()]) + ROW

@@ -20,7 +20,20 @@ from gearlib.drawing.arrangement import (
 )
 from gearlib.drawing.block_diagram import OWN, Outline, Terminal, folded
 from gearlib.drawing.icons import INK, LIGHT
-from gearlib.drawing.svg import Picture, circle, document, group, line, number, path, polygon, rectangle, text, text_width
+from gearlib.drawing.svg import (
+    Picture,
+    circle,
+    document,
+    element,
+    group,
+    line,
+    number,
+    path,
+    polygon,
+    rectangle,
+    text,
+    text_width,
+)
 
 COLOURS = {"rotation": INK, "translation": "#1b7837", "heat": "#c0392b", "signal": "#1f6fd1", "other": "#6a3d9a"}
 EDGE = 16.0  # around the diagram, in the units of the picture
@@ -73,8 +86,7 @@ def _style(domain: str) -> dict[str, str]:
 def _wire(wire: Wire, x: float, y: float) -> str:
     d = " ".join(f"M{number(x + x1)} {number(y + y1)} L{number(x + x2)} {number(y + y2)}" for x1, y1, x2, y2 in wire.pieces)
     style = _style(wire.net.domain)
-    drawn = [f'<path d="{d}" fill="none" stroke-linecap="square" ' + " ".join(
-        f'{name.replace("_", "-")}="{value}"' for name, value in style.items()) + "/>"]  # fmt: skip
+    drawn = [element("path", d=d, fill="none", stroke_linecap="square", **style)]
     drawn += [circle(x + px, y + py, 2.6, fill=style["stroke"]) for px, py in wire.joints]
     pins = ", ".join(f"{p.part}.{p.port}" if p.part else p.port for p in wire.net.pins)
     return group(drawn, title=pins if wire.net.count == 1 else f"{wire.net.count} × {pins}")

@@ -29,7 +29,7 @@ def number(value: float) -> str:
     ('12.5', '0', '3')
     """
     text = f"{value:.2f}".rstrip("0").rstrip(".")
-    return "0" if text in ("-0", "") else text
+    return "0" if text == "-0" else text
 
 
 def element(tag: str, content: str | None = None, /, **attributes: float | str | None) -> str:
