@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
-from gearlib.linear.balancing import balance
+from gearlib.linear.balancing import balance, similarity
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -107,7 +107,7 @@ def _vectors_around(A: Any, value: complex) -> tuple[Complexes, Complexes, Compl
     from scipy.sparse.linalg import splu
 
     n = A.shape[0]
-    scale = _row_scale(A)
+    scale = similarity(A)
     scaled = sparse.diags(1 / scale) @ sparse.csc_matrix(A) @ sparse.diags(scale)
     factors = splu((scaled - value * (1 + 1e-7) * sparse.identity(n)).tocsc())
     start = np.random.default_rng(0).normal(size=(n, NEARBY)).astype(complex)
@@ -121,19 +121,3 @@ def _vectors_around(A: Any, value: complex) -> tuple[Complexes, Complexes, Compl
     right, left = right @ turn, left @ back
     right, left = right / np.linalg.norm(right, axis=0), left / np.linalg.norm(left, axis=0)
     return values, left / scale[:, None], right * scale[:, None]
-
-
-def _row_scale(A: Any) -> Floats:
-    """State scales under which corresponding entries of a sparse matrix and its transpose have equal magnitude."""
-    import scipy.sparse as sparse
-
-    size = abs(sparse.csr_matrix(A))
-    size.setdiag(0.0)
-    size.eliminate_zeros()
-    scale = np.ones(A.shape[0])
-    for _ in range(8):
-        now = sparse.diags(1 / scale) @ size @ sparse.diags(scale)
-        rows, columns = np.asarray(now.max(axis=1).todense()).ravel(), np.asarray(now.max(axis=0).todense()).ravel()
-        both = (rows > 0) & (columns > 0)
-        scale[both] *= 2.0 ** np.round(np.log2(rows[both] / columns[both]) / 4)
-    return scale

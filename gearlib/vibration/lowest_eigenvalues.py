@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.linear.balancing import similarity
 from gearlib.vibration.eigenvalue_count import missing_inside
 
 Floats = NDArray[np.float64]
@@ -262,34 +263,3 @@ class _Space:
         residual = np.linalg.norm(product - vectors * values, axis=0)
         good = (residual <= EXACT * np.abs(values) + ROUNDING * self._size) & (np.abs(values) > NOTHING * self._size)
         return values[good], vectors[:, good]
-
-
-def similarity(A: Any) -> Floats:
-    """State scales under which the entries ``a_ij`` and ``a_ji`` have similar magnitude, as far as possible.
-
-    For a conservative system the scaled matrix is skew, so that rounding is not amplified.
-    """
-    import scipy.sparse as sparse
-    from scipy.sparse.linalg import spsolve
-
-    n = A.shape[0]
-    size = abs(sparse.csr_matrix(A))
-    size.setdiag(0.0)
-    size.eliminate_zeros()
-    both = size.multiply(size.T).tocoo()
-    i, j = both.row, both.col
-    log = np.zeros(n)
-    if len(i):
-        forward, back = (np.asarray(size[p, q]).ravel() for p, q in ((i, j), (j, i)))
-        step = 0.5 * np.log(back / forward)  # of log scale, from i to j
-        graph = sparse.csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
-        degree = np.asarray(graph.sum(axis=1)).ravel()
-        right = np.bincount(j, step, n) - np.bincount(i, step, n)
-        log = spsolve(sparse.csc_matrix(2 * (sparse.diags(degree + 1e-9) - graph)), right)
-    for _ in range(30):  # entries without a partner: equilibrate rows and columns
-        scaled = sparse.diags(np.exp(-log)) @ size @ sparse.diags(np.exp(log))
-        rows, columns = np.asarray(scaled.sum(axis=1)).ravel(), np.asarray(scaled.sum(axis=0)).ravel()
-        used = (rows > 0) & (columns > 0)
-        log[used] += 0.25 * np.log(rows[used] / columns[used])
-    scale: Floats = np.exp(log - log.mean())
-    return scale

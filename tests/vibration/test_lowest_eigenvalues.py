@@ -12,9 +12,10 @@ from scipy.linalg import eig, eigh
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.linear.balancing import similarity
 from gearlib.vibration import spectrum
 from gearlib.vibration.eigenvalue_count import missing_inside
-from gearlib.vibration.lowest_eigenvalues import lowest, similarity
+from gearlib.vibration.lowest_eigenvalues import lowest
 from tests.benchmarks.scenes import DRAG, C, Chain, D
 
 Floats = NDArray[np.float64]

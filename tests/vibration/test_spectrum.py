@@ -10,9 +10,10 @@ import scipy.sparse as sparse
 from scipy.linalg import block_diag
 
 from gearlib.errors import SolverError
+from gearlib.linear.balancing import similarity
 from gearlib.vibration import spectrum as module
 from gearlib.vibration.eigenvalue_count import missing_inside
-from gearlib.vibration.lowest_eigenvalues import lowest, similarity
+from gearlib.vibration.lowest_eigenvalues import lowest
 from gearlib.vibration.spectrum import dense_spectrum, sparse_spectrum, without_preloads
 
 
