@@ -157,23 +157,27 @@ class Pressed(gl.Component):
 
 
 @pytest.mark.parametrize(
-    ("b", "tau", "expected"),
+    ("b", "tau", "expected", "contact"),
     [
-        (0.0, 50.0, 1000 / C),
-        (2e-4, 50.0, 1e-4 + 1000 / C),
-        (2e-4, -50.0, -1e-4 - 1000 / C),
-        (-2e-4, 50.0, 1000 / (2 * C)),  # both flanks in contact: twice as stiff
-        (-5e-5, 50.0, 1000 / C - 2.5e-5),  # the coast flank has lifted
+        (0.0, 50.0, 1000 / C, 1),
+        (2e-4, 50.0, 1e-4 + 1000 / C, 1),
+        (2e-4, -50.0, -1e-4 - 1000 / C, -1),
+        (2e-4, 0.0, 0.0, 0),
+        (-2e-4, 50.0, 1000 / (2 * C), 2),  # both flanks in contact: twice as stiff
+        (-5e-5, 50.0, 1000 / C - 2.5e-5, 1),  # the coast flank has lifted
     ],
 )
-def test_static_deflection_with_gap_and_with_preload(pressed: gl.System, b: float, tau: float, expected: float) -> None:
+def test_static_deflection_with_gap_and_with_preload(
+    pressed: gl.System, b: float, tau: float, expected: float, contact: int
+) -> None:
     result = pressed.simulate(0.2, samples=3, parameters={"b": b, "tau": tau}, rtol=1e-10)
     assert result["mesh.q"][-1] == pytest.approx(expected, rel=1e-7)
+    assert result["mesh.contact"][-1] == contact
 
 
 @pytest.fixture(scope="module")
 def pressed() -> gl.System:
-    return gl.compile(Pressed(), outputs=["mesh.q"])
+    return gl.compile(Pressed(), outputs=["mesh.q", "mesh.contact"])
 
 
 FRICTION = {"friction": True, "mu": 0.06, "alpha": 0.4, "approach": 0.9, "contact_ratio": 1.6, "phase0": 0.3}

@@ -48,7 +48,8 @@ class Oscillator(gl.Component):
 @pytest.mark.parametrize("kind", [ElastoBacklash, ElastoBacklash2])
 def test_without_backlash_it_is_a_spring_and_damper(kind: type[gl.Component]) -> None:
     t = np.linspace(0.0, 2.0, 201)
-    result = run(Oscillator(kind=kind), ["body.phi", "metal.T", "body.w"], t, "rk")
+    result = run(Oscillator(kind=kind), ["body.phi", "metal.T", "body.w", "coupling.touching"], t, "rk")
+    assert (result["coupling.touching"] == 1).all()
     omega = math.sqrt(99.0)
     agree(result, {"body.phi": 0.1 + 0.3 * np.exp(-t) * (np.cos(omega * t) + np.sin(omega * t) / omega)}, 1e-8)
     assert result.stats["events"] == 0
@@ -59,11 +60,13 @@ def test_without_backlash_it_is_a_spring_and_damper(kind: type[gl.Component]) ->
 @pytest.mark.parametrize("kind", [ElastoBacklash, ElastoBacklash2])
 def test_what_a_coupling_with_backlash_loses_heats_it(kind: type[gl.Component]) -> None:
     t = np.linspace(0.0, 2.0, 201)
-    outputs = ["body.phi", "metal.T", "body.w", "coupling.tau", "coupling.phi_rel"]
+    outputs = ["body.phi", "metal.T", "body.w", "coupling.tau", "coupling.phi_rel", "coupling.touching"]
     result = run(Oscillator(kind=kind, b=0.1), outputs, t, "rk")
     x = result["coupling.phi_rel"] - 0.1
     beyond = np.sign(x) * np.maximum(np.abs(x) - 0.05, 0.0)
     assert (result["coupling.tau"][beyond == 0] == 0).all()
+    assert (result["coupling.touching"] == np.sign(beyond)).all()
+    assert set(np.sign(beyond)) == {-1, 0, 1}
     assert (result["coupling.tau"] * np.sign(x) >= 0).all()  # no pull
     energy = 0.5 * result["body.w"] ** 2 + 50 * beyond**2 + result["metal.T"]
     assert energy == pytest.approx(np.full(201, 300 + 50 * 0.25**2), abs=1e-7)

@@ -148,7 +148,8 @@ class Coasting(gl.Component):
 
 def test_a_body_coasts_to_rest_in_its_bearing() -> None:
     t = np.linspace(0.0, 20.0, 401)
-    result = run(Coasting(), ["body.w", "body.phi", "bearing.mode", "bearing.loss_power"], t, "rk")
+    result = run(Coasting(), ["body.w", "body.phi", "bearing.mode", "bearing.contact", "bearing.loss_power"], t, "rk")
+    assert (result["bearing.contact"] == np.where(t < 12.0, 2, 1))[t != 12.0].all()
     agree(result, {"body.w": np.minimum(-6 + 0.5 * t, 0.0)}, 1e-9)
     assert result["body.phi"][-1] == pytest.approx(-36.0, rel=1e-9)
     assert (result["bearing.mode"] == np.where(t < 12.0, -1, 0))[t != 12.0].all()
@@ -317,12 +318,17 @@ class HeldShaft(gl.Component):
 @pytest.mark.parametrize("method", METHODS)
 def test_a_freewheel_holds_what_a_brake_alone_would_not(method: str) -> None:
     """The brake is at its limit of 5 N.m, the freewheel takes the rest; forward only the brake acts."""
-    result = run(HeldShaft(), ["shaft.w", "brake.tau", "freewheel.tau"], np.linspace(0.0, 2.0, 41), method)
+    outputs = ["shaft.w", "brake.tau", "freewheel.tau", "brake.contact", "freewheel.contact"]
+    result = run(HeldShaft(), outputs, np.linspace(0.0, 2.0, 41), method)
     t = result.time
     assert result["shaft.w"] == pytest.approx(np.where(t < 0.2, 2.2 - 11 * t, 3 * np.maximum(t - 1, 0)), abs=1e-8)
     held = (t > 0.2) & (t < 1)
     assert result["brake.tau"][held] + result["freewheel.tau"][held] == pytest.approx(-6.0)
     assert (np.abs(result["brake.tau"][held]) <= 5 + 1e-9).all()
+    assert (result["freewheel.contact"][held] == 1).all()
+    slides = (t < 0.2) | (t > 1)
+    assert (result["freewheel.contact"][slides] == 0).all()  # nothing presses it: it overruns freely
+    assert (result["brake.contact"][slides] == 2).all()
 
 
 @pytest.mark.parametrize("rows", [(), ((0.0, 1.0, 2.0),), ((0.0, 1.0), (0.0, 2.0)), (3.0,), ((0.0, math.nan),)])
@@ -533,6 +539,7 @@ def test_friction_at_a_node_without_inertia_is_named(clutch_first: bool, method:
     )  # of the vibration against the small body nothing is left at the end
     assert momentum[-1] == pytest.approx(5.0, rel=1e-6)
     assert result["a.w"][-1] > result["b.w"][-1] + 1.0
+    assert (result["clutch.contact"][0], result["clutch.contact"][-1]) == (1, 0)
 
 
 class FrictionOnPositions(gl.Component):

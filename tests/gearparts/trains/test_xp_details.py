@@ -78,12 +78,13 @@ def test_meshes_count_their_teeth_against_the_carrier(planet_meshes: str) -> Non
     pair, gear = "train.p_unit.mesh.phase", "train.p_unit.gear_1.phi"
     varying = (("stiffness", "sinusoidal"), ("c_amplitude", 0.1))
     details = {"ring_details": varying, "sun_details": varying, "pair_details": varying}
-    train = gp.ZhouCui2022(**TEETH, **details, planet_meshes=planet_meshes)
+    own = 25 if planet_meshes == "separate" else 0  # teeth of the pair's first gear; without, they are those of the sun
+    train = gp.ZhouCui2022(**TEETH, **details, planet_meshes=planet_meshes, Z_1=own)
     result = run(train, (sun, ring, carrier, at_sun, at_ring, pair, gear))
     turned = {name: result[name] - result[name][0] for name in (sun, ring, carrier, at_sun, at_ring, pair, gear)}
     assert turned[at_sun] == pytest.approx(19 * (turned[sun] - turned[carrier]), abs=1e-8)
     assert turned[at_ring] == pytest.approx(81 * (turned[ring] - turned[carrier]), abs=1e-8)
-    assert turned[pair] == pytest.approx(19 * turned[gear], abs=1e-8)
+    assert turned[pair] == pytest.approx((own or 19) * turned[gear], abs=1e-8)
     first = gp.planet_positions(19, 81, 3)[1 if planet_meshes == "separate" else 0]
     assert result[at_sun][0] == pytest.approx(-19 * first)
     assert result[at_ring][0] == pytest.approx(-81 * first)  # 31 teeth: no phase of the ring against the sun
