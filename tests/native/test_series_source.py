@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import mpmath as mp
 import numpy as np
 import pytest
 import sympy
@@ -12,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 import gearlib as gl
 from gearlib.errors import ArgumentError
+from gearlib.native.series_source import ROW, SERIES
 
 EXPRESSIONS: dict[str, tuple[Any, Any]] = {
     "polynomial": (lambda x, t: 1 - x**2 + x**3 / 5, lambda x, t: 1 - x**2 + x**3 / 5),
@@ -56,6 +58,80 @@ def test_every_operation_has_its_series(kind: str) -> None:
     np.testing.assert_allclose(result["x"], found.y[0], rtol=3e-11)
     assert result.stats["method"] == "taylor"
     assert result.stats["steps"] < 120  # a series that were wrong at some order would take very short steps
+
+
+FUNCTIONS: dict[str, tuple[Any, Any]] = {
+    "powers": (lambda x, t: x**0 * t + x**5 - x**-3 + x**8 / t**9, lambda x, t: t + x**5 - x**-3 + x**8 / t**9),
+    "broken powers": (lambda x, t: x**2.5 + (x * t) ** -0.5 + t**1.5, lambda x, t: x**2.5 + (x * t) ** -0.5 + t**1.5),
+    "powers of powers": (lambda x, t: x**t + 2**x + x ** (gl.sqrt(2) / 3), lambda x, t: x**t + 2**x + x ** (mp.sqrt(2) / 3)),
+    "quotients": (lambda x, t: 3 / x + x / t - t / (x * 2) + x / 7, lambda x, t: 3 / x + x / t - t / (x * 2) + x / 7),
+    "products with time": (lambda x, t: t * t * x + x * t, lambda x, t: t * t * x + x * t),
+    "root": (lambda x, t: gl.sqrt(x * t) - gl.sqrt(t), lambda x, t: mp.sqrt(x * t) - mp.sqrt(t)),
+    "exponentials": (lambda x, t: gl.exp(x * t) - gl.exp(-t) + gl.exp(x), lambda x, t: mp.exp(x * t) - mp.exp(-t) + mp.exp(x)),
+    "logarithms": (lambda x, t: gl.log(x) * gl.log(t + x * x), lambda x, t: mp.log(x) * mp.log(t + x * x)),
+    "circular": (
+        lambda x, t: gl.sin(x * x) - gl.cos(x) + gl.sin(t) / gl.cos(t) + gl.tan(x / 2),
+        lambda x, t: mp.sin(x * x) - mp.cos(x) + mp.sin(t) / mp.cos(t) + mp.tan(x / 2),
+    ),
+    "hyperbolic": (lambda x, t: gl.sinh(x) - gl.cosh(t) + gl.tanh(x * t), lambda x, t: mp.sinh(x) - mp.cosh(t) + mp.tanh(x * t)),
+    "arcs": (
+        lambda x, t: gl.atan(x) - gl.asin(x / 4) + gl.acos(t / 3) - gl.asin(t / 2),
+        lambda x, t: mp.atan(x) - mp.asin(x / 4) + mp.acos(t / 3) - mp.asin(t / 2),
+    ),
+    "areas": (
+        lambda x, t: sympy.asinh(x) - sympy.acosh(2 + x) + sympy.atanh(x / 4) - gl.atan(t),
+        lambda x, t: mp.asinh(x) - mp.acosh(2 + x) + mp.atanh(x / 4) - mp.atan(t),
+    ),
+    "angles": (
+        lambda x, t: gl.atan2(x, t) + gl.atan2(x, 2) - gl.atan2(-3, t),
+        lambda x, t: mp.atan2(x, t) + mp.atan2(x, 2) - mp.atan2(-3, t),
+    ),
+    "magnitudes": (lambda x, t: gl.no_event(abs(x - 2) * t - abs(t)), lambda x, t: (2 - x) * t - t),
+    "signs": (lambda x, t: gl.no_event(gl.sign(x - 2) * t * x + gl.sign(t)), lambda x, t: 1 - t * x),
+    "largest and smallest": (
+        lambda x, t: gl.no_event(sympy.Max(x, 1) * t - sympy.Min(x, 3) + sympy.Max(t, x) - sympy.Min(x * t, 1) * x),
+        lambda x, t: x * t - x + x - x,
+    ),
+    "branches": (
+        lambda x, t: gl.no_event(gl.Piecewise((x, (x > 1) & (t < 5)), (t, True)) - gl.Piecewise((1, x < t), (t, True))),
+        lambda x, t: x - 1 if x < t else x - t,
+    ),
+}  # fmt: skip
+ORDER = 11
+
+
+def driven(kinds: tuple[str, ...]) -> gl.Component:
+    """der(x) = 1, and der(y) = f(x, t) for several functions."""
+
+    def equations(self: Any) -> list[Any]:
+        right = {f"y{i}": FUNCTIONS[kind][0](self.x, self.rate * gl.time) for i, kind in enumerate(kinds)}
+        return [gl.Eq(gl.der(getattr(self, name)), value * self.rate) for name, value in ({"x": 1.0} | right).items()]
+
+    variables = {name: gl.Variable("1") for name in ("x", *(f"y{i}" for i in range(len(kinds))))}
+    rate = gl.Parameter("1/s", "makes time a number", default=1.0)
+    return type("Driven", (gl.Component,), {"rate": rate, **variables, "equations": equations})()  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize("half", [0, 1])
+def test_coefficients_are_those_of_the_exact_solution(half: int) -> None:
+    """From x = 1.3 at t = 0.8 on, x = t + 0.5, so that y is an integral over time; against mpmath's Taylor series."""
+    kinds = (*FUNCTIONS,)[half::2]
+    scene = gl.compile(driven(kinds)).translation.scene
+    series, n = scene.series, 1 + len(kinds)
+    assert not isinstance(series, str), series
+    numbers = scene.prepared(scene.model.parameters.evaluate({}))
+    data = scene.data(scene.native, numbers, np.zeros(0), np.zeros(scene.n_discrete), np.zeros(scene.model.n_variables))
+    c, work = np.zeros((ORDER + 1, n)), np.full(series.rows * ROW + 1, np.nan)  # nothing is read before it is written
+    c[0, 0] = 1.3
+    SERIES(series.address, 0.8, *(a.ctypes.data for a in (c, work, data, scene.native.index)), ORDER, n)
+    assert np.isnan(work[-1])
+    assert [scene.model.name(v) for v, _ in scene.states] == ["x", *(f"y{i}" for i in range(n - 1))]
+    assert c[1:3, 0].tolist() == [1.0, 0.0]
+    for i, kind in enumerate(kinds, 1):
+        with mp.workdps(40):
+            exact = mp.taylor(lambda t, f=FUNCTIONS[kind][1]: f(t + mp.mpf(1) / 2, t), mp.mpf("0.8"), ORDER - 1)
+        wanted = [float(a / k) for k, a in enumerate(exact, 1)]
+        np.testing.assert_allclose(c[1:, i], wanted, rtol=1e-12, atol=1e-13 * np.abs(wanted).max(), err_msg=kind)
 
 
 def test_what_has_no_series_is_refused() -> None:

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 import gearlib as gl
 import gearparts as gp
 from gearlib.native.scene_functions import compile_scene
-from gearlib.program.derivative_plan import derivative_plan, state_plan
-from gearlib.program.derivatives import At, dense, derivatives, entries
+from gearlib.program.derivative_plan import TIME, derivative_plan, discrete_entry, state_plan
+from gearlib.program.derivatives import At, dense, derivatives, entries, pulled_back
 from gearlib.program.interpret import evaluate
 from gearlib.program.program import Linear, Newton
+from gearlib.program.scalars import linear_function
 from gearlib.run.scene import guess_of
 from tests.program.exact_program import ExactProgram, difference_quotients
 from tests.stress.described import Model
@@ -247,6 +248,100 @@ def test_native_code_is_printed_from_the_same_plan(number: int, loops: bool, mon
     size = np.abs(expected).max(axis=1, keepdims=True)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * float(size.max()))
     assert expected[:, n + m :].any()
+
+
+class Held(gl.Component):
+    """Linear and cubic equations of a state, of time and of a value that only events change."""
+
+    rate = gl.Parameter("1/s", default=2.0)
+    x = gl.Variable("1")
+    a = gl.Variable("1")
+    b = gl.Variable("1")
+    y = gl.Variable("1")
+    h = gl.Discrete("1")
+
+    def equations(self) -> list[Any]:
+        t = self.rate * gl.time
+        return [
+            gl.Eq(gl.der(self.x), self.rate * (self.a * self.h + gl.sin(t) + self.y)),
+            gl.Eq(self.a + self.b, t * self.h),
+            gl.Eq(self.a - 3 * self.b, self.x),
+            gl.Eq(self.y**3 + self.y, self.h * self.x + t),
+            gl.When(self.x >= 1.0, gl.Eq(self.h, 2.0)),
+        ]
+
+
+def test_time_and_discrete_variables_as_seeds() -> None:
+    """a = (3 t h + x) / 4 with t the rate times time, and der(y) (3 y^2 + 1) = der(h x + t)."""
+    system = gl.compile(Held())
+    scene, now, x, h, p = system.translation.scene, 0.7, np.array([0.4]), 1.3, 2.0
+    numbers, program, held = scene.numbers(system.translation.parameter_values({})), scene.program, scene.model.n_relations
+    assert scene.model.discretes[0] == "h"
+    flags = np.zeros(scene.n_discrete)
+    flags[held] = h
+    slots = evaluate(numbers, np.array([now]), x[:, None], np.zeros((0, 1)), flags[:, None])
+    rate = int(next(k for b in program.steps if not isinstance(b, (Linear, Newton)) for k in b.parameters.ravel()))
+    seeds = [(0, 0), (TIME, 1), (discrete_entry(held), 2), (program.n_slots + rate, 3)]
+    plan = derivative_plan(program, seeds, program.output_slots)
+    found = dense(plan, entries(plan, At(numbers, np.array([now]), slots, flags[:, None])))[0]
+    y = float(min(np.roots([1.0, 0.0, 1.0, -(h * x[0] + p * now)]), key=lambda z: abs(z.imag)).real)
+    t, a, slope = p * now, (3 * p * now * h + x[0]) / 4, 1 / (3 * y**2 + 1)
+    expected = [
+        p * (h / 4 + h * slope),
+        p * (3 * p * h / 4 * h + p * np.cos(t) + p * slope),
+        p * (a + 3 * t / 4 * h + x[0] * slope),
+        a * h + np.sin(t) + y + p * now * (3 * h / 4 * h + np.cos(t) + slope),
+    ]
+    np.testing.assert_allclose(found[0], expected, rtol=1e-13)
+    np.testing.assert_allclose(native_values(scene, numbers, plan, x, np.zeros(0), now, flags)[0], expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_reverse_mode_is_the_transpose(number: int) -> None:
+    """Through sums, a constant block whose matrix depends on parameters, and blocks that are solved by iteration; at two times."""
+    system = gl.compile([Bound(), Loop(), Held(), RandomTrain(seed=6)][number])
+    scene, rng = system.translation.scene, np.random.default_rng(number)
+    numbers, program = scene.numbers(system.translation.parameter_values({})), scene.program
+    n, m = len(program.states), len(program.inputs)
+    t, x, u = np.array([0.2, 0.9]), scene.nominal[:, None] * rng.uniform(-1, 1, (n, 2)), rng.normal(size=(m, 2))
+    flags = scene.discrete(numbers, t, x, u)
+    at = At(numbers, t, evaluate(numbers, t, x, u, flags), flags)
+    used = sorted({int(p) for s in program.steps for b in _batches(s) for p in b.parameters.ravel()})
+    places = [*range(n + m), *(program.n_slots + p for p in used), int(program.output_slots[-1])]
+    one, each = (
+        derivative_plan(program, [(slot, k * i) for k, slot in enumerate(places)], program.output_slots) for i in (0, 1)
+    )
+    matrices = dense(each, entries(each, at))
+    weights = rng.normal(size=(len(program.output_slots), 2))
+    expected = np.stack([matrices[i].T @ weights[:, i] for i in range(2)], axis=1)
+    size = np.abs(matrices).max(axis=(0, 1))[:, None] + 1e-300
+    np.testing.assert_allclose(pulled_back(one, at, weights) / size, expected / size, rtol=1e-11, atol=1e-12)
+
+
+@pytest.mark.parametrize("model", [Bound(), RandomTrain(seed=6)], ids=["block", "train"])
+def test_derivatives_of_linear_programs_as_one_function_of_the_parameters(model: Any) -> None:
+    system = gl.compile(model)
+    numbers = system.translation.scene.numbers(system.translation.parameter_values({}))
+    program = numbers.program
+    places = [*range(len(program.states) + len(program.inputs)), int(program.output_slots[-1])]
+    places += [
+        int(s.unknowns[0]) for s in program.steps if isinstance(s, Linear)
+    ]  # what enters in a block is added to its solution
+    plan = derivative_plan(program, [(slot, k) for k, slot in enumerate(places)])
+    written, none = linear_function(program, plan), np.zeros(1)
+    assert written is not None
+    expected = entries(plan, At(numbers, none, np.zeros((program.n_slots, 1)), none[:, None]))[:, 0]
+    found = written(numbers.parameters.tolist(), numbers.listed)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-14 * np.abs(expected).max())
+
+
+def test_what_is_not_linear_is_not_written_as_one_function() -> None:
+    """Equations solved by iteration, and derivatives by the parameters of a block's matrix."""
+    for model, of_parameters in ((Loop(), False), (Bound(), True)):
+        program = gl.compile(model).translation.scene.program
+        used = {int(p) for s in program.steps if isinstance(s, Linear) for b in s.matrix for p in b.parameters.ravel()}
+        entering = [(program.n_slots + p, k) for k, p in enumerate(sorted(used))] if of_parameters else [(0, 0)]
+        assert linear_function(program, derivative_plan(program, entering)) is None
 
 
 def test_what_no_seed_reaches_has_no_entries() -> None:

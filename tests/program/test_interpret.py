@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import gearlib as gl
-from gearlib.errors import SolverError
+from gearlib.errors import SingularError, SolverError
 from gearlib.program.derivatives import undetermined
-from gearlib.program.interpret import evaluate
+from gearlib.program.factored import Factored
+from gearlib.program.interpret import block_solve, evaluate, regular, solutions_of_runs
 from gearlib.program.program import Newton
 from tests.stress.described import Model
 from tests.stress.hybrid_draw import hybrid_train
@@ -100,3 +101,124 @@ def test_what_a_singular_block_leaves_open_is_in_the_units_of_its_unknowns() -> 
         for da, db in directions.T:
             assert da == pytest.approx(-1000.0 * db)
             assert abs(da) > 0
+
+
+class Constant(gl.Component):
+    """``A z = (x, 0, 2 x)`` with any matrix A, and an unknown that is divided by a parameter."""
+
+    x = gl.Variable("1")
+    y = gl.Variable("1")
+    z0 = gl.Variable("1")
+    z1 = gl.Variable("1")
+    z2 = gl.Variable("1")
+    rate = gl.Parameter("1/s", default=1.0)
+    q = gl.Parameter("1", default=2.0)
+    a, b, c = gl.Parameter("1", default=2.0), gl.Parameter("1", default=1.0), gl.Parameter("1", default=-1.0)
+    d, e, f = gl.Parameter("1", default=1.0), gl.Parameter("1", default=3.0), gl.Parameter("1", default=1.0)
+    g, h, i = gl.Parameter("1", default=1.0), gl.Parameter("1", default=-1.0), gl.Parameter("1", default=4.0)
+
+    def equations(self) -> list[gl.Eq]:
+        z, x = (self.z0, self.z1, self.z2), self.x
+        return [
+            gl.Eq(gl.der(x), self.rate * (self.z0 + self.z1 + self.z2 + self.y)),
+            gl.Eq(self.q * self.y, x),
+            gl.Eq(self.a * z[0] + self.b * z[1] + self.c * z[2], x),
+            gl.Eq(self.d * z[0] + self.e * z[1] + self.f * z[2], 0),
+            gl.Eq(self.g * z[0] + self.h * z[1] + self.i * z[2], 2 * x),
+        ]
+
+
+CONSTANT = gl.compile(Constant()).translation
+
+
+def parameters_of(matrix: Any, q: float = 2.0) -> Any:
+    """The parameter table with the entries of the matrix."""
+    found, index = CONSTANT.model.parameters.values.copy(), CONSTANT.model.parameters.index
+    found[[index[name] for name in "qabcdefghi"]] = [q, *np.ravel(matrix)]
+    return found
+
+
+def prepared(matrix: Any) -> Any:
+    CONSTANT.structure.inverses.clear()
+    CONSTANT.scene.program.solved.clear()
+    return CONSTANT.scene.numbers(parameters_of(matrix))
+
+
+def rotated(seed: int) -> Any:
+    """A matrix that is far from singular."""
+    rng = np.random.default_rng(seed)
+    return np.linalg.qr(rng.normal(size=(3, 3)))[0] * rng.uniform(1.0, 3.0, 3)
+
+
+def almost(distance: float) -> Any:
+    """Two equations that are the same but for the distance."""
+    return np.array([[1.0, 1.0, 0.0], [1.0, 1.0 + distance, 0.0], [0.0, 0.0, 1.0]])
+
+
+WRONG = {
+    "zero row": np.diag([1.0, 0.0, 2.0]),
+    "zero column": rotated(1) * [1.0, 0.0, 1.0],
+    "sum of rows": np.array([[1.0, 2.0, 3.0], [3.0, 4.0, 5.0], [2.0, 2.0, 2.0]]),
+    "same rows": almost(0.0),
+    "no number": rotated(2) * [1.0, np.nan, 1.0],
+    "infinite": rotated(2) + np.array([0.0, np.inf, 0.0]),
+}
+
+
+@pytest.mark.parametrize("most", [400, 0], ids=["dense", "sparse"])
+def test_constant_blocks_are_solved_in_any_units(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows and columns may differ by many decades."""
+    monkeypatch.setattr("gearlib.program.interpret.MOST_DENSE", most)
+    scene, rng, x = CONSTANT.scene, np.random.default_rng(1), 0.7
+    (block,) = scene.program.linear_blocks
+    assert (len(block.unknowns), len(block.known)) == (3, 2)
+    at, none = [scene.program.slots[CONSTANT.model.variable(n), 0] for n in ("z0", "z1", "z2")], np.empty((0, 1))
+    for seed, decades in ((1, 0), (2, 0), (3, 60), (4, 60)):
+        units, mine = 10.0 ** rng.uniform(-decades, decades, (2, 3)) if most else np.ones((2, 3)), rotated(seed)
+        numbers = prepared(units[0][:, None] * mine * units[1])
+        assert isinstance(numbers.solutions[0], Factored) == (most == 0)
+        slots = evaluate(numbers, np.zeros(1), np.array([[x]]), none, none)[:, 0]
+        expected = np.linalg.solve(mine, np.array([x, 0.0, 2 * x]) / units[0]) / units[1]
+        assert slots[at] == pytest.approx(expected, rel=1e-11, abs=1e-13 * np.abs(expected * units[1]).max() / units[1].max())
+        whole = block_solve(numbers, 0, np.eye(3))
+        columns = numbers.solutions[0] if most else np.array(numbers.solutions[0].tolist())
+        assert -whole[:, block.known_rows] == pytest.approx(columns, rel=1e-12, abs=0.0)
+
+
+@pytest.mark.parametrize("most", [400, 0], ids=["dense", "sparse"])
+@pytest.mark.parametrize("kind", WRONG)
+def test_singular_constant_blocks_are_refused(most: int, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gearlib.program.interpret.MOST_DENSE", most)
+    with pytest.raises(SingularError, match="the equations of Constant are singular with these parameters"):
+        prepared(WRONG[kind])
+
+
+def test_equations_that_are_almost_the_same() -> None:
+    """Up to a condition number of 1e13; the same for many runs at once."""
+    prepared(almost(1e-12))
+    with pytest.raises(SingularError):
+        prepared(almost(1e-13))
+    runs = np.stack([parameters_of(almost(distance)) for distance in (1.0, 1e-12, 1e-13)], axis=1)
+    assert solutions_of_runs(CONSTANT.scene.program, runs)[1].tolist() == [True, True, False]
+
+
+def test_constant_blocks_of_many_runs() -> None:
+    """What differs, or does not, between the runs; what is wrong in one is not in others."""
+    program = CONSTANT.scene.program
+    good = [rotated(seed) for seed in range(4)]
+    for chosen in (good, good[:1] * 3):
+        (found,), solved = solutions_of_runs(program, np.stack([parameters_of(m) for m in chosen], axis=1))
+        assert solved.all()
+        for one, matrix in zip(found, chosen, strict=True):
+            assert one == pytest.approx(prepared(matrix).solutions[0], rel=1e-12, abs=1e-14)
+    for kind, wrong in WRONG.items():
+        (found,), solved = solutions_of_runs(program, np.stack([parameters_of(m) for m in (good[1], wrong, good[2])], axis=1))
+        assert solved.tolist() == (
+            [False] * 3 if kind == "same rows" else [True, False, True]
+        )  # then each is looked at by itself
+        assert solved[0] == solved[2] == (found[2] == pytest.approx(prepared(good[2]).solutions[0], rel=1e-12, abs=1e-14))
+
+
+def test_runs_with_a_divisor_of_zero() -> None:
+    runs = np.stack([parameters_of(rotated(1), q) for q in (1.0, 0.0, -2.0, np.inf, np.nan, 1e-300)], axis=1)
+    assert regular(CONSTANT.scene.program, runs).tolist() == [True, False, True, False, False, True]
