@@ -65,3 +65,35 @@ def test_equations_that_cannot_be_evaluated_end_it() -> None:
 def test_it_gives_up_after_so_many_iterations() -> None:
     found = newton(lambda x: (x**2 + 1.0, lambda r: r / (2.0 * x)), np.array([0.7]), small, 7)
     assert (found.settled, found.singular, found.iterations) == (False, False, 7)
+
+
+@pytest.mark.parametrize(("shares", "taken"), [((), 1.0), ((1.0,), 1.0), ((1.0, 0.5, 0.2, 0.1), 0.2), ((1.0, 0.5), 0.5)])
+def test_the_first_share_that_helps_is_taken_or_the_last(shares: tuple[float, ...], taken: float) -> None:
+    """From x = 2 a whole step leads to arctan's other side and farther away, half of one still does, a fifth does not."""
+    seen: list[tuple[float, float, float]] = []
+
+    def settled(x: Floats, step: Floats, rest: Floats) -> bool:
+        seen.append((x[0], step[0], rest[0]))
+        return True
+
+    def steep(x: Floats) -> tuple[Floats, Correction]:
+        return np.arctan(x), lambda r: 9.0 * np.ones(1)
+
+    found = newton(steep, np.array([2.0]), settled, 3, shares)
+    x = 2.0 - 9.0 * taken
+    assert seen == [pytest.approx((x, 9.0 * taken, np.arctan(x if shares else 2.0)))]
+    assert (found.settled, found.iterations, found.singular, found.x[0]) == (True, 1, False, seen[0][0])
+
+
+def test_an_iteration_that_would_settle_after_the_last_is_not_begun() -> None:
+    for most, settles in ((3, False), (4, True)):
+        count = iter(range(1, 10))
+        found = newton(lambda x: (x, lambda r: 0.5 * r), np.ones(1), lambda *_: next(count) == 4, most)
+        assert (found.settled, found.iterations, found.x[0]) == (settles, most, 0.5**most)
+
+
+def test_a_correction_that_is_a_number_in_part_goes_on() -> None:
+    """Of many points at once some may be lost, and the others come to their roots."""
+    found = newton(lambda x: (x - 1.0, lambda r: np.where(x == 5.0, np.nan, r)), np.array([5.0, 3.0]), lambda *_: True, 2)
+    assert found.settled
+    assert found.x[1] == 1.0

@@ -1,0 +1,75 @@
+"""Symmetries of equations whose symmetries are known beforehand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+from gearlib.program.invariance import symmetries
+
+P = 3.0  # value of the parameter p
+
+
+def model(rates: Any, more: Any = lambda s: []) -> gl.Component:
+    """Three states with given rates, and an unknown y."""
+
+    def equations(self: Any) -> list[Any]:
+        right = zip((self.a, self.b, self.c), rates(self), strict=True)
+        unknown = more(self) or [gl.Eq(self.y, 0)]
+        return [*(gl.Eq(gl.der(x), self.rate * f) for x, f in right), *unknown]
+
+    names = {name: gl.Variable("1") for name in "abcy"} | {"p": gl.Parameter("1", default=P)}
+    rate = gl.Parameter("1/s", default=1.0)
+    return type("Model", (gl.Component,), names | {"rate": rate, "equations": equations})()  # type: ignore[no-any-return]
+
+
+# what the rates are, what else holds, and the directions (a, b, c) that change nothing
+KNOWN: dict[str, tuple[Any, Any, list[list[float]]]] = {
+    "nothing counts": (lambda s: (1, 2, gl.sin(s.rate * gl.time)), lambda s: [], np.eye(3).tolist()),
+    "all count": (lambda s: (s.a, s.b - s.a, s.c), lambda s: [], []),
+    "difference": (lambda s: (s.a - s.b, s.b - s.a, s.c), lambda s: [], [[1, 1, 0]]),
+    "ratio": (lambda s: (s.p * s.a - s.b, s.b - s.p * s.a, 1e-4 * s.c), lambda s: [], [[1, P, 0]]),
+    "weak spring": (lambda s: (1e-7 * (s.a - s.b), s.b - s.a, 1e7 * (s.c - s.a)), lambda s: [], [[1, 1, 1]]),
+    "sine of a difference": (lambda s: (gl.sin(s.a - s.b), 0, s.c), lambda s: [], [[1, 1, 0]]),
+    "function of a ratio's twist": (lambda s: ((s.a - s.p * s.b) ** 3, 0, s.c), lambda s: [], [[P, 1, 0]]),
+    "product": (lambda s: (s.a * s.b, 0, 0), lambda s: [], [[0, 0, 1]]),
+    "two functions": (lambda s: (gl.sin(s.a - s.b), gl.cos(s.b - s.c), 0), lambda s: [], [[1, 1, 1]]),
+    "sum of functions": (lambda s: (gl.sin(s.a - s.b) + gl.exp(s.b - s.c), 0, 0), lambda s: [], [[1, 1, 1]]),
+    "function of one": (lambda s: (gl.sin(s.a), 0, 0), lambda s: [], [[0, 1, 0], [0, 0, 1]]),
+    "function of three": (lambda s: ((s.a + s.b - 2 * s.c) ** 2, 0, 0), lambda s: [], [[1, -1, 0], [2, 0, 1]]),
+    "block": (
+        lambda s: (s.y, 0, s.c),
+        lambda s: [gl.Eq(s.y**3 + s.p * s.y, s.a - s.b)],
+        [[1, 1, 0]],
+    ),
+    "condition on a difference": (
+        lambda s: (gl.Piecewise((1.0, s.a - s.b > 1), (2.0, True)), 0, s.c),
+        lambda s: [],
+        [[1, 1, 0]],
+    ),
+    "condition on one": (lambda s: (gl.Piecewise((1.0, s.a > 1), (2.0, True)), 0, s.c), lambda s: [], [[0, 1, 0]]),
+    "gap": (
+        lambda s: (gl.Piecewise((s.a - s.b - 1, s.a - s.b > 1), (0.0, True)), 0, s.c),
+        lambda s: [],
+        [[1, 1, 0]],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KNOWN)
+def test_symmetries(kind: str) -> None:
+    rates, more, expected = KNOWN[kind]
+    translation = gl.compile(model(rates, more)).translation
+    scene = translation.scene
+    numbers = scene.numbers(translation.parameter_values({}))
+    order = ["abc".index(name) for name in scene.state_names]
+    for scale in (np.ones(3), np.array([1.0, 1e-3, 50.0])):
+        events = None if scene.relations is None else (scene.relations, numbers.relations)
+        found = symmetries(numbers, scene.program.output_slots.tolist(), events, scale[order])
+        basis = np.linalg.qr((np.array(expected).reshape(-1, 3) / scale).T)[0] if expected else np.zeros((3, 0))
+        assert found.shape == basis.shape
+        assert (found.T @ found) == pytest.approx(np.eye(found.shape[1]), abs=1e-12)
+        assert found @ found.T == pytest.approx((basis @ basis.T)[np.ix_(order, order)], abs=1e-8)

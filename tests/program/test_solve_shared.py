@@ -1,0 +1,42 @@
+"""Linear equations of blocks that may depend on each other: in any units, of least norm, or refused where they disagree."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gearlib.program.derivatives import solve_shared
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_regular_equations_in_any_units(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = 1 + seed
+    matrix = np.linalg.qr(rng.normal(size=(n, n)))[0]
+    rows, columns = 10.0 ** rng.uniform(-40, 40, (2, n))
+    right = rng.normal(size=(n, 2))
+    found = solve_shared(rows[:, None] * matrix * columns, rows[:, None] * right)
+    np.testing.assert_allclose(found * columns[:, None], matrix.T @ right, rtol=1e-11, atol=1e-13)
+
+
+def test_equal_elements_share_what_is_undetermined() -> None:
+    matrix = np.array([[1.0, 1.0, 0.0], [2.0, 2.0, 0.0], [0.0, 0.0, 4.0]])
+    np.testing.assert_allclose(solve_shared(matrix, np.array([[6.0], [12.0], [2.0]])), [[3.0], [3.0], [0.5]], rtol=1e-14)
+    np.testing.assert_allclose(solve_shared(np.zeros((2, 2)), np.zeros((2, 1))), np.zeros((2, 1)))
+
+
+@pytest.mark.parametrize("off", [1e-8, -1e-8, 1.0])
+def test_equations_that_disagree_are_refused(off: float) -> None:
+    matrix = np.array([[1.0, 1.0], [1.0, 1.0]])
+    solve_shared(matrix, np.array([[1.0], [1.0 + 1e-3 * 1e-8]]))
+    with pytest.raises(np.linalg.LinAlgError):
+        solve_shared(matrix, np.array([[1.0], [1.0 + off]]))
+
+
+@pytest.mark.parametrize(("distance", "determined"), [(1e-11, True), (1e-14, False)])
+def test_equations_that_are_almost_the_same(distance: float, determined: bool) -> None:
+    """Beyond a condition number of 1e13 they count as one, which the least solution satisfies."""
+    found = solve_shared(np.array([[1.0, 1.0], [1.0, 1.0 + distance]]), np.array([[2.0], [2.0 + distance]]))
+    np.testing.assert_allclose(found, [[1.0], [1.0]], rtol=1e-4)
+    other = solve_shared(np.array([[1.0, 1.0], [1.0, 1.0 + distance]]), np.array([[2.0], [2.0]]))
+    np.testing.assert_allclose(other, [[2.0], [0.0]] if determined else [[1.0], [1.0]], atol=1e-4)
