@@ -85,11 +85,10 @@ def test_the_first_share_that_helps_is_taken_or_the_last(shares: tuple[float, ..
     assert (found.settled, found.iterations, found.singular, found.x[0]) == (True, 1, False, seen[0][0])
 
 
-def test_an_iteration_that_would_settle_after_the_last_is_not_begun() -> None:
-    for most, settles in ((3, False), (4, True)):
-        count = iter(range(1, 10))
-        found = newton(lambda x: (x, lambda r: 0.5 * r), np.ones(1), lambda *_: next(count) == 4, most)
-        assert (found.settled, found.iterations, found.x[0]) == (settles, most, 0.5**most)
+@pytest.mark.parametrize(("most", "settled"), [(3, False), (4, True), (5, True)])
+def test_no_more_iterations_than_allowed_and_needed(most: int, settled: bool) -> None:
+    found = newton(lambda x: (x, lambda r: 0.5 * r), np.ones(1), lambda x, step, rest: bool(x[0] == 0.5**4), most)
+    assert (found.settled, found.iterations, found.x[0]) == (settled, min(most, 4), 0.5 ** min(most, 4))
 
 
 def test_a_correction_that_is_a_number_in_part_goes_on() -> None:
