@@ -16,6 +16,8 @@ from gearlib.errors import SolverError
 from gearlib.native.layout import Shared, lay_out, operations
 from gearlib.program.interpret import evaluate
 from gearlib.program.program import Newton
+from tests.stress.described import Model
+from tests.stress.hybrid_draw import hybrid_train
 
 MODEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *[ctypes.c_void_p] * 4)
 
@@ -80,9 +82,28 @@ def test_rates_agree_with_the_interpreter_in_every_order_of_modes(parallel: bool
     check_rates(compiled(parallel))
 
 
-def test_rates_of_a_star_agree_with_the_interpreter_in_every_order_of_modes() -> None:
-    """Some 440 equations: sparse factors in both, with pivots and column orders of their own."""
-    check_rates(star(60), turns=24)
+# how a matrix is stored, and what makes it so where blocks are small
+STORED: dict[str, dict[str, Any]] = {
+    "rows of the dense inverse": {},
+    "rows of the sparse inverse": {"INDIRECT": 100.0},
+    "columns of the sparse inverse": {"INDIRECT": 100.0, "KeptMatrix.by_rows": False},
+    "sparse factors": {"INDIRECT": 0.01},
+    "not at all": {"MOST_KEPT": 0},
+}
+
+
+@pytest.mark.parametrize("stored", STORED)
+def test_rates_agree_with_the_interpreter_however_a_matrix_is_stored(stored: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in STORED[stored].items():
+        monkeypatch.setattr(f"gearlib.native.layout.{name}", value)
+    if "sparse" in stored:
+        for name, value in {"program.LARGE": 4, "program.SPARSE": 1.0, "interpret.MOST_DENSE": 4}.items():
+            monkeypatch.setattr(f"gearlib.program.{name}", value)
+    system = gl.compile(Model(train=hybrid_train(79)))
+    (kept,) = system.translation.scene.native.rhs.layout.kept
+    assert (kept is None) == (stored == "not at all")
+    assert (kept is not None and kept.factors is not None) == (stored == "sparse factors")
+    check_rates(system, turns=24)
 
 
 def check_rates(system: gl.System, turns: int = 60) -> None:
