@@ -10,10 +10,13 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.native.layout import Layout
+from gearlib.native.layout import INDIRECT, Layout, operations, substitution
+from gearlib.program.program import Batch
+from gearlib.structure.elimination_order import elimination_order
 from tests.native.test_evaluator import Crank
 from tests.native.test_held_matrices import Gearbox
 from tests.program.test_derivatives import Bound, Held
+from tests.program.test_interpret import CONSTANT
 
 MODEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *[ctypes.c_void_p] * 4)
 
@@ -85,3 +88,14 @@ def test_native_functions_write_into_their_own_section(
 def first(layout: Layout) -> int:
     """Where the section of a function begins."""
     return min(*layout.solutions, *(matrix.place for matrix in layout.kept if matrix is not None), layout.slots, layout.slots)
+
+
+def test_cost_of_an_evaluation_is_that_of_its_operations() -> None:
+    """Two for each entry of the solution matrix of a constant block; for sparse factors twice those entries, and a few per unknown."""
+    program = CONSTANT.scene.program
+    of_batches = sum(len(step) * step.kernel.operations for step in program.steps if isinstance(step, Batch))
+    assert operations(program, CONSTANT.scene.layout) == of_batches + 2 * 3 * 2
+    costs = {n: substitution(elimination_order(n, np.flatnonzero(np.tri(n)))) for n in (20, 40)}  # n (n + 1) / 2 entries
+    for n, cost in costs.items():
+        assert 2 * n**2 / 2 < cost < 4 * INDIRECT * n**2
+    assert costs[40] == pytest.approx(4 * costs[20], rel=0.1)

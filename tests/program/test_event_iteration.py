@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import gearlib as gl
 from gearlib.program.event_iteration import DiscretesPhase, RelationsPhase, UnknownsPhase
+from gearlib.program.interpret import labelled
 from gearlib.run.scene import settle_once
 from tests.stress.described import Model
 from tests.stress.hybrid_draw import hybrid_train
@@ -95,3 +96,17 @@ def test_phases_are_in_order() -> None:
     assert sorted(number for number, _ in tested) == relations.used.tolist()
     assert {number for number, on_time in tested if on_time} == set(relations.used[relations.on_time].tolist())
     agree(system, 1)
+
+
+def test_equations_of_discrete_variables_are_named_by_their_components() -> None:
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.other = Latch(), Latch()
+            return []
+
+    system = gl.compile(Two())
+    relations = system.translation.scene.relations
+    assert relations is not None
+    names = [[labelled(system.translation.structure, b, i) for i in range(len(b))] for b in relations.discretes]
+    assert {text.split(":")[0] for texts in names for text in texts} == {"one", "other"}
+    assert all(len(set(texts)) == len(texts) for texts in names)
