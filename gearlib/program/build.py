@@ -157,7 +157,8 @@ class Builder:
 
     def _assign(self, block: Block, scalar: Found, pivots: Found) -> bool:
         """Emit an explicit assignment; False where the equation is not linear in the unknown."""
-        node, (e, k) = block[0], self.structure.equation(block[0])
+        (node,) = block
+        e, k = self.structure.equation(node)
         template, g, i = self.template(e, k)
         mine = [(c, sign) for c, n, sign in self._positions(template, g, i) if n == node]
         if len(mine) != 1:

@@ -115,7 +115,7 @@ def check_rates(system: gl.System, turns: int = 60) -> None:
     flags = scene.discrete(numbers, np.zeros(1), np.zeros((len(scene.states), 1)), np.full((len(program.inputs), 1), 0.5))[:, 0]
     data = scene.data(scene.native, numbers, np.zeros(len(program.inputs)), flags, np.zeros(model.n_variables))
     shared, rhs = scene.native.shared, MODEL(scene.native.rhs.address)
-    agreed = 0
+    (kept,), agreed = scene.native.rhs.layout.kept, 0
     patterns = [np.where(rng.random(len(flags)) < 0.3, 1.0 - flags, flags) for _ in range(12)]
     now = patterns[0]
     for turn in range(turns):
@@ -131,6 +131,7 @@ def check_rates(system: gl.System, turns: int = 60) -> None:
             assert status != 0
             continue
         assert status == 0
+        assert kept is None or data[kept.place] in (1.0, 2.0)  # computed, or found to be singular
         right = slots[program.output_slots]
         rounding = 1e-9 * float(np.abs(right).max()) + 1e-11  # where it is stuck, zero is a difference of some 100 rad/s2
         assert rates == pytest.approx(right, rel=1e-9, abs=rounding)

@@ -222,3 +222,9 @@ def test_constant_blocks_of_many_runs() -> None:
 def test_runs_with_a_divisor_of_zero() -> None:
     runs = np.stack([parameters_of(rotated(1), q) for q in (1.0, 0.0, -2.0, np.inf, np.nan, 1e-300)], axis=1)
     assert regular(CONSTANT.scene.program, runs).tolist() == [True, False, True, False, False, True]
+
+
+def test_a_constant_block_is_solved_again_where_its_own_entries_change() -> None:
+    first = prepared(rotated(1))
+    others = [CONSTANT.scene.numbers(parameters_of(matrix, q)) for matrix, q in ((rotated(1), 3.0), (rotated(2), 3.0))]
+    assert [numbers.solutions[0] is first.solutions[0] for numbers in others] == [True, False]

@@ -14,14 +14,15 @@ P = 3.0  # value of the parameter p
 
 
 def model(rates: Any, more: Any = lambda s: []) -> gl.Component:
-    """Three states with given rates, and an unknown y."""
+    """Three states with given rates, and unknowns y and z."""
 
     def equations(self: Any) -> list[Any]:
         right = zip((self.a, self.b, self.c), rates(self), strict=True)
         unknown = more(self) or [gl.Eq(self.y, 0)]
+        unknown += [gl.Eq(self.z, 0)] if len(unknown) == 1 else []
         return [*(gl.Eq(gl.der(x), self.rate * f) for x, f in right), *unknown]
 
-    names = {name: gl.Variable("1") for name in "abcy"} | {"p": gl.Parameter("1", default=P)}
+    names = {name: gl.Variable("1") for name in "abcyz"} | {"p": gl.Parameter("1", default=P)}
     rate = gl.Parameter("1/s", default=1.0)
     return type("Model", (gl.Component,), names | {"rate": rate, "equations": equations})()  # type: ignore[no-any-return]
 
@@ -44,6 +45,11 @@ KNOWN: dict[str, tuple[Any, Any, list[list[float]]]] = {
         lambda s: (s.y, 0, s.c),
         lambda s: [gl.Eq(s.y**3 + s.p * s.y, s.a - s.b)],
         [[1, 1, 0]],
+    ),
+    "block in which an unknown moves": (
+        lambda s: (s.y, 0, s.c),
+        lambda s: [gl.Eq(s.y - s.z, s.a), gl.Eq(gl.sin(s.y) + s.p * s.y + s.z, s.b)],
+        [[1, -1, 0]],
     ),
     "condition on a difference": (
         lambda s: (gl.Piecewise((1.0, s.a - s.b > 1), (2.0, True)), 0, s.c),
