@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import BindingError, BoundError, DeclarationError
+from gearlib.errors import ArgumentError, BindingError, BoundError, DeclarationError
+from gearlib.language.declarations import as_tuple, declared_by
 
 
 def test_declarations_are_inherited_in_order() -> None:
@@ -145,3 +147,115 @@ def test_structural_choices_have_bounds_and_are_refused_by_path() -> None:
 def test_bounds_of_a_structural_choice_fit_its_default(declare: Any, message: str) -> None:
     with pytest.raises(DeclarationError, match=message):
         declare()
+
+
+@pytest.mark.parametrize(
+    ("declare", "message"),
+    [
+        (lambda: gl.Parameter(2.0), r"Parameter: unit is 2\.0; expected text, such as 'kg\.m2' \(a value is given by name"),
+        (lambda: gl.Parameter("m", 3), "Parameter: description is 3; expected text, such as 'load"),
+        (lambda: gl.Parameter("rpm"), "the unit 'rpm' is not accepted"),
+        (lambda: gl.Parameter("m", min=2, max=1), "Parameter: min is 2, above max, which is 1"),
+        (lambda: gl.Parameter("m", min=float("nan")), "Parameter: min is nan"),
+        (lambda: gl.Parameter("m", max="a"), "Parameter: max is 'a'"),
+        (lambda: gl.Parameter("m", default="a"), "Parameter: default is 'a'"),
+        (lambda: gl.Parameter("m", default=float("inf")), "Parameter: default is inf"),
+        (lambda: gl.Parameter("m", default=gl.Parameter), "Parameter: default is <class"),
+        (lambda: gl.Input("m", default="a"), "Input: default is 'a'"), (lambda: gl.Variable("m", start="a"), "Variable: start is 'a'"),
+        (lambda: gl.Variable("m", guess=None), "Variable: guess is None"), (lambda: gl.Variable("m", min="a"), "Variable: min is 'a'"),
+        (lambda: gl.Variable("m", state=3), r"Variable\(state=3\): valid choices: 'never'"),
+        (lambda: gl.Derivative(3), "Derivative: of is 3; expected text, such as 'w'"),
+        (lambda: gl.Discrete(start="a"), "Discrete: start is 'a'"), (lambda: gl.Discrete(3), "Discrete: description is 3"),
+        (lambda: gl.Discrete(start=float("inf")), "Discrete: start is inf"),
+        (lambda: gl.Structural(3, 4), "Structural: description is 4"), (lambda: gl.Structural(3, max="a"), "Structural: max is 'a'"),
+        (lambda: gl.Structural(3, choices=3), "Structural: choices is 3; expected a tuple of the valid values"),
+        (lambda: gp.Flange("a", when=3), "Flange: when is 3; expected the name of a Structural"),
+        (lambda: gp.Flange(3), "Flange: description is 3"),
+    ],
+)  # fmt: skip
+def test_what_a_declaration_does_not_take(declare: Any, message: str) -> None:
+    with pytest.raises(DeclarationError, match=message):
+        declare()
+
+
+def test_what_a_declaration_takes() -> None:
+    assert (gl.Parameter("m", min=1, max=1).min, gl.Parameter("m").max) == (1.0, float("inf"))
+    assert type(gl.Parameter("m", min=1).min) is float
+    for default in (None, 2, 2.5, gl.pi / 2, lambda s: s.a):
+        assert gl.Parameter("m", default=default).default is default
+    assert gl.Structural(2, min=2, max=2).bounds == "2 to 2"
+    assert [
+        s.is_bounded for s in (gl.Structural(2), gl.Structural(2, min=0), gl.Structural(2, max=9), gl.Structural(True))
+    ] == [False, True, True, False]
+    assert (gl.Structural(2, max=9).bounds, gl.Structural(2.0, min=0.5).bounds) == ("9 or less", "0.5 or more")
+    assert gl.Variable("m", start=2.0, min=-float("inf")).start == 2.0
+    assert gl.Discrete().start == gl.Variable().guess == 0.0
+    assert gl.Variable().nominal == 1.0
+
+
+def test_offered_values_are_numbers_by_name() -> None:
+    values = gl.offered({"a": 2, "b": 0.5})
+    assert values == {"a": 2.0, "b": 0.5}
+    with pytest.raises(ArgumentError, match=r"values: a is 'x'"):
+        gl.offered({"a": "x"})  # type: ignore[dict-item]
+
+
+def test_lists_and_arrays_become_tuples() -> None:
+    assert as_tuple([[1, 2], (3, [4])]) == ((1, 2), (3, (4,)))
+    assert as_tuple(np.array([[1, 2], [3, 4]])) == ((1, 2), (3, 4))
+    assert as_tuple("ab") == "ab"
+
+
+class Everything(gl.Component):
+    side = gl.Structural(False)
+    flange = gp.Flange("always")
+    x = gl.Variable("m", "place", start=1.0)
+    extra = gp.Flange("at times", when="side")
+    u, v = gl.Input("m", "given"), gl.Variable("m/s", "speed")
+    g = gl.Variable("m", guess=2.0)
+    k, n = gl.Parameter("1", default=1.0), gl.Discrete("count")
+    a = gl.Derivative("v", "m/s2")
+
+
+def test_declarations_of_an_instance_follow_its_choices() -> None:
+    without, with_side = declared_by(Everything()), declared_by(Everything(side=True))
+    assert list(without.variables) == ["flange.phi", "flange.tau", "x", "u", "v", "g"]
+    assert list(with_side.variables) == ["flange.phi", "flange.tau", "x", "extra.phi", "extra.tau", "u", "v", "g"]
+    assert (list(with_side.parameters), list(with_side.discretes), with_side.derivatives) == (["k"], ["n"], {"a": "der(v)"})
+    assert list(without.connectors) == ["flange"]
+    assert list(with_side.valued) == ["x", "u", "g"]
+    assert with_side.ends == {"flange": ([0], [1]), "extra": ([3], [4])}
+
+
+def test_a_class_is_asked_for_its_declarations_and_an_instance_for_symbols() -> None:
+    for name in ("side", "flange", "x", "u", "k", "n", "a"):
+        assert getattr(Everything, name).name == name
+    made = Everything(side=True)
+    assert (str(made.x), str(made.a), made.side, str(made.extra.phi)) == ("x", "der(v)", True, "extra.phi")
+
+
+@pytest.mark.parametrize(
+    ("default", "given", "kept"),
+    [(3, np.int64(4), 4), (3, 4, 4), (True, False, False), ((), [[1, 2]], ((1, 2),)), ((), np.array([1, 2]), (1, 2)),
+     (None, "anything", "anything"), (2.5, 1.5, 1.5)],
+)  # fmt: skip
+def test_structural_choices_have_the_type_of_their_default(default: Any, given: Any, kept: Any) -> None:
+    made = type("Made", (gl.Component,), {"s": gl.Structural(default)})(s=given)
+    assert (made.s, type(made.s)) == (kept, type(kept))
+
+
+@pytest.mark.parametrize(
+    ("declared", "given", "message"),
+    [
+        (gl.Structural(3), True, r"structural choice 's' is True \(bool\); expected int"),
+        (gl.Structural(True), 1, r"'s' is 1 \(int\); expected bool"), (gl.Structural(3), None, "expected int"),
+        (gl.Structural(3), np.timedelta64(3, "s"), "expected int"),
+        (gl.Structural(1, choices=(1, 2)), True, r"'s' is True; valid choices: 1, 2"),
+        (gl.Structural(1, choices=(1, 2)), 3, "valid choices: 1, 2"),
+        (gl.Structural("a", choices=("a", True)), 1, "valid choices: 'a', True"),
+        (gl.Structural(1.5), 2, r"'s' is 2 \(int\); expected float"), (gl.Structural(()), 3, "expected tuple"),
+    ],
+)  # fmt: skip
+def test_structural_choices_of_other_types_are_refused(declared: Any, given: Any, message: str) -> None:
+    with pytest.raises(BindingError, match=f"^Made: .*{message}"):
+        type("Made", (gl.Component,), {"s": declared})(s=given)

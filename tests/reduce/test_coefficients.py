@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import gearlib as gl
 from gearlib.flatten.flatten import flatten
-from gearlib.reduce.coefficients import at_start, partials_at, rest_at, start_guess
+from gearlib.reduce.coefficients import at_start, listed, partials_at, rest_at, some, start_guess
 
 
 class Leaf(gl.Component):
@@ -42,3 +43,36 @@ def test_partial_derivatives_at_the_start() -> None:
         else:
             assert found == {"y": 1.0}
             assert rest_at(model, g, parameters, known).tolist() == [-4.0]
+
+
+@pytest.mark.parametrize("n", [0, 1, 7, 8, 9, 30])
+def test_long_lists_are_cut_and_counted(n: int) -> None:
+    items = [f"i{k}" for k in range(n)]
+    shown = some(items, ", ").split(", ") if n else []
+    assert shown == [*items[:8], *([f"and {n - 8} more"] if n > 8 else [])]
+    assert some(["a", "b"]) == "a; b"
+
+
+def test_equations_are_listed_with_their_components() -> None:
+    model = flatten(Leaf())
+    assert listed(model, range(len(model.places))).count("Leaf (Leaf: ") == len(model.places) == 2
+
+
+def test_derivatives_that_are_not_known_count_as_zero() -> None:
+    class Rates(gl.Component):
+        x, y = gl.Variable("1", start=3.0), gl.Variable("1", start=2.0)
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x) ** 2 * self.y, self.x), gl.Eq(self.y * self.x, gl.time)]
+
+    model = flatten(Rates())
+    known = at_start(model, model.parameters.defaults)
+    rate = np.zeros((2, model.n_variables))
+    rate[0], rate[1] = known[0], 5.0
+    found: dict[tuple[str, int], list[float]] = {}
+    for g, group in enumerate(model.groups):
+        for c, column in enumerate(group.template.columns):
+            values = [partials_at(model, g, c, model.parameters.defaults, k)[0] for k in (known, rate)]
+            found[column] = [float(v) for v in values] if group.template.on_time is False else found.get(column, [])
+    assert found["x", 1] == [0.0, 2 * 5.0 * 2.0]
+    assert found["y", 0] == [0.0, 25.0]

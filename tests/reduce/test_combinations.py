@@ -209,3 +209,28 @@ def test_dependent_rows_are_found_whatever_their_sizes(n: int) -> None:
     assert np.abs(weights @ mixed).max() <= 1e-9 * np.abs(weights[:, None] * mixed).max()
     assert set(np.flatnonzero(weights).tolist()) == {0, n - 1, n}
     assert dependent_rows(whole) == []
+
+
+def test_weights_that_cancel_rows_are_reduced() -> None:
+    """A basis in echelon form: no vector holds the first row of another, which has the weight 1."""
+    rows = np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 1.0], [2.0, 5.0, 1.0], [1.0, 1.0, -1.0], [3.0, 0.0, 7.0]])
+    found = dependent_rows(rows)
+    assert len(found) == 2
+    for weights in found:
+        assert np.abs(weights @ rows).max() < 1e-12
+    leads = [int(np.flatnonzero(w)[0]) for w in found]
+    assert leads == sorted(set(leads))
+    for k, weights in enumerate(found):
+        assert weights[leads[k]] == 1.0
+        assert all(weights[lead] == 0.0 for lead in leads[:k] + leads[k + 1 :])
+
+
+@pytest.mark.parametrize(("difference", "count"), [(1e-13, 1), (1e-9, 0)])
+def test_rows_are_dependent_up_to_rounding(difference: float, count: int) -> None:
+    assert len(dependent_rows(np.array([[1.0, 2.0], [3.0, 6.0 * (1 + difference)]]))) == count
+
+
+def test_a_row_without_coefficients_and_a_column_without() -> None:
+    assert dependent_rows(np.array([[1.0, 1.0], [0.0, 0.0]])) == [], "nothing is left of such an equation"
+    assert [w.tolist() for w in dependent_rows(np.array([[1.0, 0.0], [2.0, 0.0]]))] == [[1.0, -0.5]]
+    assert [w.tolist() for w in dependent_rows(np.array([[3.0, 0.0], [1.0, 0.0]]))] == [[1.0, -3.0]]

@@ -11,7 +11,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BalanceError, ModelError
 from gearlib.flatten.flatten import flatten
-from gearlib.reduce.imbalance import unbalanced_classes
+from gearlib.reduce.imbalance import Account, unbalanced_classes
 
 c = gl.connect
 
@@ -253,3 +253,35 @@ def test_correct_classes_owe_nothing() -> None:
     model = flatten(connect(parts, "q.flange a.flange_a sensor.flange", "a.flange_b gear.flange_a pair.flange_a"))
     assert unbalanced_classes(model) == []
     assert unbalanced_classes(flatten(gp.ZhouCui2022(tau_in=1.0))) == []
+
+
+@pytest.mark.parametrize(
+    ("equations", "unknowns", "untouched", "text"),
+    [
+        ((), ("x",), ("x",), "no equations for 1 unknown (x), 1 is missing: none of them holds x"),
+        (("a",), ("x", "y"), (), "1 equation for 2 unknowns (x; y), 1 is missing"),
+        (("a", "b"), (), (), "2 equations for no unknowns, 2 are too many: a; b"),
+        (("a", "b"), ("x",), (), "2 equations for 1 unknown (x), 1 is too many: a; b"),
+        ((), ("x", "y"), ("x", "y"), "no equations for 2 unknowns (x; y), 2 are missing: none of them holds x, y"),
+        (("a",), tuple("uvwxyzabc"), (), "1 equation for 9 unknowns (u; v; w; x; y; z; a; b; and 1 more), 8 are missing"),
+    ],
+)  # fmt: skip
+def test_accounts_are_told_in_words(equations: Any, unknowns: Any, untouched: Any, text: str) -> None:
+    balance = Account("Kind", equations, unknowns, untouched)
+    assert str(balance) == text
+    assert balance.surplus == len(equations) - len(unknowns)
+
+
+@pytest.mark.parametrize("count", [1, 3, 4])
+def test_three_instances_and_three_causes_are_named(count: int) -> None:
+    kind = type("Kind", (Shaft,), {"equations": lambda s: [law(s), ends(s)[0]]})
+    shafts = {f"s{i}": kind() for i in range(count)}
+    with pytest.raises(BalanceError) as told:
+        gl.compile(connect({"a": gp.Inertia(J=1.0), **shafts}, *(f"a.flange_b s{i}.flange_a" for i in range(count))))
+    named = ", ".join([*(f"s{i}" for i in range(min(count, 3))), *(["..."] if count > 3 else [])])
+    assert f"balanced. {named} (Kind) has 2 equations for 3 unknowns" in str(told.value)
+    kinds = {f"k{i}": type(f"Kind{i}", (Shaft,), {"equations": lambda s: [law(s), ends(s)[0]]})() for i in range(count)}
+    with pytest.raises(BalanceError) as told:
+        gl.compile(connect({"a": gp.Inertia(J=1.0), **kinds}, *(f"a.flange_b k{i}.flange_a" for i in range(count))))
+    assert str(told.value).count("has 2 equations for 3 unknowns") == min(count, 3)
+    assert f"{count} too few." in str(told.value)

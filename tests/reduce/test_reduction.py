@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import gearlib as gl
-from gearlib.reduce.reduction import choose_again
+import gearparts as gp
+from gearlib.errors import ModelError, NameLookupError
+from gearlib.flatten.flatten import flatten
+from gearlib.reduce.reduction import analyse, choose_again, decisive_nodes, discrete_nodes, integrals
 from gearlib.run.translation import Translation
 
 
@@ -50,3 +55,116 @@ def test_the_larger_pivot_decides_which_coordinate_is_a_state(pendulum: Translat
     assert coordinate(structure.states) == "x"
     again = choose_again(structure, pendulum.parameter_values({}), 0.0, known)
     assert coordinate((structure if again is None else again).states) == state
+
+
+class Modes(gl.Component):
+    """Discrete variables that depend on each other, and equations that hold them or compare."""
+
+    a, b, x, y, z = (gl.Variable("1", start=0.0) for _ in range(5))
+    first, second, apart = gl.Discrete(), gl.Discrete(), gl.Discrete()
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), gl.Piecewise((1, self.second > 0.5), (2, True))),
+            gl.Eq(gl.der(self.y), gl.Piecewise((1, self.b > self.y), (self.z, True))),
+            gl.Eq(gl.der(self.z), self.x),
+            gl.Eq(gl.der(self.a), gl.pre(self.apart)),
+            gl.Eq(gl.der(self.b), 1),
+            gl.Eq(self.first, gl.Piecewise((1, self.a > 1), (0, True))),
+            gl.Eq(self.second, gl.pre(self.first) + gl.pre(self.second)),
+            gl.Eq(self.apart, gl.Piecewise((1, gl.time > 1), (0, True))),
+        ]
+
+
+def test_what_decides_relations_and_discrete_variables_through_others() -> None:
+    model = flatten(Modes())
+    node = {n: (int(model.representative[model.variable(n)]), 0) for n in "abxyz"}
+    deciding = {e: nodes for e, nodes in decisive_nodes(model).items()}
+    of = {name: next(e for e in range(len(model.places)) if (node[name][0], 1) in model.nodes(e, 0)) for name in "abxyz"}
+    assert deciding == {of["x"]: [node["a"]], of["y"]: sorted([node["b"], node["y"]]), of["a"]: []}
+    numbers = {name: k for k, name in enumerate(model.discretes)}
+    assert discrete_nodes(model, numbers["first"]) == discrete_nodes(model, numbers["second"]) == [node["a"]]
+    assert discrete_nodes(model, numbers["apart"]) == []
+
+
+def test_positions_are_what_plain_rates_belong_to() -> None:
+    class Rates(gl.Component):
+        p = gl.Parameter("1", default=2.0)
+        x, y, z, u, v, w = (gl.Variable("1") for _ in range(6))
+
+        def equations(self) -> list[gl.Eq]:
+            der = gl.der
+            return [
+                gl.Eq(der(self.x), self.u), gl.Eq(self.v, -der(self.y)), gl.Eq(der(self.z), self.p * self.w),
+                gl.Eq(der(self.u), self.x * self.y),
+                gl.Eq(self.v, 3.0 + self.x), gl.Eq(der(der(self.w)), self.u),
+            ]  # fmt: skip
+
+    model = flatten(Rates())
+    assert integrals(model) == {int(model.representative[model.variable(n)]) for n in "xy"}
+
+
+def test_names_of_nodes_and_what_cannot_be_computed() -> None:
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.body, self.spare = gp.Torque(), gp.Inertia(J=2.0), gp.Torque(tau=1.0, use_support=True)
+            return [gl.connect(self.torque.flange, self.body.flange_a, self.spare.flange, self.spare.support)]
+
+    model = flatten(Driven())
+    structure = analyse(model, model.parameters.defaults)
+    refusal = ("cannot be an output", "can")
+    w, _ = structure.named("body.w", "output", refusal)
+    assert structure.named("der(body.w)", "output", refusal)[0] == structure.named("body.a", "output", refusal)[0] == (w[0], 1)
+    tau, sign = structure.named("torque.flange.tau", "output", refusal)
+    assert (tau, sign) == ((int(model.inputs[0]), 0), -1)
+    assert structure.named("body.flange_b.tau", "output", refusal)[1] == 0, "nothing is connected there"
+    with pytest.raises(
+        NameLookupError,
+        match=r"^der\(torque\.tau\) needs the derivative of an input, so it cannot be an output; torque\.tau can$",
+    ):
+        structure.named("der(torque.tau)", "output", refusal)
+
+
+def test_inputs_whose_derivatives_are_wanted_are_refused() -> None:
+    class Moved(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body = gp.Speed(exact=True), gp.Inertia(J=1.0)
+            return [gl.connect(self.drive.flange, self.body.flange_a)]
+
+    with pytest.raises(
+        ModelError, match=r"the input drive\.w_ref would have to be differentiated; bind it to an expression of gl\.time"
+    ):
+        gl.compile(Moved())
+
+
+@pytest.mark.parametrize(
+    ("equations", "message"),
+    [
+        (
+            lambda s: [gl.Eq(s.y, 2 * s.x), gl.When(s.x > 1, gl.reinit(s.z, 0)), gl.Eq(s.z, s.x * s.y)],
+            r"reinit\(z\): z is not a state, .* the states are x\. A variable is one where its .* gl\.der\(z\)$",
+        ),
+        (lambda s: [gl.Eq(s.y, 1), gl.Eq(s.z, gl.time), gl.When(gl.time > 1, gl.reinit(s.y, 0))], r"reinit\(y\): y is not a state"),
+    ],
+)  # fmt: skip
+def test_what_is_no_state_is_given_no_value(equations: Any, message: str) -> None:
+    declared = {n: gl.Variable("1") for n in "xyz"}
+    made = type("Leaf", (gl.Component,), {**declared, "equations": lambda s: [gl.Eq(gl.der(s.x), 1), *equations(s)]})()
+    with pytest.raises(ModelError, match=message):
+        gl.compile(made)
+
+
+def test_one_state_is_given_values_in_one_component() -> None:
+    class Jumping(gp.Inertia):
+        def equations(self) -> list[Any]:
+            return [gl.When(gl.time > 1, gl.reinit(self.phi, 0))]
+
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.other = Jumping(J=1.0), Jumping(J=1.0)
+            return [gl.connect(self.one.flange_b, self.other.flange_a)]
+
+    with pytest.raises(
+        ModelError, match=r"^reinit\(one\.phi\) and reinit\(other\.phi\) set one state, since one\.phi equals other\.phi up to"
+    ):
+        gl.compile(Two())

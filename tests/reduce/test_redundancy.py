@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.reduce.redundancy import flows_beside
+from gearlib.reduce.redundancy import flows_beside, left_open
 
 c = gl.connect
 
@@ -359,3 +359,21 @@ def test_what_is_set_to_zero_is_named_by_flanges_in_any_order() -> None:
     }
     assert len(told) == 1
     assert "flow_sum" not in min(told)
+
+
+@given(st.integers(0, 10_000))
+def test_what_is_set_to_zero_are_the_first_that_leave_the_others_determined(seed: int) -> None:
+    """Brute force over an order: the first column without which the rest has the same rank, then the next, ..."""
+    rng = np.random.default_rng(seed)
+    m, n = int(rng.integers(1, 5)), int(rng.integers(1, 7))
+    A = rng.choice([0.0, 1.0, -1.0, 2.0], (m, n))
+    order = rng.permutation(n)[: int(rng.integers(0, n + 1))].tolist()
+    rows = [{j: float(a) for j, a in enumerate(row) if a} for row in A]
+    left = list(range(n))
+    zero = []
+    for v in order:
+        rest = [u for u in left if u != v]
+        if np.linalg.matrix_rank(A[:, rest]) == np.linalg.matrix_rank(A[:, left]) if rest else not A[:, left].any():
+            zero.append(v)
+            left = rest
+    assert left_open(rows, order) == zero
