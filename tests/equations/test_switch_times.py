@@ -107,3 +107,22 @@ def test_what_has_no_closed_form_is_refused(expression: Any) -> None:
         ArgumentError, match=r"cannot tell when .* switches between t = 0 and 4 s: the zeros of .* are not known"
     ):
         times_of_breakpoints(expression, 0.0, 4.0)
+
+
+@pytest.mark.parametrize(
+    ("c", "root"),  # roots from mpmath.polyroots with 40 digits
+    [
+        ([0.0011, -17, -280, -11000, 0.0013], 6.463689468150225e-05),
+        ([-9.9e-05, 3400, 0.00011, 11000, -5.4e-05], 2.911764705882342e-08),
+    ],
+)
+def test_small_roots_of_polynomials_keep_their_digits(c: list[float], root: float) -> None:
+    times = times_of_breakpoints(sum(a * t**k for k, a in enumerate(c)) > 0, 0.0, 1e-3)
+    assert times[np.argmin(np.abs(times - root))] == pytest.approx(root, rel=1e-15, abs=0)
+
+
+def test_double_roots_are_where_they_are() -> None:
+    """There the slope is rounding, too, and no step along it helps."""
+    for root in np.random.default_rng(5).uniform(0.1, 1.9, 50).tolist():
+        times = times_of_breakpoints(sympy.expand((t - root) ** 2 * (t + 3.0)) > 0, 0.0, 2.0)
+        assert times == pytest.approx(root, rel=1e-6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -11,7 +12,22 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BalanceError, BindingError, ConnectionError, DeclarationError, ModelError
-from gearlib.language.component import equations_of
+from gearlib.language.component import (
+    Connection,
+    changed,
+    enclosing,
+    energies_of,
+    equations_of,
+    evaluated_in,
+    given_to,
+    inside,
+    name_of,
+    parts_below,
+    reads_of,
+    signals_of,
+)
+from gearlib.language.declarations import NO_VALUE
+from gearlib.language.interior import connections_of, number_of, parts_of, path_of, radii_of
 
 c = gl.connect
 
@@ -315,3 +331,211 @@ def test_a_base_asks_its_derived_classes_for_a_method() -> None:
 
     found = gl.simulate(Decay(start={"x": 1.0}), 1.0, samples=2, rtol=1e-10)["x"][-1]
     assert found == pytest.approx(np.exp(-2.0), rel=1e-9)
+
+
+# ---------------------------------------------------------------- names, values and parts of an instance
+
+
+class Stage(gl.Component):
+    """A body in a box, of which values follow from those of the stage."""
+
+    size = gl.Parameter("m", default=2.0)
+    mass = gl.Parameter("kg", default=lambda s: 3 * s.size)
+    count = gl.Structural(2)
+    flange = gp.Flange("outside")
+
+    def assemble(self) -> list[Any]:
+        self.bodies = [gp.Inertia(J=self.mass * self.size**2 + i) for i in range(self.count)]
+        self.label = "plain"
+        return [c(self.flange, *(b.flange_a for b in self.bodies))]
+
+
+class Plant(gl.Component):
+    scale = gl.Parameter("1", default=0.5)
+
+    def assemble(self) -> list[Any]:
+        self.stage = Stage(size=4 * self.scale, count=3)
+        self.extra = gp.Inertia(J=self.stage.mass)
+        return [c(self.stage.flange, self.extra.flange_a)]
+
+
+def test_numbers_follow_from_what_encloses_a_part() -> None:
+    plant = Plant()
+    connections_of(plant)
+    stage = plant.stage
+    connections_of(stage)
+    assert [number_of(plant, "scale"), number_of(stage, "size"), number_of(stage, "mass"), number_of(stage, "count")] == [
+        0.5,
+        2.0,
+        6.0,
+        3.0,
+    ]
+    assert [number_of(b, "J") for b in stage.bodies] == [24.0, 25.0, 26.0]
+    assert number_of(plant.extra, "J") == 6.0
+    assert number_of(gp.Inertia(), "J") is None
+    assert number_of(Stage(size=gl.time), "size") is None
+    mesh = type("Mesh", (gl.Component,), {"r": gl.Parameter("m", default=0.2), "s": gl.Parameter("m"), "radii": ("r", "s")})()
+    assert radii_of(mesh) == pytest.approx((0.2, np.nan), nan_ok=True)
+
+
+def test_paths_parts_and_what_encloses_them() -> None:
+    plant = Plant()
+    connections_of(plant)
+    for _, part in parts_below(plant):
+        connections_of(part)
+    found = dict(parts_below(plant))
+    assert list(found) == ["stage", "stage.bodies[0]", "stage.bodies[1]", "stage.bodies[2]", "extra"]
+    for path, part in found.items():
+        assert path_of(part) == path
+        assert name_of(part) == path.rpartition(".")[2]
+        assert repr(part) == f"<{type(part).__name__} {path}>"
+    body = found["stage.bodies[1]"]
+    assert list(enclosing(body)) == [plant.stage, plant]
+    assert list(enclosing(plant)) == []
+    assert path_of(body, plant.stage) == "bodies[1]"
+    assert path_of(plant) == ""
+    assert (repr(plant), repr(body.flange_a), repr(gp.Inertia(J=1.0).flange_b)) == (
+        "<Plant>",
+        "<Flange stage.bodies[1].flange_a>",
+        "<Flange Inertia.flange_b>",
+    )
+    with pytest.raises(ModelError, match="Inertia refers to a Stage that is not part of it"):
+        path_of(plant.stage, body)
+
+
+def test_symbols_are_named_from_the_scope() -> None:
+    plant = Plant()
+    connections_of(plant)
+    body = plant.stage.bodies[0]
+    assert str(body.w) == "stage.bodies[0].w"
+    with inside(plant.stage):
+        assert (str(body.w), str(body.flange_a.tau), str(plant.stage.size)) == ("bodies[0].w", "bodies[0].flange_a.tau", "size")
+    with inside(body):
+        assert (str(body.w), str(body.J)) == ("w", "J")
+    assert plant.scale == 0.5, "outside of any scope a parameter is what was given"
+    assert evaluated_in(plant, lambda p: p.scale * 2) == 2 * gl.language.expressions.real_symbol("scale")
+    assert evaluated_in(plant, 3.0) == 3.0
+    assert evaluated_in(plant, NO_VALUE) is NO_VALUE
+    assert evaluated_in(plant, Stage) is Stage
+
+
+def test_choices_that_are_read_are_known() -> None:
+    stage = Stage(count=1)
+    with reads_of(stage) as reads:
+        assert stage.count == 1
+    assert reads == {"count"}
+    assert stage._read == set()
+    connections_of(stage)
+    assert stage._read == {"count"}
+    given = given_to(Stage(count=1, size=3.0, start={"x": 1}, nominal={"y": 2.0}, state={"z": "never"}))
+    assert (given.values, given.choices, given.start, given.guess, given.nominal, given.state) == (
+        {"size": 3.0}, {"count": 1}, {"x": 1}, {}, {"y": 2.0}, {"z": "never"},
+    )  # fmt: skip
+
+
+def test_pickled_composites_make_their_parts_again() -> None:
+    stage = Stage(count=3)
+    stage.own = gp.Inertia(J=7.0)  # assigned by hand
+    stage.note = "mine"
+    assert len(parts_of(stage)) == 1
+    connections_of(stage)
+    assert len(parts_of(stage)) == 4
+    again = pickle.loads(pickle.dumps(stage))
+    assert list(parts_of(again)) == ["own"]
+    assert (again.note, again.own.J, "label" in again.__dict__) == ("mine", 7.0, False)
+    assert again.label == "plain", "asked for, it is assembled"
+    assert list(parts_of(again)) == ["own", "bodies[0]", "bodies[1]", "bodies[2]"]
+    port = pickle.loads(pickle.dumps(stage.flange))
+    assert (port.connector.name, port.component.note) == ("flange", "mine")
+
+
+def test_a_change_is_made_whenever_the_parts_are() -> None:
+    times: list[int] = []
+
+    def add(stage: Any) -> None:
+        times.append(len(stage.bodies))
+        stage.more = gp.Inertia(J=1.0)
+
+    stage = Stage()
+    copy = changed(stage, add)
+    assert ("more" in parts_of(copy), "more" in parts_of(stage)) == (True, False)
+    assert gl.compile(copy, outputs=["more.w"]).states == ("more.w",)
+    assert len(times) > 1
+    assert set(times) == {2}
+
+
+def test_signals_of_a_composite_are_those_connected_and_those_joined_by_parts() -> None:
+    class Governed(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.load, self.gain = gp.Torque(), gp.Inertia(J=2.0), gp.blocks.Gain(k=2.0)
+            self.governor = gl.Sampled(lambda t, v: v, 0.1, inputs=[self.load.w], outputs=[self.gain.u])
+            return [c(self.torque.flange, self.load.flange_a), c(self.gain.y, self.torque.tau)]
+
+    found = [tuple(map(str, signals)) for signals in signals_of(Governed())]
+    assert found == [("gain.y", "torque.tau"), ("load.w", "governor.inputs[0].u"), ("gain.u", "governor.outputs[0].y")]
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: Connection([gp.Inertia(J=1.0).flange_a]), ConnectionError, r"Connection: ports is \[.*\]; expected connectors"),
+        (lambda: Connection((), (3,)), ConnectionError, r"Connection: signals is \(3,\); expected signals"),
+        (lambda: c(), ConnectionError, r"connect\(\) needs two connectors, got 0"),
+        (lambda: gp.Inertia(J=1.0).flange_a._x, AttributeError, "_x"),
+        (lambda: gp.Inertia(J=1.0, nominal={1, 2}), BindingError, r"nominal is .*; expected typical sizes by name, such as nominal"),
+        (lambda: gp.Inertia(J=1.0, start={"phi"}), BindingError, r"such as start=\{'phi': 100\.0\}"),
+        (lambda: gp.Inertia(J=1.0, state="avoid"), BindingError, r"expected preferences by name, such as state=\{'w': 'prefer'\}"),
+        (lambda: gl.Component(3), BindingError, r"Component\(3\): give values by name, such as Component\(start=\.\.\.\)"),
+        (lambda: Stage(flange=1), BindingError, "'flange' is a variable or connector, and cannot be given by keyword"),
+        (lambda: setattr(Stage(), "size", 3), DeclarationError, r"Stage\.size is declared by the class; .* is made: Stage\(size=\.\.\.\)"),
+        (lambda: setattr(Stage(), "more", {"a": gp.Inertia(J=1.0)}), ModelError, r"Stage\.more is a dict of components; a family"),
+        (lambda: setattr(Plant().stage, "note", 3), ModelError, r"stage\.note: Plant\.assemble\(\) made this part"),
+        (lambda: Plant()._nothing, AttributeError, "_nothing"),
+        (lambda: Plant().stage.bodies[0].nothing, AttributeError, r"stage\.bodies\[0\]: Inertia has no 'nothing'"),
+    ],
+)  # fmt: skip
+def test_slips_outside_of_assemble(make: Callable[[], Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        make()
+
+
+def test_a_name_is_given_to_one_part() -> None:
+    model = composite(lambda s: [])
+    model.a = body()
+    with pytest.raises(ModelError, match=r"Model\.a is assigned twice"):
+        model.a = body()
+    inner = composite(lambda s: [])
+    model.inner = inner
+    with pytest.raises(ModelError, match=r"Model\.loop: a component cannot be a part of itself"):
+        inner.loop = model
+
+
+@pytest.mark.parametrize(
+    ("right", "advice"),
+    [
+        (lambda s: s.flange.phi if s.x > 0 else 1, r"use gl\.Piecewise\(\(value, condition\), \(other, True\)\) instead of if"),
+        (lambda s: s.flange * 2, "a connector is not a variable; name one that it has"),
+        (lambda s: __import__("math").sqrt(s.x), r"use gl\.sin, gl\.sqrt, \.\.\. instead of those of math or numpy"),
+        (lambda s: gl.sin("x"), r"Leaf\.equations\(\): the argument of sin\(\) is 'x'"),
+    ],
+)  # fmt: skip
+def test_what_python_cannot_do_with_a_symbol_is_explained(right: Callable[[Any], Any], advice: str) -> None:
+    members = {"x": gl.Variable("1"), "flange": gp.Flange("side")}
+    leaf: gl.Component = type("Leaf", (gl.Component,), {**members, "equations": lambda s: [gl.Eq(s.x, right(s))]})()
+    with pytest.raises(DeclarationError, match=rf"^Leaf\.equations\(\): .*{advice}|^{advice}"):
+        equations_of(leaf)
+
+
+def test_other_errors_of_a_user_are_left_as_they_are() -> None:
+    def wrong(self: Any) -> Any:
+        return len(3)  # type: ignore[arg-type]
+
+    leaf: gl.Component = type("Leaf", (gl.Component,), {"equations": wrong})()
+    with pytest.raises(TypeError, match=r"object of type 'int' has no len\(\)"):
+        equations_of(leaf)
+    lost: gl.Component = type("Lost", (gl.Component,), {"energies": lambda s: 3})()
+    with pytest.raises(
+        DeclarationError, match=r"Lost\.energies\(\) must return gl\.Energy\(stored=\.\.\., heat=\.\.\.\); got 3"
+    ):
+        energies_of(lost)
+    assert energies_of(gp.Torque(tau=1.0)).source

@@ -113,25 +113,6 @@ def test_linear_relations_switch_to_the_last_bit() -> None:
     assert times_of_breakpoints((t > 0.3) & (t <= 0.7), 0.1, 0.7).tolist() == [0.3]
 
 
-@pytest.mark.parametrize(
-    ("c", "root"),  # roots from mpmath.polyroots with 40 digits
-    [
-        ([0.0011, -17, -280, -11000, 0.0013], 6.463689468150225e-05),
-        ([-9.9e-05, 3400, 0.00011, 11000, -5.4e-05], 2.911764705882342e-08),
-    ],
-)
-def test_small_roots_of_polynomials_keep_their_digits(c: list[float], root: float) -> None:
-    times = times_of_breakpoints(sum(a * t**k for k, a in enumerate(c)) > 0, 0.0, 1e-3)
-    assert times[np.argmin(np.abs(times - root))] == pytest.approx(root, rel=1e-15, abs=0)
-
-
-def test_double_roots_are_where_they_are() -> None:
-    """There the slope is rounding, too, and no step along it helps."""
-    for root in np.random.default_rng(5).uniform(0.1, 1.9, 50).tolist():
-        times = times_of_breakpoints(sympy.expand((t - root) ** 2 * (t + 3.0)) > 0, 0.0, 2.0)
-        assert times == pytest.approx(root, rel=1e-6)
-
-
 def test_switches_of_states_are_passed_over() -> None:
     x = sympy.Symbol("x", real=True)
     assert times_of_breakpoints(Piecewise((1, x > 0), (2, t > x), (x, t > 1), (3, True)), 0.0, 2.0).tolist() == [1.0]
