@@ -7,12 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy
+from hypothesis import given
+from hypothesis import strategies as st
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.equations.template import template_of
-from gearlib.errors import ModelError
-from gearlib.flatten.specialise import merged, specialised
+from gearlib.equations.template import relation_symbol, template_of
+from gearlib.errors import ModelError, SingularError
+from gearlib.flatten.aliases import Aliases
+from gearlib.flatten.model import EquationGroup
+from gearlib.flatten.specialise import by_pattern, merged, specialised, with_values
 from gearlib.program.schedule import levels
 
 c = gl.connect
@@ -124,3 +128,85 @@ def test_locals_that_are_one_variable_are_merged_whichever_comes_first(pattern: 
         sympy.sympify(expected, locals=wanted).subs(z, x) if pattern[2] == (0, 1) else sympy.sympify(expected, locals=wanted)
     )
     assert sympy.simplify(merged(template, pattern).residual - right) == 0
+
+
+@pytest.mark.parametrize(
+    ("condition", "holds"),
+    [(lambda d: d > 0, False), (lambda d: d >= 0, True), (lambda d: d < 0, False), (lambda d: d <= 0, True),
+     (lambda d: d + 1 > 0, True), (lambda d: d < 1, True), (lambda d: d - 1 >= 0, False)],
+)  # fmt: skip
+def test_a_relation_between_aliases_is_decided(condition: Any, holds: bool) -> None:
+    a, b = (sympy.Symbol(name, real=True) for name in "ab")
+    template = template_of(gl.Eq(a, gl.Piecewise((3, condition(a - b)), (5, True))), "Leaf: law", lambda name: False)
+    assert specialised(template, ((0, 1), (0, 1))).residual == a - (3 if holds else 5)
+    assert specialised(template, ((0, 1), (0, 1))).relations == ()
+
+
+def test_relations_that_are_left_keep_their_order() -> None:
+    a, b, t = (sympy.Symbol(name, real=True) for name in ("a", "b", "time"))
+    law = gl.Piecewise((1, a - b > 0), (2, a > t), (3, b < t - 1), (4, True))
+    template = template_of(gl.Eq(a, law), "Leaf: law", lambda name: False)
+    found = specialised(template, ((0, 1), (0, 1)))
+    assert (len(template.relations), len(found.relations)) == (3, 2)
+    for at in (0.0, 0.5, 2.0):
+        point = {a: 0.75, t: at}
+        signs = [-r.g.subs(point) if r.negated else r.g.subs(point) for r in found.relations]
+        flags = {relation_symbol(k): int(bool(sign > 0)) for k, sign in enumerate(signs)}
+        assert found.residual.subs(flags).subs(point) == 0.75 - law.subs(b, a).subs(point)
+
+
+@pytest.mark.parametrize(
+    ("value", "kept"), [(0.5, sympy.Rational(1, 2)), (1e-3, sympy.Rational(1, 1000)), (0.1, 0.1), (1 / 3, 1 / 3)]
+)
+def test_values_are_exact_and_fractions_of_large_denominators_are_decimal(value: float, kept: Any) -> None:
+    a, k = (sympy.Symbol(name, real=True) for name in "ak")
+    template = template_of(gl.Eq(k * a, 0), "Leaf: law", lambda name: name == "k")
+    (slope,) = specialised(template, ((0, 1),), frozenset({("k", value)})).slopes
+    assert float(slope) == float(kept)
+    assert slope.is_Float == (kept != sympy.Rational(1, 2))
+
+
+def group(template: Any, parameters: list[list[int]], variables: list[list[int]]) -> EquationGroup:
+    none = np.empty((len(variables), 0), np.int64)
+    return EquationGroup(
+        template, np.array(variables), np.ones_like(variables), np.array(parameters), np.arange(len(variables)), none
+    )
+
+
+def test_rows_with_the_same_values_share_a_template() -> None:
+    a, b, k, m = (sympy.Symbol(name, real=True) for name in "abkm")
+    template = template_of(gl.Eq(k * a, b / m), "Leaf: law", lambda name: name in {"k", "m"})
+    raw = group(template, [[0, 1], [2, 3], [4, 5], [0, 3]], [[0, 1], [2, 3], [4, 5], [6, 7]])
+    assert with_values(raw, {9: 0.0}, [])[0] is raw
+    pieces = with_values(raw, {0: 0.0, 3: 2.0}, [f"p{i}" for i in range(6)])
+    assert sorted((p.owners.tolist(), str(p.template.residual)) for p in pieces) == [
+        ([0], "-b/m"),
+        ([1], "a*k - b/2"),
+        ([2], "a*k - b/m"),
+        ([3], "-b/2"),
+    ]
+    with pytest.raises(SingularError, match=r"Leaf: law divides by zero: p1 may not be 0"):
+        with_values(raw, {1: 0.0, 0: 3.0}, [f"p{i}" for i in range(6)])
+
+
+@given(st.integers(0, 10_000))
+def test_patterns_say_which_locals_are_one_variable_or_none(seed: int) -> None:
+    """Brute force over random variables, signs and aliases."""
+    rng = np.random.default_rng(seed)
+    names = [sympy.Symbol(f"x{j}", real=True) for j in range(int(rng.integers(1, 4)))]
+    template = template_of(gl.Eq(sympy.Add(*(sympy.sin(x) for x in names)), 0), "test", lambda name: False)
+    rows, n = int(rng.integers(1, 5)), 5
+    raw = group(template, [[] for _ in range(rows)], rng.integers(0, n, (rows, len(names))).tolist())
+    sign = rng.choice([-1, 0, 1], n, p=[0.25, 0.15, 0.6])
+    aliases = Aliases(np.array([0, 0, 2, 2, 4]), sign, 0)
+    expected: dict[int, tuple[tuple[int, int], ...]] = {}
+    for i, row in enumerate(raw.variables.tolist()):
+        values = [(int(aliases.representative[v]), int(sign[v])) for v in row]
+        pattern = []
+        for v, s in values:
+            lead = next((k for k, (u, r) in enumerate(values) if u == v and r), -1) if s else -1
+            pattern.append((lead, s * values[lead][1] if s else 0))
+        if any(lead != j for j, (lead, _) in enumerate(pattern)):
+            expected[i] = tuple(pattern)
+    found = {int(i): pattern for some, pattern in by_pattern(raw, aliases) for i in some}
+    assert found == expected

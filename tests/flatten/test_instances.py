@@ -1,0 +1,200 @@
+"""What instances are given: start values from within and from outside, inputs, and the parameters behind both."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import BindingError, BoundError, ModelError
+from gearlib.flatten.flatten import flatten
+from gearlib.flatten.model import FlatModel
+
+
+def starts(model: FlatModel) -> dict[str, tuple[float, bool]]:
+    """Start values by name, each with whether it is fixed."""
+    values = model.parameters.defaults
+    pairs = zip(model.started.tolist(), model.start_slots.tolist(), model.start_fixed.tolist(), strict=True)
+    return {model.name(v): (float(values[slot]), fixed) for v, slot, fixed in pairs}
+
+
+class Cell(gl.Component):
+    x = gl.Variable("m", "place", start=1.0)
+    y = gl.Variable("m", "other place", guess=2.0)
+    z = gl.Variable("m", "free")
+    v = gl.Variable("m/s", "speed")
+    a = gl.Derivative("v", "m/s2")
+    n = gl.Discrete("count", start=4.0)
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), self.v), gl.Eq(self.y, 2 * self.x), gl.Eq(self.z, self.x + self.y), gl.Eq(gl.der(self.v), 0),
+            gl.Eq(self.n, gl.Piecewise((gl.pre(self.n) + 1, self.x > 9), (0, True))),
+        ]  # fmt: skip
+
+
+class Box(gl.Component):
+    start_of_v = gl.Parameter("m/s", default=7.0)
+
+    def assemble(self) -> list[Any]:
+        self.cell = Cell(start={"v": self.start_of_v, "y": 3.0}, guess={"z": 9.0})
+        return []
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({}, {"x": (1.0, True), "y": (3.0, True), "z": (9.0, False), "v": (7.0, True)}),
+        ({"start": {"cell.x": 5.0}}, {"x": (5.0, True), "y": (3.0, True), "z": (9.0, False), "v": (7.0, True)}),
+        (
+            {"guess": {"cell.x": 5.0, "cell.y": 6.0}},
+            {"x": (5.0, False), "y": (6.0, False), "z": (9.0, False), "v": (7.0, True)},
+        ),
+        (
+            {"start": {"cell.z": 8.0}, "start_of_v": 2.0},
+            {"x": (1.0, True), "y": (3.0, True), "z": (8.0, True), "v": (2.0, True)},
+        ),
+    ],
+)
+def test_start_values_of_the_outermost_count(given: dict[str, Any], expected: dict[str, tuple[float, bool]]) -> None:
+    assert starts(flatten(Box(**given))) == {f"cell.{name}": value for name, value in expected.items()}
+
+
+def test_start_values_of_one_component() -> None:
+    assert starts(flatten(Cell())) == {"x": (1.0, True), "y": (2.0, False)}
+    assert starts(flatten(Cell(start={"y": 5.0}))) == {"x": (1.0, True), "y": (5.0, True)}
+    assert starts(flatten(Cell(guess={"y": 5.0}))) == {"x": (1.0, True), "y": (5.0, False)}
+    own = flatten(Cell(start={"n": 2}))
+    assert own.discrete_starts.tolist() == [2.0]
+    assert flatten(Cell()).discrete_starts.tolist() == [4.0]
+    assert "n" not in starts(own)
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: Cell(guess={"n": 2}), BindingError, r"^n is discrete, and is not searched for; give its value as start=\{'n': \.\.\.\}"),
+        (lambda: Cell(start={"n": "a"}), BindingError, r"^start\(n\) is 'a' \(str\); expected a number in 1 \(start value of a disc"),
+        (lambda: Cell(start={"a": 2}), BindingError, r"^Cell: start value for 'a', which is the derivative of 'v'.*start=\{'v': \.\.\.\} "),
+        (lambda: Cell(guess={"der(x)": 2}), BindingError, r"^Cell: guess value for 'der\(x\)', which is the derivative of 'x'"),
+        (lambda: Cell(start={3: 2}), BindingError, r"^Cell: start value for '3', which is not a variable of Cell"),
+        (lambda: Box(start={"cell.xx": 2}), BindingError, r"^Box: start value for 'cell\.xx', which is not a variable of Box; .*cell\.x"),
+        (lambda: Box(start={"cel.x": 2}), BindingError, r"^Box: start value for 'cel\.x', which is not a variable of Box"),
+        (lambda: Box(start={"cell.x": "a"}), BindingError, r"^start\(cell\.x\) is 'a' \(str\); expected a number in m \(start value\)"),
+        (lambda: Box(start={"cell.v": np.inf}), BoundError, r"^start\(cell\.v\) is inf; expected a finite number in m/s"),
+        (lambda: Box(start_of_v=2 * gl.time), BindingError, r"^start_of_v is 2\*time; expected a number in m/s: nothing encloses"),
+        (lambda: Cell(start={"x": 2 * gl.pi * gl.time}), BindingError, r"^start\(x\) is 2\*pi\*time; expected .* in m: nothing"),
+    ],
+)  # fmt: skip
+def test_start_values_that_cannot_be(make: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        flatten(make())
+
+
+class Part(gl.Component):
+    """Inputs of every kind."""
+
+    free = gl.Input("N", "given from outside")
+    plain = gl.Input("N", "bound by its declaration", default=2.0)
+    made = gl.Input("N", "bound to what its component knows", default=lambda p: 3 * p.k + p.free)
+    k = gl.Parameter("N", default=1.5)
+    sum = gl.Variable("N")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.sum, self.free + self.plain + self.made)]
+
+
+@pytest.mark.parametrize(
+    ("given", "inputs", "total"),
+    [
+        ({}, {"part.free": 10.0}, 26.5), ({"free": 1.0}, {}, 8.5), ({"plain": None}, {"part.free": 10.0, "part.plain": 20.0}, 44.5),
+        ({"made": 5 * gl.time}, {"part.free": 10.0}, 17.0),
+        ({"free": 2 * gl.time + 1, "plain": 4.0}, {}, 14.5), ({"k": 2.0, "free": None}, {"part.free": 1.0}, 10.0),
+    ],
+)  # fmt: skip
+def test_inputs_are_bound_by_what_is_given_or_their_default(
+    given: dict[str, Any], inputs: dict[str, float], total: float
+) -> None:
+    class Whole(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.part = Part(**given)
+            return []
+
+    system = gl.compile(Whole())
+    assert set(system.inputs) == set(inputs)
+    assert system.simulate(1.0, samples=2, inputs=inputs)["part.sum"][-1] == pytest.approx(total)
+
+
+def test_numbers_in_a_binding_have_no_names_of_their_own_and_a_bound_number_has_the_inputs() -> None:
+    class Whole(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.other = Part(free=4.0 * gl.sin(3.0 * gl.time)), Part(free=7.0)
+            return []
+
+    table = flatten(Whole()).parameters
+    assert sorted(table.names[k] for k in table.written) == ["one.free#0", "one.free#1", "one.made#0", "other.made#0"]
+    assert {"other.free", "other.plain", "one.k"} <= set(table.own_names)
+    assert not any("#" in name or name.startswith("start(") for name in table.own_names)
+    assert gl.compile(Whole()).simulate(1.0, samples=2, parameters={"other.free": 1.0})["other.sum"][-1] == 8.5
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (lambda w: w.k + w.part.sum, r"part\.k: depends on 'part\.sum', which is a variable; only parameters of the enclosing"),
+        (lambda w: 2 * gl.language.expressions.real_symbol("nothing"), r"part\.k: depends on 'nothing', which is unknown; only parameters"),
+    ],
+)  # fmt: skip
+def test_parameters_follow_from_parameters(value: Any, message: str) -> None:
+    class Whole(gl.Component):
+        k = gl.Parameter("N", default=1.0)
+
+        def assemble(self) -> list[Any]:
+            self.part = Part()
+            self.part._bindings["k"] = value(self)
+            return []
+
+    with pytest.raises(BindingError, match=message):
+        flatten(Whole())
+
+
+def test_components_within_components_end() -> None:
+    class Deep(gl.Component):
+        level = gl.Structural(0)
+
+        def assemble(self) -> list[Any]:
+            if self.level:
+                self.i = Deep(level=self.level - 1)
+            else:
+                self.body = gp.Inertia(J=1.0)
+            return []
+
+    assert flatten(Deep(level=200)).instances[-1].path.count(".") == 200
+    with pytest.raises(ModelError, match="components within components, 200 levels deep; does"):
+        flatten(Deep(level=201))
+
+
+def test_ports_that_are_loose_and_ports_with_something_inside() -> None:
+    class Case(gl.Component):
+        flange = gp.Flange("outside")
+        spare = gp.Flange("unused")
+
+        def assemble(self) -> list[Any]:
+            self.body = gp.Inertia(J=1.0)
+            return [gl.connect(self.flange, self.body.flange_a)]
+
+    class Whole(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.case, self.other = Case(), gp.Inertia(J=1.0)
+            return [gl.connect(self.case.flange, self.other.flange_a)]
+
+    model = flatten(Whole())
+
+    def named(ports: Any) -> set[str]:
+        return {f"{model.instances[number].path}.{connector}" for number, connector in ports}
+
+    assert named(model.inner_ports) == {"case.flange"}
+    assert named(model.loose_ports) == {"case.spare", "case.body.flange_b", "other.flange_b"}
