@@ -9,6 +9,7 @@ import sympy
 
 import gearlib as gl
 from gearlib.equations.discrete_updates import Update, split_equations
+from gearlib.equations.kernel import array_function
 from gearlib.errors import DeclarationError
 from gearlib.language.declarations import Discrete
 
@@ -54,3 +55,89 @@ def test_what_becomes_true_at_the_start_is_false_before() -> None:
 def test_what_is_refused(equations: list[Any], message: str) -> None:
     with pytest.raises(DeclarationError, match=message):
         split(*equations)
+
+
+class Machine:
+    """Updates of a class evaluated by hand: each event with the values before it, until nothing changes."""
+
+    def __init__(self, *equations: Any) -> None:
+        _, self.updates, self.known = split(*equations)
+        self.values = {name: discrete.start for name, discrete in self.known.items()}
+
+    def value(self, update: Update, point: dict[str, float]) -> float:
+        template = update.template
+
+        def evaluate(expression: Any) -> float:
+            symbols = sorted(expression.free_symbols, key=str)
+            return float(array_function(symbols, expression)(*(point[symbol.name] for symbol in symbols)))
+
+        for k, relation in enumerate(template.relations):
+            g = evaluate(relation.g)
+            point[f"relation({k})"] = float((g < 0 if relation.negated else g > 0) or (g == 0 and not relation.strict))
+        return evaluate(template.residual)
+
+    def event(self, initial: bool = False, **point: float) -> dict[str, float]:
+        """The values of all discrete variables after an event, and the new values of states."""
+        point = {"x": 0.0, "p": 2.0, "time": 0.0, "initial()": float(initial), **point}
+        before = {f"pre({name})": value for name, value in self.values.items()}
+        for _ in range(5):
+            for update in self.updates:
+                if not update.reinit:
+                    self.values[update.target] = self.value(update, {**point, **before, **self.values})
+        return self.values | {u.target: self.value(u, {**point, **before, **self.values}) for u in self.updates if u.reinit}
+
+
+def test_actions_are_taken_once_when_a_condition_becomes_true() -> None:
+    machine = Machine(gl.When(x > 1, gl.Eq(n, gl.pre(n) + 1), gl.reinit(x, p * x)), gl.Eq(m, 2 * n))
+    seen = [machine.event(x=at) for at in (3.0, 0.0, 2.0, 2.5, 0.5, 1.5)]
+    assert [found["n"] for found in seen] == [0, 0, 1, 1, 1, 2], "what holds at the start has not become true"
+    assert [found["m"] for found in seen] == [0, 0, 2, 2, 2, 4]
+    assert [found["x"] for found in seen] == [3.0, 0.0, 4.0, 2.5, 0.5, 3.0]
+
+
+def test_the_first_of_several_branches_goes_before() -> None:
+    second = gl.When(x > p, gl.Eq(n, 2), gl.reinit(x, -2), elsewhen=gl.When(x < 0, gl.Eq(n, 3)))
+    machine = Machine(gl.When(x > 1, gl.Eq(n, 1), gl.reinit(x, -1), elsewhen=second), gl.Eq(m, 0))
+    seen = [
+        machine.event(x=at, p=limit)
+        for at, limit in ((0.5, 2), (3, 2), (0.5, 2), (1.5, 2), (2.5, 2), (-1, 2), (0.5, 2), (0.5, 0.2))
+    ]
+    assert [found["n"] for found in seen] == [0, 1, 1, 1, 2, 3, 3, 2]
+    assert [found["x"] for found in seen] == [0.5, -1, 0.5, -1, -2, -1, 0.5, -2]
+
+
+def test_several_reinits_of_one_state_are_one_update_in_order() -> None:
+    machine = Machine(gl.When(x > 1, gl.reinit(x, 10)), gl.When(x > 2, gl.reinit(x, 20)), gl.Eq(n, 0), gl.Eq(m, 0))
+    assert [machine.event(x=at)["x"] for at in (0.0, 1.5, 2.5, 0.0, 3.0)] == [0.0, 10.0, 20.0, 0.0, 10.0]
+
+
+def test_the_start_of_a_run() -> None:
+    machine = Machine(gl.When(gl.initial(), gl.Eq(n, 5)), gl.Eq(m, gl.pre(m) + 1))
+    assert machine.event(initial=True)["n"] == 5
+    assert machine.event()["n"] == 5
+
+
+@pytest.mark.parametrize(
+    ("start", "counts"),
+    [(0.0, [0, 1, 1, 2, 2, 3]), (0.1, [1, 1, 1, 2, 2, 3]), (0.2, [0, 0, 0, 1, 1, 2]), (0.6, [1, 1, 1, 1, 1, 2])],
+)
+def test_samples_are_taken_at_their_instants_and_at_a_start_that_is_one(start: float, counts: list[int]) -> None:
+    """An event is evaluated at a time slightly after it."""
+    machine = Machine(gl.When(gl.sample(0.5, 0.1), gl.Eq(n, gl.pre(n) + 1)), gl.Eq(m, 0))
+    found = []
+    for k, at in enumerate((start, 0.1, 0.3, 0.6, 0.9, 1.1)):
+        late = max(at, start) * (1 + 1e-12)
+        found.append(machine.event(initial=k == 0, time=late)["n"])
+    assert found == counts
+
+
+def test_names_of_hidden_variables_are_counted() -> None:
+    every = gl.When(gl.sample(0.5), gl.Eq(m, 1)), gl.When(gl.sample(p, 1), gl.reinit(x, 2))
+    _, updates, known = split(gl.When(x > 1, gl.Eq(n, 1)), gl.When(x > 2, gl.reinit(x, 1)), *every)
+    hidden = [f"when_{k}" for k in range(4)] + [f"sample_{k}{end}" for k in range(2) for end in ("", "_before")]
+    assert sorted(known) == sorted(["n", "m", *hidden])
+    assert len(updates) == len(known) + 1
+    once = split(gl.When(gl.sample(0.5), gl.Eq(n, 1)), gl.When(gl.sample(0.5), gl.Eq(m, 1)))[2]
+    assert [name for name in once if name.startswith("sample")] == ["sample_0", "sample_0_before"], (
+        "two of the same instants share them"
+    )

@@ -117,6 +117,7 @@ def read(text: str, **values: float) -> Any:
 
 
 EXPRESSIONS = [
+    sympy.Float(-0.5) ** x, sympy.Rational(-1, 2) ** x, sympy.Integer(-1) ** x, sympy.Float(0.5) ** x,
     x + y * z, x - (y - z), x - (y + z), -(x + y) * z, -x * y, x / y / z, x / (y * z), (x / y) * z, x * y**-2, (x * y) ** 3, (-x) ** 3,
     (-x) ** 2, -(x**2),
     x ** (y + 1), (x**y) ** 2, x**-y, 2**-x, sympy.sqrt(x) / sympy.sqrt(y * z), x ** sympy.Rational(2, 3), x ** sympy.Rational(-2, 3),

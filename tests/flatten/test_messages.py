@@ -67,3 +67,31 @@ def test_components_may_lie_far_inside_components() -> None:
 
     result = gl.simulate(Top(), 1.0, samples=2)
     assert result["nested." + "inner." * 121 + "w"][-1] == pytest.approx(1.5)
+
+
+class Between(gl.Component):
+    """A torque that acts between three shafts."""
+
+    a, b, c = gp.Flange("one"), gp.Flange("two"), gp.Flange("three")
+    u = gl.Input("N.m", "torque")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(flange.tau, factor * self.u) for flange, factor in ((self.a, -2), (self.b, 1), (self.c, 1))]
+
+
+@pytest.mark.parametrize(
+    ("connected", "message"),
+    [
+        ("", r"^between is not connected, so that its input between\.u acts on nothing; connect it, or leave it out$"),
+        ("a", r"^between\.b is connected to nothing, so that the input between\.u does nothing; connect it$"),
+        ("ac", r"^between\.b is connected to nothing"), ("bc", r"^between\.a is connected to nothing"),
+    ],
+)  # fmt: skip
+def test_the_first_flange_that_is_loose_is_named(connected: str, message: str) -> None:
+    class Model(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.between, self.bodies = Between(), [gp.Inertia(J=1.0) for _ in connected]
+            return [c(getattr(self.between, name), body.flange_a) for name, body in zip(connected, self.bodies, strict=True)]
+
+    with pytest.raises(ModelError, match=message):
+        gl.compile(Model())
