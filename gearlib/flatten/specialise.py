@@ -92,8 +92,6 @@ def with_values(raw: EquationGroup, values: Mapping[int, float], names: Sequence
 
 def by_pattern(raw: EquationGroup, aliases: Aliases) -> list[tuple[Integers, Pattern]]:
     """Rows in which a local is an alias of another one, or zero, grouped by pattern; other rows are omitted."""
-    if raw.variables.shape[1] == 0:
-        return []
     representative, sign = aliases.representative[raw.variables], raw.signs * aliases.sign[raw.variables]
     zero = sign == 0
     # Identically zero locals are not aliases of each other

@@ -1,0 +1,128 @@
+"""The analysis of a class: what its instances share, and which equations say nothing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.equations.class_record import class_record, descend, refuse_misfits
+from gearlib.errors import BalanceError, DeclarationError
+from gearlib.language.interior import connections_of
+
+
+class Leaf(gl.Component):
+    side = gl.Structural(False)
+    k, m = gl.Parameter("1", default=1.0), gl.Parameter("1", default=2.0)
+    flange = gp.Flange("always")
+    extra = gp.Flange("at times", when="side")
+    x, y, z = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+    n = gl.Discrete("count")
+
+
+def leaf(*equations: Any, **given: Any) -> gl.Component:
+    made: gl.Component = type("Leaf", (Leaf,), {"equations": lambda s: [e(s) for e in equations]})(**given)
+    return made
+
+
+COUNT = (lambda s: gl.Eq(s.n, 1),)
+
+
+def test_what_a_record_knows_of_its_class() -> None:
+    plain = class_record(leaf(lambda s: gl.Eq(s.x, s.k * s.y), *COUNT))
+    assert plain.variable_index == {"flange.phi": 0, "flange.tau": 1, "x": 2, "y": 3, "z": 4}
+    assert (plain.parameter_index, plain.connector_index) == ({"k": 0, "m": 1}, {"flange": 0})
+    assert plain.own_names == {"x", "y", "k"}
+    assert plain.choices == {"side"}, "the connectors depend on it"
+    assert [t.label for t in plain.templates] == ["Leaf: x = k*y"]
+    assert [u.target for u in plain.updates] == ["n"]
+    assert not plain.local, "an update needs the numbers of its instance"
+    assert class_record(leaf(lambda s: gl.Eq(s.n, 1), side=True)).connector_index == {"flange": 0, "extra": 1}
+    assert class_record(gp.Inertia(J=1.0)).local
+
+
+def test_equations_of_parts_and_with_discrete_variables_are_not_local() -> None:
+    class Whole(gl.Component):
+        x = gl.Variable("rad/s")
+
+        def assemble(self) -> list[Any]:
+            self.body = gp.Inertia(J=1.0)
+            return []
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(self.x, self.body.w)]
+
+    whole = Whole()
+    connections_of(whole)
+    record = class_record(whole)
+    assert not record.local
+    assert record.templates[0].locals == ("body.w", "x")
+    assert descend(whole, "body.flange_a.phi") == (whole.body, "flange_a.phi")
+    assert descend(whole, "body") == (whole, "body")
+    assert descend(whole, "other.w") == (whole, "other.w")
+
+
+def test_records_are_shared_within_a_compilation_and_between() -> None:
+    met: dict[Any, Any] = {}
+    one = class_record(gp.Inertia(J=1.0), met)
+    assert class_record(gp.Inertia(J=2.0), met) is one
+    assert len(met) == 1
+    assert class_record(gp.Inertia(J=2.0), {}) is one
+    assert class_record(gp.IdealGear(ratio=2.0, use_support=True)) is not class_record(gp.IdealGear(ratio=2.0))
+
+
+@pytest.mark.parametrize(
+    ("equations", "message"),
+    [
+        ([lambda s: gl.Eq(s.k, 2)], r"over-determined: Leaf: k = 2 holds no variable that it could determine"),
+        ([lambda s: gl.Eq(s.x, s.y), lambda s: gl.Eq(s.y, s.x)], r"Leaf: x = y and Leaf: y = x say the same; leave one of them out"),
+        ([lambda s: gl.Eq(s.x * s.y, 2), lambda s: gl.Eq(s.x * s.y, 2)], r"two equations Leaf: x\*y = 2 say the same"),
+        (
+            [lambda s: gl.Eq(s.x, s.y), lambda s: gl.Eq(s.y, s.z), lambda s: gl.Eq(s.z, s.x)],
+            r"one of these equations follows from the others: Leaf: x = y; Leaf: y = z; ",
+        ),
+        (
+            [lambda s: gl.Eq(s.x, 0), lambda s: gl.Eq(s.y, 0), lambda s: gl.Eq(s.x, -s.y)],
+            r"one of these equations follows from the others: Leaf: x = 0; Leaf: y = 0; Leaf: x = -y",
+        ),
+    ],
+)  # fmt: skip
+def test_equations_of_a_class_that_say_nothing_new(equations: Any, message: str) -> None:
+    with pytest.raises(BalanceError, match=message):
+        class_record(leaf(*equations, *COUNT))
+
+
+def test_equalities_with_opposite_signs_are_two() -> None:
+    """x = y and x = -y make both zero; so do x + y = 0 and y = 0."""
+    for other in (lambda s: gl.Eq(s.x, -s.y), lambda s: gl.Eq(s.y, 0), lambda s: gl.Eq(s.z, s.x)):
+        assert len(class_record(leaf(lambda s: gl.Eq(s.x, s.y), other, *COUNT)).templates) == 2
+
+
+@pytest.mark.parametrize(
+    ("equation", "message"),
+    [
+        (lambda s: gl.Eq(s.x, gl.language.expressions.real_symbol("w")), r"Leaf: x = w: 'w' is not declared; .*x"),
+        (lambda s: gl.Eq(s.x, "y"), r"Leaf\.equations\(\): x == 'y' is not an equation: the right side is 'y'"),
+        (lambda s: gl.Eq(None, s.x), r"None == x is not an equation: the left side is None"),
+        (lambda s: gl.Eq(s.x, s.flange.phi * gl.language.expressions.real_symbol("flange.omega")), r"'flange\.omega' is not declared"),
+    ],
+)  # fmt: skip
+def test_names_and_sides_are_checked(equation: Any, message: str) -> None:
+    with pytest.raises(DeclarationError, match=message):
+        class_record(leaf(equation, *COUNT))
+
+
+def test_values_that_cannot_be_compared() -> None:
+    class Odd:
+        def __hash__(self) -> int:
+            raise RuntimeError("no")
+
+    with pytest.raises(DeclarationError, match=r"Free: values of structural choices must be hashable, got "):
+        class_record(type("Free", (gl.Component,), {"s": gl.Structural(None)})(s=Odd()))
+    with pytest.raises(
+        DeclarationError, match=r"units do not match \(gl\.check_units lists all mismatches of a component\): a; b$"
+    ):
+        refuse_misfits(["a", "b"])
+    refuse_misfits([])
