@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import networkx as nx
@@ -155,13 +156,19 @@ class SideBySide(gl.Component):
         return links
 
 
+@cache
+def side_by_side(dampers: int, dangling: bool) -> gl.System:
+    return gl.compile(SideBySide(dampers=dampers, dangling=dangling))
+
+
 @pytest.mark.parametrize("dangling", [False, True])
 @pytest.mark.parametrize("dampers", [1, 2, 9])
 @pytest.mark.parametrize("method", ["exact", "ida", "rk"])
 def test_dampers_side_by_side_in_series_with_springs(dampers: int, dangling: bool, method: str) -> None:
     """They are one spring-damper; its deflection dies away as by hand: springs of 5000 and 240 N.m/rad in series, and 6000 beside."""
-    system = gl.compile(SideBySide(dampers=dampers, dangling=dangling))
-    result = system.simulate(0.01, samples=21, start={"spring.phi_rel": 0.01, "body.phi": 0.0}, method=method, rtol=1e-9)
+    result = side_by_side(dampers, dangling).simulate(
+        0.01, samples=21, start={"spring.phi_rel": 0.01, "body.phi": 0.0}, method=method, rtol=1e-9
+    )
     series = 5000.0 * 240.0 / 5240.0
     expected = 0.01 * np.exp(-(6000.0 + series) / 5.5 * result.time)
     assert result["spring.phi_rel"] == pytest.approx(expected, abs=1e-9)
