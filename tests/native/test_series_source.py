@@ -1,4 +1,4 @@
-"""Recurrences for Taylor coefficients: every operation against SciPy's integration of the same equation by hand."""
+"""Recurrences for Taylor coefficients: every operation against mpmath's series, whole runs against SciPy's integration."""
 
 from __future__ import annotations
 
@@ -17,22 +17,9 @@ from gearlib.native.series_source import ROW, SERIES
 
 EXPRESSIONS: dict[str, tuple[Any, Any]] = {
     "polynomial": (lambda x, t: 1 - x**2 + x**3 / 5, lambda x, t: 1 - x**2 + x**3 / 5),
-    "negative and broken powers": (lambda x, t: x**-2 + x**1.5 - x**-1.5, lambda x, t: x**-2 + x**1.5 - x**-1.5),
-    "roots": (lambda x, t: gl.sqrt(x) + 1 / gl.sqrt(1 + x), lambda x, t: math.sqrt(x) + 1 / math.sqrt(1 + x)),
     "quotients": (lambda x, t: x / (1 + x) + t / (2 + x), lambda x, t: x / (1 + x) + t / (2 + x)),
-    "exponentials": (lambda x, t: gl.exp(-x) + gl.exp(-2 * t), lambda x, t: math.exp(-x) + math.exp(-2 * t)),
-    "logarithm": (lambda x, t: gl.log(1 + x * x), lambda x, t: math.log(1 + x * x)),
-    "sine of the state": (lambda x, t: gl.sin(3 * x) + gl.cos(x * x), lambda x, t: math.sin(3 * x) + math.cos(x * x)),
     "sine of time": (lambda x, t: gl.sin(5 * t + 1) * x - gl.cos(t), lambda x, t: math.sin(5 * t + 1) * x - math.cos(t)),
     "chirp": (lambda x, t: gl.sin(4 * t * t) - x, lambda x, t: math.sin(4 * t * t) - x),
-    "tangents": (lambda x, t: gl.tan(x / 3) - gl.tanh(2 * x), lambda x, t: math.tan(x / 3) - math.tanh(2 * x)),
-    "hyperbolic": (lambda x, t: gl.sinh(x) / gl.cosh(2 * x), lambda x, t: math.sinh(x) / math.cosh(2 * x)),
-    "arcs": (
-        lambda x, t: gl.atan(2 * x) - gl.asin(x / 9) + gl.acos(x / 9) / 5,
-        lambda x, t: math.atan(2 * x) - math.asin(x / 9) + math.acos(x / 9) / 5,
-    ),
-    "angle": (lambda x, t: gl.atan2(x, 1 + t), lambda x, t: math.atan2(x, 1 + t)),
-    "time": (lambda x, t: t**3 - t * x, lambda x, t: t**3 - t * x),
     "magnitude": (lambda x, t: 1 - abs(x - 3) * x, lambda x, t: 1 - abs(x - 3) * x),
     "constants": (lambda x, t: gl.sqrt(2) * gl.pi / x, lambda x, t: math.sqrt(2) * math.pi / x),
 }  # fmt: skip
@@ -50,7 +37,7 @@ class Grows(gl.Component):
 
 
 @pytest.mark.parametrize("kind", EXPRESSIONS)
-def test_every_operation_has_its_series(kind: str) -> None:
+def test_runs_by_series(kind: str) -> None:
     times = np.linspace(0.0, 1.0, 6)
     result = gl.compile(Grows(kind=kind)).simulate(1.0, times=times, method="taylor", rtol=1e-12, atol=1e-14)
     right = EXPRESSIONS[kind][1]

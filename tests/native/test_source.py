@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import subprocess
 import sys
@@ -94,3 +95,28 @@ def test_identifiers_are_distinct_and_valid() -> None:
     assert all(name.isidentifier() for name in names)
     assert "lambda" not in names
     assert "x" not in names
+
+
+class Cubic(gl.Component):
+    """``y^3 + p y = x``: with a small p the slope by y almost vanishes at x = 0."""
+
+    p = gl.Parameter("1", default=1e-6)
+    rate = gl.Parameter("1/s", default=1.0)
+    x = gl.Variable("1")
+    y = gl.Variable("1", guess=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), -self.rate * self.y), gl.Eq(self.y**3 + self.p * self.y, self.x)]
+
+
+@pytest.mark.parametrize(("share", "fails"), [(0.1, 0), (1.1e-4, 0), (0.9e-4, 1)])
+def test_an_evaluation_fails_where_a_determinant_falls_to_a_ten_thousandth(share: float, fails: int) -> None:
+    """Of that of the first evaluation, at y = 1; other solutions are near there."""
+    translation = gl.compile(Cubic()).translation
+    scene, rates = translation.scene, np.zeros(1)
+    data = scene.data(scene.native, scene.prepared(translation.parameter_values({})), *(np.zeros(0),) * 2, np.ones(5))
+    call = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *[ctypes.c_void_p] * 4)(scene.native.rhs.address)
+    for y, result in ((1.0, 0), (0.3, 0), (np.sqrt(share), fails)):
+        x = np.array([y**3 + 1e-6 * y])
+        assert call(0.0, *(a.ctypes.data for a in (x, rates, data, scene.native.index))) == result
+        assert result or rates[0] == pytest.approx(-y, rel=1e-9)
