@@ -233,8 +233,7 @@ class ExportedModel:
     @cached_property
     def start(self) -> Floats:
         """The states at the start for the default parameters."""
-        inputs = np.concatenate([self.input_starts, np.zeros(len(self.scene.program.inputs) - len(self.input_starts))])
-        return start_values(self.scene, self.numbers, inputs, 0.0, {}).states
+        return start_values(self.scene, self.numbers, self.input_starts, 0.0, {}).states
 
 
 def used_parameters(program: Program) -> set[int]:

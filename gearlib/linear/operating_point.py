@@ -117,8 +117,7 @@ def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point)
     """Values of a program's slots, and of the discrete variables, at an operating point."""
     program = prepared.program
     x = np.array([point.states.get(s, 0.0) for s in scene.states])
-    u = np.concatenate([point.inputs, np.zeros(len(program.inputs) - len(point.inputs))])
-    now = np.array([point.t])
+    u, now = point.inputs, np.array([point.t])
     if point.discrete is not None:
         discrete = point.discrete(program)[:, None]
     elif not scene.n_discrete:  # avoids building the scene's own program, which a linear train does not need here

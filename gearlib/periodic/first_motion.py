@@ -63,8 +63,6 @@ class Forced:
             raise ArgumentError(f"{', '.join(outputs)} depend on no states, so there is nothing to balance")
         scene = translation.scene_of(states)
         _refuse_memory(scene)
-        if len(scene.program.inputs) > len(translation.inputs):
-            raise ArgumentError("the model differentiates an input; give its derivative to a component that takes it instead")
         return scene
 
     def values(self, omega: float) -> dict[str, float]:

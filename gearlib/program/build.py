@@ -52,14 +52,7 @@ class Builder:
     def __init__(self, structure: Structure, blocks: Sequence[Block], states: tuple[Node, ...]) -> None:
         self.structure, self.model, self.blocks = structure, structure.model, blocks
         self.states = states
-        given = set(self.model.inputs.tolist())
-        inputs = [(int(v), 0) for v in self.model.inputs]
-        extra: set[Node] = set()
-        if given:  # derivatives of inputs, where a constraint on an input was differentiated
-            counts = structure.differentiation.counts
-            extra = {n for e, c in enumerate(counts) for n in structure.columns(e, c) if n[0] in given and n[1] > 0}
-            extra = {(v, k) for v, top in extra for k in range(1, top + 1)}
-        self.inputs = (*inputs, *sorted(extra))
+        self.inputs = tuple((int(v), 0) for v in self.model.inputs)
         self.slots: dict[Node, int] = {n: i for i, n in enumerate((*states, *self.inputs))}
         for block in blocks:
             for node in block:

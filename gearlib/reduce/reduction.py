@@ -6,7 +6,7 @@ before the balance is checked; for each of them one flow that is then undetermin
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -16,12 +16,15 @@ import numpy as np
 from gearlib.errors import LoopError, ModelError, NameLookupError, SingularError
 from gearlib.flatten.model import FlatModel, Floats, alphabetical
 from gearlib.reduce.coefficients import at_start, partials_at
+from gearlib.reduce.discontinuities import may_jump
 from gearlib.reduce.redundancy import balanced, flows_beside, redundant_rows, without
 from gearlib.structure.dependence import Dependence
 from gearlib.structure.incidence import Entry, Node
 from gearlib.structure.pantelides import Differentiation, pantelides
 from gearlib.structure.sorting import sinks
 from gearlib.structure.states import constraints, matched, select_columns
+
+LAST = 4.0  # badness as a state of what jumps: behind every preference
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -83,7 +86,8 @@ class Structure(Dependence):
         variable = self.model.variable(base, what)
         node, sign = (int(self.model.representative[variable]), order), int(self.model.sign[variable])
         if sign and not self.computes(node):
-            why = "needs the derivative of an input" if order else "does not occur in the model's equations"
+            known = order or node in self.solved_by
+            why = "needs the derivative of an input" if known else "does not occur in the model's equations"
             raise NameLookupError(f"{name} {why}, so it {refusal[0]}{f'; {base} {refusal[1]}' if order else ''}")
         return node, sign
 
@@ -118,9 +122,8 @@ def analyse(model: FlatModel, parameters: Floats) -> Structure:
     given = frozenset(model.inputs.tolist())
     unknowns = (lambda e, k: [n for n in model.nodes(e, k) if n[0] not in given]) if given else model.nodes
     result = pantelides(len(model.places), unknowns)
-    _refuse_differentiated_inputs(model, result, given)
-    lower = constraints(result, _entries(model, result, parameters, known))
-    eliminated, failed = select_columns(lower, _badness(model, result), _varying(model, result), ranks=model.ranks)
+    lower, badness = constraints(result, _entries(model, result, parameters, known)), _badness(model, result)
+    eliminated, failed = select_columns(lower, badness, _varying(model, result), ranks=model.ranks)
     if failed:
         owners = sorted({model.owner(*model.places[e]) for e, _ in failed})
         raise SingularError(
@@ -131,6 +134,8 @@ def analyse(model: FlatModel, parameters: Floats) -> Structure:
         states=_states(result, eliminated), solved_by=matched(result, lower, eliminated), columns=model.nodes, given=given,
         at_events=decisive_nodes(model), model=model, differentiation=result, redundant=redundant, closed=closed, complete=complete,
     )  # fmt: skip
+    structure = _without_jumps(structure, lower, badness, parameters)
+    _refuse_differentiated_inputs(structure)
     _refuse_reinits_of_no_state(model, structure.states)
     _refuse_reinits_of_one_state(model)
     return structure
@@ -143,10 +148,43 @@ def choose_again(structure: Structure, parameters: Floats, t: float, known: Floa
     by_declaration = {node: bad[:1] for node, bad in _badness(model, result).items()}
     for badness in (by_declaration, {}):
         eliminated, failed = select_columns(lower, badness, varying, ranks=model.ranks)
-        states = _states(result, eliminated)
-        if not failed and {*states} >= {(v, 0) for v in _reinitialised(model)} and {*states} != {*structure.states}:
-            return replace(structure, states=states, solved_by=matched(result, lower, eliminated))
+        if failed:
+            continue
+        other = replace(structure, states=_states(result, eliminated), solved_by=matched(result, lower, eliminated))
+        other = _without_jumps(other, lower, badness, parameters)
+        if other.is_state >= {(v, 0) for v in _reinitialised(model)} and other.is_state != structure.is_state:
+            return other
     return None
+
+
+def _without_jumps(
+    structure: Structure, lower: Mapping[Node, Mapping[Node, float]], badness: Mapping[Node, tuple[float, ...]],
+    parameters: Floats,
+) -> Structure:  # fmt: skip
+    """The structure with other states, where there are any, in place of those whose rates need the derivative of what may jump.
+
+    Which these are does not depend on the other states, so the choice is repeated with all that have been found put last.
+    """
+    model, result = structure.model, structure.differentiation
+
+    def unfit(found: Structure, equations: Collection[Node]) -> set[Node]:
+        needing = found.needing(equations) if equations else set()
+        return {(v, k) for v, k in found.states if (v, k + 1) in needing}
+
+    held = [bool(group.template.relations or group.template.discretes) for group in model.groups]
+    switching = {(e, k) for e, (g, _) in enumerate(model.places) if held[g] for k in range(1, result.counts[e] + 1)}
+    steep = switching | structure.with_rates_of_given
+    if not unfit(structure, steep):
+        return structure
+    steep -= {(e, k) for e, k in switching if not may_jump(model, e, k, parameters)}
+    found, last = structure, dict.fromkeys(((v, 0) for v in _reinitialised(model)), (-1.0,))
+    while new := dict.fromkeys(unfit(found, steep) - last.keys(), (LAST,)):
+        last |= new
+        eliminated, failed = select_columns(lower, {**badness, **last}, _varying(model, result), ranks=model.ranks)
+        if failed:
+            return structure
+        found = replace(found, states=_states(result, eliminated), solved_by=matched(result, lower, eliminated))
+    return min(structure, found, key=lambda s: len(unfit(s, steep)))
 
 
 def _states(result: Differentiation, eliminated: Collection[Node]) -> tuple[Node, ...]:
@@ -177,16 +215,16 @@ def confirm(structure: Structure, parameters: Floats) -> None:
         )
 
 
-def _refuse_differentiated_inputs(model: FlatModel, result: Differentiation, given: frozenset[int]) -> None:
-    if not given:
-        return
-    for e, count in enumerate(result.counts):
-        for v, order in model.nodes(e, count):
-            if v in given and order:
-                raise ModelError(
-                    f"{model.owner(*model.places[e])}: the input {model.name(v)} would have to be differentiated; bind it to an "
-                    "expression of gl.time that can be, or let the motion follow it through a filter (exact=False)"
-                )
+def _refuse_differentiated_inputs(structure: Structure) -> None:
+    """Refuse models in which the rate of a state needs the derivative of an unbound input."""
+    model, rates = structure.model, {(v, k + 1) for v, k in structure.states}
+    for e, k in sorted(structure.with_rates_of_given):
+        if not rates.isdisjoint(structure.needing({(e, k)})):
+            v = next(v for v, order in model.nodes(e, k) if order and v in structure.given)
+            raise ModelError(
+                f"{model.owner(*model.places[e])}: the input {model.name(v)} would have to be differentiated; bind it to an "
+                "expression of gl.time that can be, or let the motion follow it through a filter (exact=False)"
+            )
 
 
 def decisive_nodes(model: FlatModel) -> dict[int, list[Node]]:

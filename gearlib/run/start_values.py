@@ -190,6 +190,8 @@ def start_values(
     place = {node: i for i, node in enumerate(everything)}
     direct = {place[v, 0] for v in fixed if (v, 0) in place}
     others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.solved_by]
+    for v in (v for v, k in others if not structure.computes((v, k))):
+        raise StartError(f"start of {fixed[v][1]}: it needs the derivative of an input, so it cannot be given a start value")
     free = [i for i in range(len(everything)) if i not in direct]
     settled = set(direct)
     change = None if seeds is None else _Change.of_guess(scene, seeds, overrides, own_seeds)

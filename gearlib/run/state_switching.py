@@ -72,7 +72,10 @@ def _following(run: Run, left: Solution, switched: Switched) -> Run:
     known[0, scene.model.inputs] = values(run.signals, t)[:, 0]
     known[tuple(np.array(scene.states).T[::-1])] = x
     nodes = [
-        n for v, order in orders.items() for k in range(order) if not scene.missing(n := (v, k)) and n not in scene.place_of
+        n
+        for v, order in orders.items()
+        for k in range(order)
+        if structure.computes(n := (v, k)) and not scene.missing(n) and n not in scene.place_of
     ]
     program = build(structure, nodes, scene.states, dynamic=False)
     guess = guess_of(program, run.start.guess)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from gearlib.structure.incidence import Columns, Node
 
@@ -60,12 +62,39 @@ class Dependence:
     def computes(self, node: Node) -> bool:
         """Whether a node is a state, given, or computable from these, if need be by differentiation."""
         if node in self.is_state or node in self.solved_by:
-            return True
+            return node not in self._beyond_given
         if node[0] in self.given:
             return node[1] == 0
         if node not in self._known:
             self._known[node] = self._can_be_computed(node)
         return self._known[node]
+
+    def needing(self, equations: Collection[Node]) -> set[Node]:
+        """The nodes of the model that are determined by some equations, or by nodes that are, other than through states."""
+        needed_by: defaultdict[Node, list[Node]] = defaultdict(list)
+        stack = []
+        for node, place in self.solved_by.items():
+            for other in self.of(node):
+                needed_by[other].append(node)
+            if place in equations:
+                stack.append(node)
+        found = set(stack)
+        while stack:
+            following = [n for n in needed_by[stack.pop()] if n not in found]
+            found.update(following)
+            stack += following
+        return found
+
+    @cached_property
+    def with_rates_of_given(self) -> frozenset[Node]:
+        """Equations that contain the derivative of what is given."""
+        if not self.given:
+            return frozenset()
+        return frozenset(e for e in self.solved_by.values() if any(k and v in self.given for v, k in self.columns(*e)))
+
+    @cached_property
+    def _beyond_given(self) -> set[Node]:
+        return self.needing(self.with_rates_of_given) if self.with_rates_of_given else set()
 
     def _can_be_computed(self, node: Node) -> bool:
         """Whether everything that a derivative depends on is determined, down to the nodes of the model."""
@@ -78,6 +107,8 @@ class Dependence:
                 if other[0] in self.given:
                     if other[1]:
                         return False
+                elif other in self._beyond_given:
+                    return False
                 elif other not in seen and other not in self.is_state and other not in self.solved_by:
                     seen.add(other)
                     stack.append(other)

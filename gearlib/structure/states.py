@@ -40,7 +40,7 @@ def constraints(result: Differentiation, entries: Iterable[Entry]) -> dict[Node,
     rows: dict[Node, dict[Node, float]] = {(e, k): {} for e, c in enumerate(counts) for k in range(c)}
     for e, v, order, value in entries:
         for k in range(counts[e]):
-            if value != 0.0 and order + k < orders[v]:
+            if value != 0.0 and order + k < orders.get(v, 0):  # what is given has no order
                 rows[e, k][v, order + k] = rows[e, k].get((v, order + k), 0.0) + value
     return rows
 

@@ -296,8 +296,8 @@ class LinearTrain:
             return False
         jumps = steps @ self.T2 @ np.linalg.solve(self.T2.T @ self.D @ self.T2, self.T2.T)
         for part in self.train.parts:
-            if part.kind in ("AccSensor", "RelAccSensor"):
-                row = self.spread(part, (-1.0, 1.0) if part.kind == "RelAccSensor" else (1.0,))
+            if part.kind in ("AccSensor", "RelAccSensor", "RelativeStates"):
+                row = self.spread(part, (1.0,) if part.kind == "AccSensor" else (-1.0, 1.0))
                 if np.abs(jumps @ row).max() > 1e-9:
                     return True
         return False
