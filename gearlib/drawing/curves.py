@@ -50,7 +50,7 @@ def plot_against(x: History, y: History, shown: tuple[Shown, Shown], *, period: 
             label += f", {loop_work(x, y, times[-2], times[-1]):.4g} J"
         here.plot(a[last], b[last], color=COLOURS[0], lw=1.8, label=label)
         at = [np.interp(times, x.time, values) for values in (a, b)]
-        here.plot(*at, "o", color=COLOURS[1], ms=3.5, label=f"every {period:.4g} s")
+        here.plot(*at, "o", color=COLOURS[1], ms=3.5, label=f"every {float(period):.4g} s")
         legend(here)
     here.set_xlabel(axis_label(x.name, shown[0].text))
     here.set_ylabel(axis_label(y.name, shown[1].text))
@@ -65,8 +65,11 @@ def stroboscopic(time: Floats, period: float) -> Floats:
     [0.1, 0.4, 0.7, 1.0]
     """
     length = float(time[-1] - time[0])
-    if not 0 < real("period", period, "a positive time, s") <= length:
-        raise ArgumentError(f"period is {period:g} s; expected a positive time, up to that of the run, {length:g} s")
+    period = real("period", period, "a positive time, s")
+    if not length / len(time) <= period <= length:
+        raise ArgumentError(
+            f"period is {period:g} s; expected a positive time, up to that of the run, {length:g} s, and not below that between samples"
+        )
     before: Floats = period * np.arange(int(length / period * (1 + 1e-12)), -1.0, -1.0)
     return float(time[-1]) - before
 
@@ -134,7 +137,10 @@ def plot_spectrum(
     here.semilogy(f[1:], np.maximum(amplitudes[1:] * shown.factor, 1e-300), color=COLOURS[0], lw=1.0)
     top = float(amplitudes[1:].max()) * shown.factor or 1.0
     here.set_ylim(1e-6 * top, 2 * top)
-    here.set_xlim(0, f[-1] if f_max is None else real("f_max", f_max, "a positive frequency, Hz"))
+    highest = float(f[-1]) if f_max is None else real("f_max", f_max, "a positive frequency, Hz")
+    if highest <= 0:
+        raise ArgumentError(f"f_max is {highest:g}; expected a positive frequency, Hz")
+    here.set_xlim(0, highest)
     here.set_xlabel("frequency, Hz")
     here.set_ylabel(axis_label(f"amplitude of {history.name}", shown.text))
     here.set_title(f"Spectrum of {history.name}, window: {window}", fontsize=10)

@@ -17,6 +17,7 @@ from gearlib.language.declarations import Owner
 
 Floats = NDArray[np.float64]
 SHAFTS = ("ring", "carrier", "sun")
+FARTHEST = 1e12  # rad or s: beyond it, the digits of an angle say little of where a gear stands
 MOST_FRAMES = 1000  # of one picture, which holds the positions at all of them
 
 
@@ -61,7 +62,7 @@ def frames(name: str, values: Any, expected: str) -> Floats:
         They are none, or more than a picture can move through.
     """
     found = np.atleast_1d(reals(name, values, expected))
-    if found.ndim != 1 or not 0 < len(found) <= MOST_FRAMES:
+    if found.ndim != 1 or not 0 < len(found) <= MOST_FRAMES or np.abs(found).max() > FARTHEST:
         raise ArgumentError(f"{name} is {shown(values)}; expected {expected}, {MOST_FRAMES} at most")
     return found
 

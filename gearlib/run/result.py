@@ -420,7 +420,7 @@ class Result(ABC):
         """A variable over time with its unit, as plots take it; ``run`` labels this run."""
         from gearlib.drawing.histories import History
 
-        return History(name, self.unit(name), self.time, self[name], run)
+        return History(name, self.unit(name), self.time, self[name], one_name("run", run, "stiffer shaft"))
 
     def _repr_html_(self) -> str:
         """Notebook representation: one line per output."""

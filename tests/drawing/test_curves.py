@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from fractions import Fraction
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -40,6 +41,9 @@ def test_times_of_whole_periods_end_with_the_run() -> None:
             ArgumentError, match=rf"period is {period:g} s; expected a positive time, up to that of the run, 2 s"
         ):
             stroboscopic(t, period)
+    with pytest.raises(ArgumentError, match=r"period is 4.94066e-324 s; expected .* and not below that between samples"):
+        stroboscopic(t, 5e-324)
+    assert stroboscopic(t, Fraction(1, 2)).tolist() == stroboscopic(t, 0.5).tolist()
 
 
 def test_work_is_the_area_between_two_times() -> None:
@@ -126,6 +130,8 @@ def test_a_spectrum_is_shown_over_six_decades_below_its_peak() -> None:
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("frequency, Hz", "amplitude of x, mm")
     assert axes.get_title() == "Spectrum of x, window: hann"
     assert plot_spectrum(history, Shown("m", 1.0), f_max=20.0).get_xlim() == (0, 20)
+    with pytest.raises(ArgumentError, match="f_max is 0; expected a positive frequency"):
+        plot_spectrum(history, Shown("m", 1.0), f_max=0)
     assert plot_spectrum(History("x", "m", t, 0 * t), Shown("m", 1.0)).get_ylim() == pytest.approx((1e-6, 2))
 
 

@@ -38,6 +38,8 @@ def test_a_still_view_shows_every_wheel():
     assert "animate" not in view.svg
     assert "3 × planet: 31 teeth" in view.svg
     assert view.html is None
+    with pytest.raises(ArgumentError, match=r"angle is 1e.308; expected an angle"):
+        train().gear_view(angle=1e308)
     assert repr(view) == "<GearView of ZhouCui2022: 7 gears, 1 frames; save('gears.svg') writes it>"
 
 
