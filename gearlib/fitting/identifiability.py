@@ -84,13 +84,13 @@ def identifiability(slopes: Floats, residuals: Floats, names: tuple[str, ...], k
     n = len(names)
     _, sizes, directions = np.linalg.svd(np.linalg.qr(slopes, mode="r"), full_matrices=True)
     sizes = np.concatenate([sizes, np.zeros(n - len(sizes))])
-    rank = int((sizes > NOTHING * sizes.max(initial=0.0)).sum())
-    freedom = len(residuals) - rank
+    above_rounding = sizes > NOTHING * sizes.max()
+    freedom = len(residuals) - int(above_rounding.sum())
     noise = 1.0 if known else float(np.sqrt((residuals**2).sum() / freedom)) if freedom > 0 else 0.0
-    determined = (sizes > noise) & (sizes > NOTHING * sizes.max(initial=0.0)) & (sizes > 0.0)
+    determined = (sizes > noise) & above_rounding
     inverse = np.divide(noise, sizes, out=np.zeros(n), where=determined)
     covariance = (directions.T * inverse**2) @ directions
-    touched = np.abs(directions[~determined]).max(axis=0, initial=0.0) > TOUCHED
+    touched = (np.abs(directions[~determined]) > TOUCHED).any(axis=0)
     covariance[touched] = covariance[:, touched] = np.nan
     covariance[touched, touched] = np.inf
     return Identifiability(names, sizes, directions, determined, noise, covariance)

@@ -143,7 +143,7 @@ class MeasuredHistories(Measured):
             raise ArgumentError(f"data is {shown(data)}; expected {expected}")
         if TIME not in columns:
             raise ArgumentError(f"data has no column 'time'; its columns are {', '.join(map(str, columns))}")
-        self.time = increasing("time", columns.pop(TIME), 2, "s")
+        self.time = increasing("time", columns.pop(TIME), 2, ", s")
         self.columns: dict[str, Floats] = {}
         for name, values in columns.items():
             found = np.asarray(values)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ class Path:
     folds : tuple of int
         Indices of the points at which w turns back.
     complete : bool
-        Whether the branch left the interval; False if it ran out of points, or one was rejected.
+        Whether the branch reached an end of the interval; False if it ran out of points, or one was rejected.
     """
 
     z: Floats
@@ -94,6 +94,12 @@ def follow(
     point = continuation.begin(z)
     branch, length = [point], step / 4
     folds: list[int] = []
+    complete = False
+
+    def added(found: _BranchPoint) -> bool:
+        branch.append(found)
+        return accept(found.y[:-1], continuation.place(found.y))
+
     while len(branch) < points:
         new = continuation.corrected(point, length)
         if new is None or (length > 1e-3 * step and continuation.strayed(point, new, length)):
@@ -105,24 +111,19 @@ def follow(
                 )
             continue
         if not 0.0 <= new.y[-1] <= 1.0:
-            last = continuation.at_border(point, new, 1.0 if new.y[-1] > 1.0 else 0.0)
-            return _path(continuation, [*branch, last] if last is not None else branch, folds, True)
+            last = continuation.at_border(point, new, min(max(float(new.y[-1]), 0.0), 1.0))
+            complete = last is not None and added(last)
+            break
         if new.tangent[-1] * point.tangent[-1] < 0:
             fold = continuation.fold(point, new, length)
             if fold is not None:
                 folds.append(len(branch))
-                branch.append(fold)
-                if len(branch) == points:
+                if not added(fold) or len(branch) == points:
                     break
         point = new
-        branch.append(point)
-        if not accept(point.y[:-1], continuation.place(point.y)):
+        if not added(point):
             break
         length = min(length * (1.5 if new.iterations <= 3 else 1.0 if new.iterations <= 5 else 0.6), step)
-    return _path(continuation, branch, folds, False)
-
-
-def _path(continuation: _Continuation, branch: list[_BranchPoint], folds: list[int], complete: bool) -> Path:
     z, w = np.array([s.y[:-1] for s in branch]), np.array([continuation.place(s.y) for s in branch])
     return Path(z, w, tuple(folds), complete)
 
@@ -203,8 +204,8 @@ class _Continuation:
         found = newton(equations, guess, settled, 12)
         if not found.settled or self.place(found.x) <= 0.0 < self.start:
             return None
-        tangent = np.asarray(direction / np.sqrt(self.inner(direction, direction, before)), np.float64)
-        return _BranchPoint(found.x, tangent, found.iterations, max(before.largest, self.size(found.x)))
+        reached = _BranchPoint(found.x, direction, found.iterations, max(before.largest, self.size(found.x)))
+        return replace(reached, tangent=direction / np.sqrt(self.inner(direction, direction, reached)))
 
     def at_border(self, point: _BranchPoint, beyond: _BranchPoint, border: float) -> _BranchPoint | None:
         """Point at which the branch leaves the interval."""

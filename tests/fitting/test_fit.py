@@ -271,6 +271,10 @@ def test_evaluations_that_run_out() -> None:
         ({"data": {"time": [0.0, 1.0]}}, "data has no column but the time"),
         ({"data": {"time": [0.0, 1.0], "load.w": [0.0]}}, r"has the shape \(1,\); expected \(2,\)"),
         ({"data": {"time": [0.0, 1.0], "load.x": [0.0, 1.0]}}, r"load\.x"),
+        (
+            {"data": {"time": [1.0, 1.0], "load.w": [0.0, 1.0]}},
+            r"expected an increasing sequence of two or more finite numbers, s$",
+        ),
         ({"noise": {"load.x": 1.0}}, r"noise names 'load\.x', which was not measured"),
         ({"noise": -1.0}, "expected a standard deviation above 0"),
         ({"noise": 5e-324}, r"load\.w is predicted as 1 and measured as 0; in units of its noise, 4\.94e-324, the difference"),
@@ -339,3 +343,143 @@ def test_measurements_that_are_none() -> None:
         gl.fit(system(), gl.MeasuredMargins(("torque.tau", "load.w"), phase_margin=3.0, gain=1e-3), FREE)
     with pytest.raises(gl.GearlibError, match=r"'shaft\.x' was not free"):
         gl.fit(system(), gl.MeasuredModes([3.0]), {"shaft.c": (1e2, 1e4)})["shaft.x"]
+
+
+# ---------------------------------------------------------------- what is measured
+
+
+def test_series_have_the_units_and_places_of_what_was_measured() -> None:
+    histories = gl.MeasuredHistories(
+        {"time": [0.0, 0.5, 1.0], "load.w": [1, 2, 3], "shaft.tau": [np.nan, 2.0, np.nan]}, noise={"load.w": 0.5}
+    )
+    speed, torque = histories.series(system())
+    assert (speed.name, speed.unit, speed.along, speed.noise) == ("load.w", "rad/s", "time, s", 0.5)
+    assert (speed.x.tolist(), speed.numbers.tolist()) == ([0.0, 0.5, 1.0], [1.0, 2.0, 3.0])
+    assert (torque.unit, torque.x.tolist(), torque.values.tolist(), torque.noise) == ("N.m", [0.5], [2.0], None)
+    (response,) = gl.MeasuredResponse([np.pi, 4 * np.pi], [1 + 2j, 3 - 4j], "torque.tau", "load.w", noise=0.1).series(system())
+    assert (response.name, response.unit) == ("load.w to torque.tau", "rad/s per N.m")
+    assert (response.x.tolist(), response.along, response.noise) == ([0.5, 2.0], "frequency, Hz", 0.1)
+    assert response.numbers.tolist() == [1.0, 3.0, 2.0, -4.0]  # real parts, then imaginary ones
+    frequencies, damping = gl.MeasuredModes([2.0, 3.0], [0.1, 0.2], numbers=[0, 2], noise={"damping": 0.01}).series(system())
+    assert (frequencies.unit, frequencies.noise, damping.unit, damping.noise) == ("Hz", None, "1", 0.01)
+    assert (damping.x.tolist(), damping.along) == ([0.0, 2.0], "mode")
+    assert gl.MeasuredModes([2.0], 0.1, noise=0.3).noise == {"frequencies": 0.3}
+    margins = gl.MeasuredMargins(
+        ("a", "b"), gain_margin_db=6.0, phase_margin=30.0, delay_margin=0.1, modulus_margin=0.5, noise=2.0
+    )
+    assert [(s.name, s.unit, s.values.tolist(), s.noise) for s in margins.series(system())] == [
+        ("gain_margin_db", "dB", [6.0], 2.0), ("phase_margin", "deg", [30.0], 2.0), ("delay_margin", "s", [0.1], 2.0),
+        ("modulus_margin", "1", [0.5], 2.0),
+    ]  # fmt: skip
+    shown = [repr(m) for m in (histories, gl.MeasuredModes([2.0, 3.0], [0.1, 0.2]), gl.MeasuredModes([2.0]), margins)]
+    assert shown == [
+        "<MeasuredHistories of load.w, shaft.tau: 3 times>", "<MeasuredModes: 2 frequencies and damping>",
+        "<MeasuredModes: 1 frequencies>",
+        "<MeasuredMargins of a -> b: gain_margin_db, phase_margin, delay_margin, modulus_margin>",
+    ]  # fmt: skip
+
+
+def test_differences_of_runs_are_the_tangents() -> None:
+    """Where histories are not asked for with exact derivatives: of a parameter and of start values, also one that is zero."""
+    data = measured(0, noise=0.0)
+    at = {"shaft.c": 430.0, "start(motor.w)": 0.0, "start(load.w)": -2.0}
+    exact, differences = (data.predicted(system(), at, wanted) for wanted in (True, False))
+    assert exact.approximate == differences.approximate == ""
+    for tangent, difference, values, own in zip(
+        exact.slopes, differences.slopes, exact.values, differences.values, strict=True
+    ):
+        assert own == pytest.approx(values, rel=1e-6, abs=1e-8)
+        for k in range(3):
+            np.testing.assert_allclose(difference[:, k], tangent[:, k], atol=2e-5 * np.abs(tangent[:, k]).max())
+
+
+def test_what_is_free_does_not_move_what_it_is_not_in() -> None:
+    """A start value moves no response, no mode and no margin: its column is zero, beside those of parameters."""
+    at = {"shaft.c": 430.0, "start(motor.w)": 1.0, "shaft.d": 2.4}
+    for data in of_all_kinds()[1:]:
+        slopes = np.concatenate(data.predicted(system(), at).slopes)
+        alone = np.concatenate(data.predicted(system(), {"shaft.d": 2.4, "shaft.c": 430.0}).slopes)
+        assert slopes == pytest.approx(np.column_stack([alone[:, 1], 0 * alone[:, 0], alone[:, 0]]), rel=1e-12)
+        assert data.predicted(system(), {"start(motor.w)": 1.0}).slopes[0] == pytest.approx(
+            np.zeros((len(slopes) // len(data.series(system())), 1))
+        )
+
+
+def test_experiments_have_their_own_gain_margins_in_decibels() -> None:
+    loop = ("torque.tau", "load.w")
+    data = gl.MeasuredMargins(loop, gain_margin_db=3.0, modulus_margin=0.2, gain=300.0, parameters={"brake.d": 0.7})
+    report = gl.stability(system(), loop, gain=300.0, parameters={"brake.d": 0.7, "shaft.c": 500.0}).loop
+    assert report is not None
+    found = data.predicted(system(), {"shaft.c": 500.0})
+    assert found.values[0] == pytest.approx([20 * np.log10(report.margins.gain_margin)])
+    assert found.values[1] == pytest.approx([report.margins.modulus_margin])
+
+
+@pytest.mark.parametrize(("count", "numbers"), [(1, [2]), (1, [5]), (2, [0, 1])])
+def test_modes_that_the_system_does_not_have(count: int, numbers: list[int]) -> None:
+    """The drive vibrates in one mode, number 0."""
+    with pytest.raises(ArgumentError, match=rf"numbers names mode {max(numbers)}; the system has 1 that vibrate"):
+        gl.MeasuredModes([3.0] * count, numbers=numbers).predicted(system(), {"shaft.c": 400.0})
+    assert gl.MeasuredModes([3.0], numbers=[0]).predicted(system(), {"shaft.c": 400.0}).values[0] == pytest.approx(
+        gl.modes(system()).frequencies
+    )
+
+
+# ---------------------------------------------------------------- the search
+
+
+@pytest.mark.parametrize(
+    ("bounds", "begin"),
+    [
+        ((100.0, 1e4), 400.0),  # the model's own value
+        ((400.0, 1600.0), 800.0),  # at a bound the search could not leave it: the middle of the logarithms
+        ((100.0, 400.0), 200.0),
+        ((900.0, 2500.0), 1500.0),
+        ((0.0, 300.0), 150.0),  # no logarithms down to zero
+        ((-100.0, 300.0), 100.0),
+    ],
+)
+def test_where_a_search_begins(bounds: tuple[float, float], begin: float) -> None:
+    found = gl.fit(system(), gl.MeasuredModes([5.0], noise=0.1), {"shaft.c": bounds}, evaluations=1)
+    assert found.begin == pytest.approx([begin], rel=1e-12)
+    assert found.bounds.tolist() == [list(bounds)]
+    assert found.evaluations >= 1
+
+
+def test_the_error_of_a_parameter_is_that_of_its_derivative() -> None:
+    """One frequency f = sqrt(c / J) / 2 pi with an error s: that of c is 2 c s / f, whether c is sought by its logarithm or not."""
+    for low in (100.0, -100.0):
+        found = gl.fit(system(), gl.MeasuredModes([6.0], noise=0.06), {"shaft.c": (low, 5e3)})
+        f = gl.modes(system(), parameters=found.values).frequencies[0]
+        assert f == pytest.approx(6.0, rel=1e-6)
+        assert found.standard_errors["shaft.c"] == pytest.approx(2 * found["shaft.c"] * 0.01, rel=2e-3)  # little damping
+        assert (found.units, found.names, found.noise_given) == (("N.m/rad",), ("shaft.c",), True)
+        assert found.residuals == pytest.approx([0.0], abs=1e-5)
+
+
+def test_a_search_is_told_by_the_part_of_its_evaluations() -> None:
+    told: list[float] = []
+    found = gl.fit(
+        system(),
+        gl.MeasuredModes([6.0], noise=0.1),
+        {"shaft.c": (100.0, 5e3)},
+        evaluations=20,
+        progress=lambda f, _: told.append(f),
+    )
+    assert told == pytest.approx([min(1.0, k / 20) for k in range(2, found.evaluations + 1)])  # the first is before the search
+    assert found.converged
+
+
+def test_without_noise_each_series_counts_by_its_spread() -> None:
+    """Two histories in very different units; the noise is that part of each spread which the residuals show; constants count by size."""
+    run = histories(0)
+    rng = np.random.default_rng(5)
+    data = {n: run[n] + 0.02 * np.std(run[n]) * rng.normal(size=len(TIME)) for n in ("load.w", "shaft.tau")}
+    found = gl.fit(system(), gl.MeasuredHistories({"time": TIME, **data}, **PLANS[0]), FREE)
+    for s in found.series:
+        own = np.std(data[s.name])
+        assert s.noise == pytest.approx(0.02 * own, rel=0.1)
+        here = found.residuals[: len(TIME)] if s.name == "load.w" else found.residuals[len(TIME) :]
+        assert here == pytest.approx((s.predicted - s.measured) / own)
+    still = gl.fit(system(), gl.MeasuredModes([6.0]), {"shaft.c": (600.0, 5e3)}, evaluations=1)
+    assert still.residuals == pytest.approx((still.series[0].predicted - 6.0) / 6.0)

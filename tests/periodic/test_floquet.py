@@ -1,11 +1,18 @@
 """Floquet multipliers of trains that turn: which of them belong to rigid motions, and which to vibration."""
 
+from functools import cache
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.periodic.floquet import vibration_multipliers
+from gearlib.periodic.first_motion import Forced
+from gearlib.periodic.floquet import monodromy, vibration_multipliers
+from gearlib.periodic.periods import fourier, jumps, moments
+from tests.periodic.models import STIFF, STOP, ZETA, driven, motion
 
 W_SUN, W_RING, W_PLANET = 31 / 19, 23 / 27, -19 / 31  # speeds over that of the carrier
 PRELOAD = 100 / 0.1215 / 1.8e8  # by which 100 N.m on the ring press a mesh together
@@ -85,3 +92,65 @@ def test_a_direction_that_a_jump_depends_on_is_no_rigid_motion() -> None:
     phase = np.eye(2)[:, 1:2]
     found = vibration_multipliers(over_period, phase, phase, np.zeros(2))
     assert np.sort(found.real) == pytest.approx(np.sort(np.linalg.eigvals(over_period).real))
+
+
+def test_disturbances_pass_corners_and_jumps_as_linear_pieces_do() -> None:
+    """Between its switches the train is linear with constant coefficients: exponentials, and a jump at each turn of the friction."""
+    omega, c = 0.8, motion(0.8)
+    found = moments(driven(omega), c, 400)
+    cuts = jumps(driven(omega), c, found, np.ones(2))
+    assert cuts is not None
+    expected = np.eye(2)
+    for i, (begin, end, _) in enumerate(found.pieces):
+        expected = expected + np.outer(cuts.jump[i], cuts.gradient[i] @ expected) / cuts.rate[i]
+        touched = (fourier(np.array([(begin + end) / 2]), 3) @ c)[0, 0] > STOP
+        expected = expm(np.array([[0.0, 1.0], [-1.0 - STIFF * touched, -2 * ZETA]]) * (end - begin) / omega) @ expected
+    assert monodromy(driven(omega), c, found, cuts, 400) == pytest.approx(expected, abs=1e-6)
+    without = monodromy(driven(omega), c, found, None, 400)
+    assert np.linalg.det(without) == pytest.approx(np.exp(-2 * ZETA * 2 * np.pi / omega), rel=1e-6)
+    assert np.abs(without - expected).max() > 0.1
+
+
+class Pumped(gl.Component):
+    """An oscillator whose stiffness a motion of its own varies: ``x'' + 0.1 x' + x + x**3 = 0``."""
+
+    x = gl.Variable("1")
+    v = gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.v), gl.Eq(gl.der(self.v), -0.1 * self.v - self.x - self.x**3)]
+
+
+@cache
+def pumped() -> Forced:
+    return Forced(gl.compile(Pumped()).translation, None, {}, {}, 1, {})
+
+
+def test_disturbances_of_smooth_motions_are_those_of_integration_to_fourth_order() -> None:
+    """About ``x = 0.2 + 0.8 cos(w t) + 0.5 sin(w t)``, whatever makes it move so; half the step, a sixteenth of the error."""
+    omega, c = 1.3, np.array([[0.2, 0.0], [0.8, 0.0], [0.5, 0.0]])
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        x = 0.2 + 0.8 * np.cos(omega * t) + 0.5 * np.sin(omega * t)
+        return (np.array([[0.0, 1.0], [-1.0 - 3 * x**2, -0.1]]) @ y.reshape(2, 2)).ravel()
+
+    expected = solve_ivp(rate, (0.0, 2 * np.pi / omega), np.eye(2).ravel(), rtol=1e-12, atol=1e-13).y[:, -1].reshape(2, 2)
+    driven_ = pumped().driven(pumped().scene(["x", "v"]))(omega)
+    errors = []
+    for samples in (62, 126, 250):
+        found = moments(driven_, c, samples)
+        errors.append(np.abs(monodromy(driven_, c, found, None, samples) - expected).max())
+    assert errors[0] < 2e-3
+    assert errors[0] / errors[1] == pytest.approx((126 / 62) ** 4, rel=0.1)
+    assert errors[1] / errors[2] == pytest.approx((250 / 126) ** 4, rel=0.1)
+
+
+def test_the_phase_of_a_turning_train_is_one_multiplier_and_no_more() -> None:
+    """The eigenvalue nearest to 1 goes where a mesh phase grows, unless that direction is idle and gone already."""
+    over_period = np.diag([1.0 + 1e-4, 0.9, -0.8])
+    none, growth = np.empty((3, 0)), np.array([1.0, 0.0, 0.0])
+    assert np.sort(vibration_multipliers(over_period, none, none, growth).real) == pytest.approx([-0.8, 0.9])
+    assert np.sort(vibration_multipliers(over_period, none, none, 0 * growth).real) == pytest.approx([-0.8, 0.9, 1.0001])
+    idle = np.eye(3)[:, :1]
+    exact = np.diag([1.0, 0.9, -0.8])
+    assert np.sort(vibration_multipliers(exact, none, idle, growth).real) == pytest.approx([-0.8, 0.9])

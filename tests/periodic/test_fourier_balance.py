@@ -10,6 +10,8 @@ import pytest
 
 import gearlib as gl
 from gearlib.periodic.first_motion import First, Forced
+from gearlib.periodic.fourier_balance import HarmonicEquations, Rigid
+from tests.periodic.models import driven, motion
 
 ZETA, OMEGA, HARMONICS = 0.05, 0.7, 3
 
@@ -53,3 +55,41 @@ def test_the_error_is_what_was_added_to_the_motion(place: int, state: int) -> No
     low, error = balance.error(balance.unknowns(c), OMEGA)
     assert low == pytest.approx(0.01, rel=0.03)
     assert error == pytest.approx(low, rel=1e-6)
+
+
+def rigid(sums: int) -> Rigid:
+    """None; or an oscillator one combination of whose rates is taken as balanced, while a mean stays where it is."""
+    ends = np.array([[0.6], [0.8]])[:, :sums]
+    return Rigid(ends, np.array([[0.8, -0.6]])[:sums], np.empty((2, 0)), np.array([0.3, -0.2]))
+
+
+@pytest.mark.parametrize("sums", [0, 1])
+def test_derivatives_of_the_residual_are_its_differences(sums: int) -> None:
+    """With respect to every coefficient and the frequency, for forces with corners and jumps; scales and means differ."""
+    equations = HarmonicEquations(driven, 3, 400, np.array([2.0, 0.3]), rigid(0), True)
+    z, omega, h = equations.unknowns(motion(0.8)), 0.8, 1e-4
+    assert equations.coefficients(z) == pytest.approx(motion(0.8))
+    if sums:
+        equations = HarmonicEquations(driven, 3, 400, equations.scale, rigid(1), True)
+        equations.__dict__["_check"] = lambda *_: None  # of rates that nothing balances, which this motion leaves
+    _, by_z, by_w = equations.equations(z, omega)
+
+    def rest(at: np.ndarray, w: float) -> np.ndarray:
+        return equations.equations(at, w)[0]
+
+    differences = np.column_stack([(rest(z + h * e, omega) - rest(z - h * e, omega)) / (2 * h) for e in np.eye(len(z))])
+    assert by_z == pytest.approx(differences, abs=2e-3)
+    assert by_w == pytest.approx((rest(z, omega + h) - rest(z, omega - h)) / (2 * h), abs=2e-3)
+
+
+def test_the_residual_is_the_rate_of_the_motion_less_that_of_the_equations() -> None:
+    """In parts of the scale and per radian, transformed by an integral that is taken elsewhere."""
+    equations = HarmonicEquations(driven, 3, 800, np.array([2.0, 0.3]), rigid(0), True)
+    c, omega, phase = motion(0.8), 0.8, (np.arange(200_000) + 0.5) * 2 * np.pi / 200_000
+    x = driven(omega).states(phase, c)
+    rates = driven(omega).rates(phase, x, driven(omega).discrete(phase, x))
+    ahead, back = driven(omega).states(phase + 1e-5, c), driven(omega).states(phase - 1e-5, c)
+    off = (ahead - back) / 2e-5 - rates / omega
+    waves = [1, *(f(k * phase) * 2 for k in (1, 2, 3) for f in (np.cos, np.sin))]
+    expected = np.array([(off * wave).mean(axis=1) for wave in waves]) / equations.scale
+    assert equations.equations(equations.unknowns(c), omega)[0] == pytest.approx(expected.ravel(), abs=1e-5)

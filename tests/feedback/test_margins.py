@@ -1,0 +1,167 @@
+"""Margins at their edges, and what is made of several crossings; how they move with a parameter."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+
+from gearlib.feedback.feedback_loop import Loop, as_loop
+from gearlib.feedback.gain_range import gains_in_words, stable_gains
+from gearlib.feedback.margins import GainCrossing, Margins, PhaseCrossing, margins
+from gearlib.feedback.stability_sensitivity import stability_sensitivity
+from gearlib.linear.linear_model import Matrices
+from gearlib.linear.poles import poles
+
+INFINITE = float("inf")
+
+
+def test_the_nearest_of_several_crossings_counts() -> None:
+    """Gains by decibels, phases by size, delays by the time that is left."""
+    crossings = (PhaseCrossing(1.0, 0.2), PhaseCrossing(2.0, 4.0), PhaseCrossing(3.0, 100.0))
+    gains = (GainCrossing(1.0, 80.0, 1.4), GainCrossing(2.0, -30.0, 2.9), GainCrossing(9.0, 170.0, 0.33))
+    found = Margins(crossings, gains, 0.4, 2.5, False)
+    assert (found.gain_margin, found.phase_margin, found.delay_margin) == (4.0, -30.0, 0.33)
+    assert found.gain_margin_db == pytest.approx(12.0412, abs=1e-4)
+    assert crossings[0].gain_margin_db == pytest.approx(-13.9794, abs=1e-4)
+    assert found.as_dict() == {
+        "gain_margin": 4.0, "gain_margin_db": found.gain_margin_db, "phase_margin_deg": -30.0, "delay_margin_s": 0.33,
+        "modulus_margin": 0.4, "modulus_omega": 2.5, "phase_crossings": [(1.0, 0.2), (2.0, 4.0), (3.0, 100.0)],
+        "gain_crossings": [(1.0, 80.0), (2.0, -30.0), (9.0, 170.0)],
+    }  # fmt: skip
+    none = Margins((), (), 1.0, INFINITE, False)
+    assert (none.gain_margin, none.phase_margin, none.delay_margin, none.gain_margin_db) == (INFINITE,) * 4
+
+
+@pytest.mark.parametrize(
+    ("numerator", "denominator", "expected"),
+    [
+        ([-0.5, -0.1], [1, 1], [(0.0, 10.0), (INFINITE, 2.0)]),  # real and negative at rest, and at infinity
+        ([0.5, -0.1], [1, 1], [(0.0, 10.0)]),
+        ([-0.5, 0.1], [1, 1], [(INFINITE, 2.0)]),
+        ([0.5, 0.1], [1, 1], []),
+        ([-3.0], [1, 1, 0], []),  # at rest there is no value, but a pole
+    ],
+)
+def test_ends_of_the_curve_on_the_negative_axis_are_crossings(
+    numerator: list[float], denominator: list[float], expected: list[tuple[float, float]]
+) -> None:
+    found = [(c.omega, c.gain_margin) for c in margins(as_loop(control.tf(numerator, denominator))).phase_crossings]
+    assert np.ravel(found).tolist() == pytest.approx(np.ravel(expected).tolist())
+
+
+@pytest.mark.parametrize("k", [0.7, 2.0, 30.0])
+@pytest.mark.parametrize("pole", [0.3, 4.0])
+def test_margins_of_one_lag_and_an_integrator(k: float, pole: float) -> None:
+    """``k / (s (s + p))``: |L| = 1 at w with w^4 + p^2 w^2 = k^2, and a phase of -90 deg - atan(w / p) there."""
+    found = margins(as_loop(control.tf([k], [1, pole, 0])))
+    w = np.sqrt((np.sqrt(pole**4 + 4 * k**2) - pole**2) / 2)
+    (crossing,) = found.gain_crossings
+    phase = 90 - np.degrees(np.arctan(w / pole))
+    assert (crossing.omega, crossing.phase_margin) == (pytest.approx(w, rel=1e-11), pytest.approx(phase, rel=1e-11))
+    assert crossing.delay_margin == pytest.approx(np.radians(phase) / w, rel=1e-11)
+    grid = np.geomspace(1e-3, 1e3, 400_001)
+    distance = np.abs(1 + k / (1j * grid * (1j * grid + pole)))
+    assert found.modulus_margin == pytest.approx(distance.min(), rel=1e-8)
+    assert found.modulus_omega == pytest.approx(grid[distance.argmin()], rel=1e-3)
+    assert not found.real
+
+
+def test_a_negative_phase_margin_takes_almost_a_turn_of_delay() -> None:
+    """The unstable loop ``3 / (s (s + 1)^2)``: a lag of -11 deg, or a delay by which the curve turns 349 deg."""
+    (crossing,) = margins(as_loop(control.tf([3.0], [1, 2, 1, 0]))).gain_crossings
+    assert crossing.phase_margin == pytest.approx(-11.01, abs=0.01)
+    assert crossing.delay_margin == pytest.approx(np.radians(360 + crossing.phase_margin) / crossing.omega, rel=1e-12)
+
+
+def test_the_distance_from_the_point_is_found_at_the_ends_too() -> None:
+    """A lead is nearest to -1 at rest, a lag at infinite frequency."""
+    lead, lag = (margins(as_loop(control.tf(numerator, [1, 10.0]))) for numerator in ([5.0, 1.0], [0.2, 30.0]))
+    assert (lead.modulus_margin, lead.modulus_omega) == (pytest.approx(1.1, rel=1e-12), 0.0)
+    assert (lag.modulus_margin, lag.modulus_omega) == (pytest.approx(1.2, rel=1e-12), INFINITE)
+
+
+# ---------------------------------------------------------------- ranges of gains
+
+
+@pytest.mark.parametrize(
+    ("ranges", "said"),
+    [
+        ([], "no positive gain makes it stable"),
+        ([(0.0, INFINITE)], "stable for every positive gain"),
+        ([(0.0, 2.0)], "stable for less than 2 (+6.021 dB) times the present gain"),
+        ([(0.5, INFINITE)], "stable for more than 0.5 (-6.021 dB) times the present gain"),
+        (
+            [(0.0, 0.1), (2.0, 10.0), (100.0, INFINITE)],
+            "stable for less than 0.1 (-20.000 dB), and for 2 (+6.021 dB) to 10 (+20.000 dB), and for more than 100 (+40.000 dB) "
+            "times the present gain",
+        ),
+    ],
+)
+def test_ranges_in_words(ranges: list[tuple[float, float]], said: str) -> None:
+    assert gains_in_words(ranges) == said
+
+
+def test_ranges_meet_where_a_crossing_changes_nothing() -> None:
+    """A lag is stable for any gain, whatever edges are given; edges at 0 and infinity, or given twice, are none."""
+    loop = as_loop(control.tf([1.0], [1, 1]))
+    edges = [PhaseCrossing(1.0, g) for g in (3.0, 0.5, 0.5, INFINITE, 0.0)]
+    assert stable_gains(loop, edges) == ((0.0, INFINITE),)
+    third = as_loop(control.tf([1.0], [1, 3, 3, 1]))  # up to 8
+    for edges in ([8.0], [8.0, 1.0, 4.0], [2.0, 8.0, 9.0, 80.0]):
+        assert stable_gains(third, [PhaseCrossing(1.0, g) for g in edges]) == ((0.0, 8.0),)
+
+
+# ---------------------------------------------------------------- how margins move
+
+
+def matrices(p: float, feedthrough: float) -> Matrices:
+    """A damped chain with an unstable pole, whose matrices depend on p in every part."""
+    A = np.array([[0.0, 1.0, 0.0], [-4.0 - p, -0.4, 1.0], [0.0, 0.0, -3.0 + p]])
+    return Matrices(
+        A, np.array([[0.0], [1.0 + p], [2.0]]), np.array([[3.0 - p, 0.5 * p, 0.2]]), np.array([[feedthrough + 0.3 * p]])
+    )
+
+
+def loop_at(p: float, feedthrough: float) -> tuple[Loop, Margins, Matrices]:
+    m = matrices(p, feedthrough)
+    loop = Loop(m.A, m.B[:, 0], m.C[0], float(m.D[0, 0]), "u", "y", m)
+    return loop, margins(loop), m
+
+
+@pytest.mark.parametrize("feedthrough", [0.0, 0.3, -0.6])
+def test_all_margins_move_as_differences_say(feedthrough: float) -> None:
+    p, h = 0.2, 1e-5
+    loop, own, whole = loop_at(p, feedthrough)
+    change = Matrices(*((a - b) / (2 * h) for a, b in zip(_parts(p + h, feedthrough), _parts(p - h, feedthrough), strict=True)))
+    found = stability_sensitivity("p", "1", p, whole, change, poles(loop.A), (loop, own))
+    ahead, back = (loop_at(p + step, feedthrough) for step in (h, -h))
+    for name in ("gain_margin", "phase_margin", "delay_margin", "modulus_margin"):
+        expected = (getattr(ahead[1], name) - getattr(back[1], name)) / (2 * h)
+        assert getattr(found, name) == pytest.approx(expected, rel=1e-4, abs=1e-6, nan_ok=True)
+    for values, which in ((found.eigenvalues, "open_poles"), (found.closed_eigenvalues, "closed_poles")):
+        moved = (getattr(ahead[0], which).values - getattr(back[0], which).values) / (2 * h)
+        assert values == pytest.approx(moved, rel=1e-5, abs=1e-6)
+
+
+def _parts(p: float, feedthrough: float) -> tuple[Any, ...]:
+    m = matrices(p, feedthrough)
+    return m.A, m.B, m.C, m.D
+
+
+def test_how_they_move_is_printed_with_units() -> None:
+    loop, own, whole = loop_at(0.2, 0.3)
+    change = Matrices(*((a - b) for a, b in zip(_parts(0.7, 0.3), _parts(-0.3, 0.3), strict=True)))
+    text = str(stability_sensitivity("shaft.d", "N.m", 0.25, whole, change, poles(loop.A), (loop, own))).splitlines()
+    assert text[0] == "Change with shaft.d = 0.25 N.m, per N.m"
+    assert [line.split()[0] for line in text[1:7]] == ["pole"] * 3 + ["closed"] * 3
+    assert all(line.endswith("j 1/s") for line in text[1:7])
+    ends = {line[2:16].strip(): line.split()[-1] for line in text[7:]}
+    assert ends["phase margin"] == "deg"
+    assert ends["delay margin"] == "s"
+    alone = stability_sensitivity("k", "1", 2.0, whole, change, poles(loop.A), None)
+    assert str(alone).splitlines()[0] == "Change with k = 2"
+    assert len(str(alone).splitlines()) == 4
+    assert np.isnan([alone.gain_margin, alone.phase_margin, alone.delay_margin, alone.modulus_margin]).all()

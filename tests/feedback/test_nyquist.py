@@ -1,0 +1,91 @@
+"""The contour of the Nyquist criterion, and its count in words."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+import pytest
+
+from gearlib.feedback.feedback_loop import as_loop
+from gearlib.feedback.nyquist import NyquistCount, contour, nyquist_count
+
+
+@pytest.mark.parametrize(
+    ("count", "verdict", "said"),
+    [
+        (
+            NyquistCount(0, 0, ()), "stable",
+            "does not encircle -1 (N = 0). The open loop has no pole in the right half-plane (P = 0), so the closed loop has no pole "
+            "there (Z = N + P = 0): the closed loop is stable.",
+        ),
+        (
+            NyquistCount(-1, 1, ()), "stable",
+            "encircles -1 once counter-clockwise (N = -1). The open loop has one pole in the right half-plane (P = 1), so the closed "
+            "loop has no pole there (Z = N + P = 0): the closed loop is stable.",
+        ),
+        (
+            NyquistCount(1, 0, ()), "unstable",
+            "encircles -1 once clockwise (N = 1). The open loop has no pole in the right half-plane (P = 0), so the closed loop has "
+            "one pole there (Z = N + P = 1): the closed loop is unstable.",
+        ),
+        (
+            NyquistCount(3, 2, (1.5,)), "unstable",
+            "encircles -1 3 times clockwise (N = 3). The open loop has 2 poles in the right half-plane (P = 2), so the closed loop "
+            "has 5 poles there (Z = N + P = 5) and poles on the imaginary axis at 1.5 rad/s: the closed loop is unstable.",
+        ),
+        (
+            NyquistCount(-2, 2, (0.0, 12.3456789), False), "marginal",
+            "encircles -1 twice counter-clockwise (N = -2). The open loop has 2 poles in the right half-plane (P = 2), so the closed "
+            "loop has no pole there (Z = N + P = 0) and poles on the imaginary axis at 0, 12.3457 rad/s: the closed loop is marginal.",
+        ),
+        (
+            NyquistCount(0, 0, (2.0,), True), "drifting",
+            "does not encircle -1 (N = 0). The open loop has no pole in the right half-plane (P = 0), so the closed loop has no pole "
+            "there (Z = N + P = 0) and poles on the imaginary axis at 2 rad/s: the closed loop is drifting.",
+        ),
+    ],
+)  # fmt: skip
+def test_a_count_in_words(count: NyquistCount, verdict: str, said: str) -> None:
+    assert count.verdict == verdict
+    assert str(count) == f"Over all frequencies the curve {said}"
+
+
+LOOPS = {
+    "no pole on the axis": ([1.0], [1, 3, 3, 1]),
+    "one at zero": ([1.0], [1, 2, 1, 0]),
+    "three at zero": ([1.0, 2, 1], [1, 0, 0, 0]),
+    "at zero and at two": ([1.0], [1, 0, 4, 0]),
+    "of the closed loop only": ([1.0], [1, 0, 0.5]),
+    "close to each other": ([1.0], np.polymul([1, 0, 4], [1, 0, 4.0001])),
+    "beside the axis": ([1.0, 1.0], [1, 1e-6, 9]),
+}
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_contour_leads_up_the_axis_and_back_through_infinity_with_all_poles_on_the_axis_on_its_left(name: str) -> None:
+    """In one piece, from the real axis to the real axis; no pole lies inside that is not right of the imaginary axis."""
+    loop = as_loop(control.tf(*LOOPS[name]))
+    points = np.concatenate(contour(loop))
+    assert np.abs(points[0].imag) < 1e-12
+    assert points[0].real < 0.3 * loop.scale[0]
+    assert np.abs(points[-1].imag) < 1e-9 * np.abs(points[-1])
+    assert points[-1].real == pytest.approx(1e3 * loop.scale[1])
+    assert (points.real >= -1e-9 * np.abs(points)).all()
+    critical = loop.critical
+    steps = np.abs(np.diff(points))
+    distance = np.abs((points[1:] + points[:-1])[:, None] / 2 - critical[None, :])
+    assert (steps[:, None] < 1.5 * distance).all()  # too short to turn 1 + L by half a turn, and no gaps
+    whole = np.concatenate([points, points[::-1].conj()])
+    for pole in critical:
+        turns = np.angle((whole - pole) / (np.roll(whole, 1) - pole)).sum() / (2 * np.pi)
+        assert round(turns) == -int(pole.real > 1e-12 * abs(pole)), pole
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_count_is_that_of_the_roots(name: str) -> None:
+    numerator, denominator = LOOPS[name]
+    found = nyquist_count(as_loop(control.tf(numerator, denominator)))
+    roots = np.roots(np.polyadd(numerator, denominator))
+    assert found.closed_right == (roots.real > 1e-7).sum()
+    assert found.open_right == 0
+    assert bool(found.through) == bool((np.abs(roots.real) < 1e-7).any())

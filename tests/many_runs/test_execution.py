@@ -1,0 +1,241 @@
+"""How runs are carried out, gathered and told apart, with work that takes no time."""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+from gearlib.errors import ArgumentError, BoundError, FileError, GearlibError, GearlibWarning, WorkerError
+from gearlib.many_runs.execution import execute
+from gearlib.many_runs.identity import of_function, of_functions, of_values
+from gearlib.many_runs.runs import Runs
+from gearlib.many_runs.samples import as_samples
+from gearlib.many_runs.work import Row, Work
+
+X = np.arange(40.0)
+
+
+class Doubling(Work):
+    """Twice what varies over two times, and its square; it fails, warns and is interrupted where it is told to."""
+
+    def __init__(
+        self, fails: tuple[float, ...] = (), stops: float = -1.0, warns: str = "", large: int = 0, key: str = "a"
+    ) -> None:
+        self.fails, self.stops, self.warns, self.large, self.key = fails, stops, warns, large, key
+        self.asked: list[float] = []
+
+    def row(self, given: Any) -> Row:
+        x = given["x"]
+        self.asked.append(x)
+        if self.warns:
+            warnings.warn(self.warns.format(x), RuntimeWarning, stacklevel=1)
+        if x == self.stops:
+            raise KeyboardInterrupt
+        if x in self.fails:
+            raise BoundError(f"x is {x:g}")
+        if self.large:
+            return Row({"y": np.broadcast_to(0.0, (self.large,))})
+        return Row({"y": 2 * x * np.array([0.0, 1.0]), "z": x**2}, {"time": [0.0, 1.5]})
+
+    def dimensions(self, name: str) -> tuple[str, ...]:
+        return ("time",) if name == "y" else ()
+
+    def unit(self, name: str) -> str:
+        return {"y": "m", "x": "s"}.get(name, "")
+
+    def identity(self) -> Iterator[bytes]:
+        yield self.key.encode()
+
+
+class AtOnce(Executor):
+    """Does at once what it is given, and says how many runs each task holds."""
+
+    def __init__(self) -> None:
+        self.sizes: list[int] = []
+
+    def submit(self, function: Any, /, *given: Any, **_: Any) -> Future[Any]:
+        self.sizes.append(given[2])
+        future: Future[Any] = Future()
+        future.set_result(function(*given))
+        return future
+
+
+def check(runs: Runs, fails: tuple[int, ...] = ()) -> None:
+    good = np.array([k not in fails for k in range(len(runs))])
+    assert runs["y"].shape == (len(X), 2)
+    assert runs["y"][good, 1].tolist() == (2 * X[good]).tolist()
+    assert runs["z"][good].tolist() == (X[good] ** 2).tolist()
+    assert np.isnan(runs["y"][~good]).all()
+    assert np.isnan(runs["z"][~good]).all()
+    assert list(runs.errors) == list(fails)
+    assert runs.time.tolist() == [0.0, 1.5]
+    assert (runs.unit("y"), runs.unit("x"), runs.unit("z")) == ("m", "s", "")
+    assert (runs.stats["runs"], runs.stats["done"], runs.stats["failed"]) == (len(X), len(X), len(fails))
+
+
+@pytest.mark.parametrize("fails", [(), (0,), (0, 1, 7, 39)])
+@pytest.mark.parametrize("how", ["here", "one thread", "threads", "pool", "at once"])
+@pytest.mark.parametrize("stored", [False, True])
+def test_every_way_gives_the_same_runs(how: str, fails: tuple[int, ...], stored: bool, tmp_path: Path) -> None:
+    """Also where the first runs fail, whose shapes are then not known; a file is read again without a run."""
+    work, path = Doubling(tuple(map(float, fails))), tmp_path / "runs.zarr" if stored else None
+    with ThreadPoolExecutor(2) as pool:
+        more: Any = {"one thread": {"threads": 1}, "threads": {"threads": 3}, "pool": {"executor": pool}}
+        more["at once"] = {"executor": AtOnce()}
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            check(execute(work, "Model", as_samples({"x": X}), to=path, **more.get(how, {})), fails)
+            said = [str(w.message) for w in told]
+            where = f"{len(fails)} of 40 runs failed and are NaN; runs.errors says why: run 0: x is 0"
+            assert said == ([where] if fails else [])
+            if how != "at once":
+                assert sorted(work.asked) == X.tolist()
+            if path is not None:
+                again = Doubling(tuple(map(float, fails)))
+                found = execute(again, "Model", as_samples({"x": X}), to=path)
+                check(found, fails)
+                assert (again.asked, found.stats["done_before"]) == ([], 40)
+                assert all(isinstance(e, BoundError) for e in found.errors.values())
+
+
+def test_tasks_hold_an_eighth_of_the_runs_at_most() -> None:
+    """Two runs are done here to learn what they take; those that take long are tasks by themselves."""
+    executor = AtOnce()
+    execute(Doubling(), "Model", as_samples({"x": np.arange(99.0)}), executor=executor)
+    assert sum(executor.sizes) in (97, 98)
+    assert executor.sizes[0] == 13
+    assert len(executor.sizes) == 8
+
+
+def test_a_file_of_another_sweep_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "runs.zarr"
+    execute(Doubling(), "Model", as_samples({"x": X, "k": 1.0}), to=path)
+    for work, samples in (
+        (Doubling(key="b"), {"x": X, "k": 1.0}), (Doubling(), {"x": X + 1, "k": 1.0}), (Doubling(), {"x": X, "k": 2.0}),
+        (Doubling(), {"x": X}), (Doubling(), {"x": X[:-1], "k": 1.0}),
+    ):  # fmt: skip
+        with pytest.raises(FileError, match=r"was written by another sweep \(of Model, 40 runs\)"):
+            execute(work, "Model", as_samples(samples), to=path)
+
+
+@pytest.mark.parametrize("stored", [False, True])
+def test_an_interrupt_keeps_what_was_done_and_a_file_goes_on(stored: bool, tmp_path: Path) -> None:
+    path = tmp_path / "runs.zarr" if stored else None
+    with pytest.warns(
+        GearlibWarning, match="the sweep was interrupted after 17 of 40 runs; the others are NaN, runs.done says which"
+    ):
+        runs = execute(Doubling(stops=17.0), "Model", as_samples({"x": X}), to=path)
+    assert runs.done.tolist() == (X < 17).tolist()
+    assert np.isnan(runs["z"]).tolist() == (X >= 17).tolist()
+    if path is not None:
+        work = Doubling()
+        found = execute(work, "Model", as_samples({"x": X}), to=path)
+        check(found)
+        assert (work.asked, found.stats["done_before"]) == (X[17:].tolist(), 17)
+
+
+def test_where_all_fail_the_error_of_the_first_is_raised(tmp_path: Path) -> None:
+    for path in (None, tmp_path / "runs.zarr"):
+        with pytest.raises(BoundError, match="x is 2"):
+            execute(Doubling((2.0, 3.0)), "Model", as_samples({"x": [2.0, 3.0]}), to=path)
+
+
+@pytest.mark.parametrize("threads", [None, 2])
+def test_a_warning_is_shown_once_whatever_its_numbers_are(threads: int | None) -> None:
+    with pytest.warns(RuntimeWarning) as told:
+        execute(Doubling(warns="the load turns at {:.1f} rad/s"), "Model", as_samples({"x": X}), threads=threads)
+    assert [str(w.message) for w in told] == ["the load turns at 0.0 rad/s (in 40 runs)"]
+    with pytest.warns(RuntimeWarning) as told:
+        execute(Doubling(warns="once"), "Model", as_samples({"x": [3.0]}))
+    assert [str(w.message) for w in told] == ["once"]
+
+
+def test_progress_ends_with_the_part_that_was_done() -> None:
+    told: list[tuple[float, float]] = []
+    execute(Doubling(), "Model", as_samples({"x": X}), progress=lambda f, t: told.append((f, t)))
+    assert told[-1][0] == 1.0
+    assert 0.0 <= told[-1][1] < 60.0
+    with pytest.warns(GearlibWarning, match="interrupted"):
+        execute(Doubling(stops=10.0), "Model", as_samples({"x": X}), progress=lambda f, t: told.append((f, t)))
+    assert told[-1][0] == 0.25
+
+
+def test_more_than_the_memory_holds_is_refused_before_it_is_allocated() -> None:
+    with pytest.raises(ArgumentError, match=r"outputs of 40 runs take 3\.2e\+05 GB, and this machine has .*; keep less"):
+        execute(Doubling(large=10**12), "Model", as_samples({"x": X}))
+
+
+class Losing(AtOnce):
+    """Loses its second task."""
+
+    def submit(self, function: Any, /, *given: Any, **_: Any) -> Future[Any]:
+        if len(self.sizes) < 1:
+            return super().submit(function, *given)
+        future: Future[Any] = Future()
+        future.set_exception(OSError("the cable is cut"))
+        return future
+
+
+def test_a_lost_task_is_named(tmp_path: Path) -> None:
+    for path, kept in (
+        (None, ""),
+        (tmp_path / "runs.zarr", "; what was done is in the file, and the same call goes on with it"),
+    ):
+        with pytest.raises(WorkerError, match=rf"a task was lost after \d+ of 40 runs: OSError: the cable is cut{kept}$"):
+            execute(Doubling(), "Model", as_samples({"x": X}), executor=Losing(), to=path)
+
+
+def test_an_executor_or_threads_but_not_both() -> None:
+    with ThreadPoolExecutor(1) as pool, pytest.raises(ArgumentError, match="give an executor or threads, not both"):
+        execute(Doubling(), "Model", as_samples({"x": X}), executor=pool, threads=1)
+
+
+# ---------------------------------------------------------------- identity
+
+
+def digest(value: Any) -> bytes:
+    return b"|".join(of_values(value))
+
+
+def adding(k: Any) -> Any:
+    return lambda x: x + k
+
+
+def test_values_that_differ_have_different_bytes() -> None:
+    """Numbers, shapes, names, tables and functions, also inside each other; what is equal has equal bytes."""
+    table = [0.0, 1.0], [2.0, 3.0]
+    distinct = [
+        1.0, 2.0, "1.0", None, [1.0], [[1.0]], [1.0, 2.0], np.array([1.0, 2.0]), np.array([[1.0, 2.0]]), np.array([[1.0], [2.0]]),
+        {"a": 1.0}, {"b": 1.0}, {"a": 2.0}, {"a": {"b": 1.0}}, gl.Table(*table), gl.Table(*table, interpolation="previous"),
+        gl.Table(*table, outside="periodic"), gl.Table([0.0, 1.0], [2.0, 4.0]), gl.Table([0.0, 2.0], [2.0, 3.0]),
+        lambda x: x + 1, lambda x: x + 2, lambda x: x - 1, lambda x: np.sin(x), lambda x: np.cos(x), adding(1.0), adding(2.0),
+        np.sin, np.cos, len, lambda x: [i + 1 for i in x], lambda x: [i + 2 for i in x],
+    ]  # fmt: skip
+    found = [digest(value) for value in distinct]
+    same = [(i, j) for i in range(len(found)) for j in range(i) if found[i] == found[j]]
+    assert same == []
+    assert digest({"a": [1.0, np.array([2.0])]}) == digest({"a": (1.0, np.array([2.0]))})
+    assert digest(adding(3.0)) == digest(adding(3.0))
+    assert digest(gl.Table(*table)) == digest(gl.Table(*table))
+
+
+def test_a_function_is_that_which_it_wraps() -> None:
+    def plain(x: float) -> float:
+        return x + 41.0
+
+    @functools.wraps(plain)
+    def wrapped(*given: Any) -> float:
+        return plain(*given)
+
+    assert list(of_function(wrapped)) == list(of_function(plain))
+    assert list(of_functions({"a": plain})) == [b"a", *of_function(plain)]
+    assert list(of_functions({"b": plain})) != list(of_functions({"a": plain}))
+    assert isinstance(next(of_function(GearlibError)), bytes)

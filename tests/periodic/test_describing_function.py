@@ -1,0 +1,80 @@
+"""Describing functions of backlash: what holds for any of them, at their edges, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+from gearlib.errors import ArgumentError
+from gearlib.periodic.describing_function import mean_deflection
+
+SPRING = {"c": 50.0, "b": 0.4}
+
+
+@pytest.mark.parametrize("preload", [-300.0, -12.0, -1e-6, 1e-6, 5.0, 400.0])
+@pytest.mark.parametrize("amplitude", [1e-3, 0.15, 0.2, 0.9, 40.0])
+def test_the_mean_force_at_the_mean_deflection_is_the_preload(preload: float, amplitude: float) -> None:
+    mean = mean_deflection(amplitude, preload, **SPRING)
+    force, stiffness = gl.backlash_describing_function(amplitude, mean, **SPRING)
+    assert force == pytest.approx(preload, rel=1e-9, abs=1e-12 * 50 * amplitude)
+    assert mean_deflection(amplitude, -preload, **SPRING) == pytest.approx(-mean, rel=1e-12)
+    assert gl.equivalent_stiffness(amplitude, preload, **SPRING) == pytest.approx(stiffness)
+    if amplitude < abs(preload) / 50.0:  # contact is permanent
+        assert stiffness == pytest.approx(50.0, rel=1e-12)
+        assert abs(mean) == pytest.approx(abs(preload) / 50.0 + 0.2, rel=1e-12)
+
+
+def test_without_preload_it_vibrates_about_the_middle_of_the_gap() -> None:
+    assert mean_deflection(0.9, 0.0, **SPRING) == 0.0
+    gap = gl.equivalent_stiffness([[0.1, 0.2], [0.3, 1e4]], **SPRING)
+    assert gap.shape == (2, 2)
+    assert gap[0].tolist() == [0.0, 0.0]
+    assert 0.0 < gap[1, 0] < gap[1, 1]
+    assert gap[1, 1] == pytest.approx(50.0, rel=1e-4)
+
+
+def test_without_a_gap_it_is_a_linear_spring() -> None:
+    assert gl.equivalent_stiffness([0.1, 3.0], 7.0, c=50.0, b=0.0) == pytest.approx(50.0, rel=1e-12)
+    assert mean_deflection(3.0, 7.0, c=50.0, b=0.0) == pytest.approx(0.14, rel=1e-12)
+
+
+def test_far_beyond_and_far_inside_the_edges_it_is_linear_also_for_tiny_amplitudes() -> None:
+    for amplitude in (1e-300, 1e-12, 0.1):
+        for mean, slope, force in ((2.0, 30.0, 30.0 * 1.5 + 4.0 * 0.5), (-2.0, 30.0, -47.0), (0.2, 4.0, 0.8)):
+            found = gl.backlash_describing_function(amplitude, mean, c=30.0, b=1.0, c_gap=4.0)
+            assert found == (pytest.approx(force, rel=1e-12), pytest.approx(slope, rel=1e-12))
+    shapes = gl.backlash_describing_function([[0.1], [0.2]], [1.0, 2.0, 3.0])
+    assert [part.shape for part in shapes] == [(2, 3), (2, 3)]
+
+
+def test_the_preloaded_spring_is_force_over_deflection() -> None:
+    """Its force about the mean is zero at rest, rises by c, stops in the gap, and goes on behind it; it is odd in the preload."""
+    spring, other = gl.PreloadedBacklash(c=50.0, b=0.4, preload=10.0), gl.PreloadedBacklash(c=50.0, b=0.4, preload=-10.0)
+    x = np.array([-1.0, -0.61, -0.6, -0.3, -0.2, 0.0, 0.3])
+    force = [spring(v) for v in x]
+    assert force == pytest.approx([-30.0, -10.5, -10.0, -10.0, -10.0, 0.0, 15.0])
+    assert [other(-v) for v in x] == pytest.approx([-f for f in force])
+    assert spring.describing_function(0.19) == pytest.approx(50.0)
+    assert spring.describing_function(0.3) == pytest.approx(float(gl.equivalent_stiffness(0.3, 10.0, **SPRING)))
+    assert spring.mean(0.3) == mean_deflection(0.3, 10.0, **SPRING)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: gl.backlash_describing_function([0.1, 0.0]), r"amplitude is \[0\.1, 0\.0\]; expected positive numbers"),
+        (lambda: gl.backlash_describing_function(0.1, b=-0.1), r"b is -0\.1; expected a backlash that is not negative"),
+        (lambda: gl.backlash_describing_function([0.1, 0.2], [1.0, 2.0, 3.0]), r"have the shapes \(2,\) and \(3,\)"),
+        (lambda: mean_deflection(0.0, 1.0, c=1.0, b=1.0), r"amplitude is 0\.0; expected a positive number"),
+        (lambda: mean_deflection(0.1, 1.0, c=0.0, b=1.0), r"c is 0\.0; expected a positive stiffness"),
+        (lambda: mean_deflection(0.1, np.inf, c=1.0, b=1.0), r"preload is inf; expected a finite force"),
+        (lambda: gl.PreloadedBacklash(-1.0, 1.0, 1.0), r"c is -1\.0; expected a positive stiffness"),
+        (lambda: gl.PreloadedBacklash(1.0, -1.0, 1.0), r"b is -1\.0; expected a backlash that is not negative"),
+    ],
+)
+def test_what_is_refused(call: Any, message: str) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        call()
