@@ -93,8 +93,7 @@ def follow(
     continuation = _Continuation(equations, start, end, skipped)
     point = continuation.begin(z)
     branch, length = [point], step / 4
-    folds: list[int] = []
-    complete = False
+    folds, complete = list[int](), False
 
     def added(found: _BranchPoint) -> bool:
         branch.append(found)

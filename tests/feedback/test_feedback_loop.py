@@ -1,0 +1,117 @@
+"""The loop behind all margins: its response, zeros, frequencies and names, against matrices and polynomials."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+
+from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.feedback.feedback_loop import Loop, as_loop, refine
+
+
+def random_loop(n: int, seed: int, d: float = 0.0) -> Loop:
+    rng = np.random.default_rng(seed)
+    return Loop(rng.normal(size=(n, n)) - np.eye(n), rng.normal(size=n), rng.normal(size=n), d, "u", "y")
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 5, 8])
+@pytest.mark.parametrize("d", [0.0, -0.7])
+def test_responses_poles_and_zeros_are_those_of_the_matrices(n: int, d: float) -> None:
+    """For points in any shape; zeros are where the response vanishes, and as many as the polynomial has."""
+    loop = random_loop(n, n, d)
+    s = np.array([[0.3j, 1 + 2j, 5.0], [-4.0, 1e3j, 2j]])
+    exact = np.array([[loop.c @ np.linalg.solve(x * np.eye(n) - loop.A, loop.b) + d for x in row] for row in s])
+    assert loop.response(s) == pytest.approx(exact, rel=1e-9)
+    assert loop.response(2j) == pytest.approx(exact[1, 2], rel=1e-9)
+    assert loop.response(2j).shape == ()
+    assert np.sort_complex(loop.open_poles.values) == pytest.approx(np.sort_complex(np.linalg.eigvals(loop.A)), abs=1e-10)
+    closed = loop.A - np.outer(loop.b, loop.c) / (1 + d)
+    assert np.sort_complex(loop.closed_poles.values) == pytest.approx(np.sort_complex(np.linalg.eigvals(closed)), abs=1e-10)
+    assert len(loop.zeros) == (n if d else max(n - 1, 0))
+    assert np.abs(loop.response(loop.zeros)) == pytest.approx(0.0, abs=1e-9)
+    sizes = np.abs(np.concatenate([loop.open_poles.values, loop.closed_poles.values]))
+    assert sorted(np.abs(loop.critical)) == pytest.approx(sorted(sizes))
+    assert loop.scale == (pytest.approx((sizes.min(), sizes.max())) if n else (1.0, 1.0))
+
+
+def test_rounding_is_that_of_the_terms_which_cancel() -> None:
+    """Of 1e8 / (s + 1) - 1e8 / (s + 1): a hundred units in the last place of either."""
+    loop = Loop(-np.eye(2) + np.array([[0, 1e-3], [0, 0]]), np.array([1.0, 1.0]), np.array([1e8, -1e8]), 0.5, "u", "y")
+    terms = 2e8 + 0.5
+    assert float(loop.rounding(0.0)) == pytest.approx(1e2 * np.finfo(float).eps * terms, rel=0.01)
+    assert loop.rounding([1j, 2j]).shape == (2,)
+
+
+@pytest.mark.parametrize("decades", [1.0, 2.0])
+def test_frequencies_go_decades_beyond_the_poles_and_are_dense_beside_them(decades: float) -> None:
+    loop = as_loop(control.tf([1.0, 0.02, 25.0], np.polymul([1, 0.002, 1], [1, 0.1, 100.0])))
+    omega = loop.frequencies(decades)
+    assert (omega[0], omega[-1]) == pytest.approx((loop.scale[0] / 10**decades, loop.scale[1] * 10**decades))
+    assert (np.diff(omega) > 0).all()
+    middle, length = (omega[1:] + omega[:-1]) / 2, np.diff(omega)
+    features = np.concatenate([loop.critical, loop.zeros])
+    turn = (length[:, None] / np.abs(1j * middle[:, None] - features)).sum(axis=1)
+    assert turn.max() < 0.11
+    assert len(omega) < 5000
+    values = loop.response(1j * omega)
+    assert np.abs(np.angle(values[1:] / values[:-1])).max() < 0.11
+
+
+def test_frequencies_leave_out_poles_on_the_axis_and_come_near_them() -> None:
+    loop = as_loop(control.tf([1.0], [1, 0, 4.0]))
+    omega = loop.frequencies()
+    assert not np.isin(2.0, omega)
+    for side in (omega[omega < 2.0], omega[omega > 2.0]):
+        assert 0.0 < np.abs(side - 2.0).min() < 2.1e-7
+
+
+def test_a_path_is_refined_until_nothing_turns_by_more_than_a_step() -> None:
+    features = np.array([-0.01 + 1j, 3j])
+    found = refine(np.array([0.0, 2.0, 5.0]), lambda x: 1j * x, features, 0.5)
+    assert set(found) >= {0.0, 2.0, 5.0}
+    length = np.diff(found)
+    middle = (found[1:] + found[:-1]) / 2
+    gaps = np.abs(1j * middle[:, None] - features) - length[:, None] / 2
+    clear = gaps.min(axis=1) > 1e-8
+    assert (length[clear, None] / gaps[clear]).sum(axis=1).max() <= 0.5
+    assert length.min() > 1e-10
+    assert refine(np.array([0.0, 1.0]), lambda x: 1j * x, np.array([-100.0 + 0j]), 0.5).tolist() == [0.0, 1.0]
+
+
+def two() -> control.StateSpace:
+    return control.ss(
+        [[-1.0]], [[1.0, 2.0]], [[3.0], [4.0], [5.0]], np.arange(6.0).reshape(3, 2), inputs=["a", "b"], outputs=["x", "y", "z"]
+    )
+
+
+@pytest.mark.parametrize("chosen", [("b", "y"), (1, 1), ("b", 1), ["b", "y"]])
+def test_a_loop_is_chosen_by_names_or_numbers(chosen: Any) -> None:
+    loop = as_loop(two(), chosen, gain=-2.0)
+    assert (loop.input, loop.output, loop.gain) == ("b", "y", "")
+    assert (loop.b.tolist(), loop.c.tolist(), loop.d) == ([-4.0], [4.0], -6.0)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "kind", "message"),
+    [
+        (("a",), ArgumentError, r"loop is \('a',\); expected \(input, output\)"),
+        ("ab", ArgumentError, r"loop is 'ab'; expected \(input, output\)"),
+        (("a", 3), NameLookupError, r"the linear model has no output '3'; "),
+        (("a", -1), NameLookupError, "no output '-1'"),
+        (("c", "x"), NameLookupError, "the linear model has no input 'c'; .*a, b"),
+        (None, ArgumentError, r"choose a loop: the model has 2 inputs \(a, b\)"),
+    ],
+)
+def test_loops_that_there_are_not(chosen: Any, kind: type[Exception], message: str) -> None:
+    with pytest.raises(kind, match=message):
+        as_loop(two(), chosen)
+
+
+def test_a_loop_that_feeds_its_input_through_at_once() -> None:
+    with pytest.raises(ArgumentError, match="the loop u -> y cannot be closed: 1 \\+ L is 0 at infinite frequency"):
+        _ = random_loop(2, 1, -1.0).closed_poles
+    with pytest.raises(ArgumentError, match="at and parameters belong to a System"):
+        as_loop(two(), ("a", "x"), at={})

@@ -1,0 +1,96 @@
+"""What a sweep keeps of each kind of result: of results that are written down."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+
+import gearlib as gl
+from gearlib.errors import ArgumentError
+from gearlib.many_runs.analysing import kept
+from gearlib.many_runs.reductions import final, peak
+
+
+def test_of_a_stability_report_the_growth_and_the_least_damping() -> None:
+    """Of the fastest motion, and of what vibrates; with a loop, its margins and the growth when it is closed."""
+    model = control.tf([3.0], np.polymul([1, 2.0], [1, 0.4, 4.0]))
+    row = kept(gl.stability(model)).values
+    assert row == pytest.approx({"growth": -0.2, "least_damping": 0.1})
+    report = gl.stability(model, (0, 0))
+    assert report.loop is not None
+    m = report.loop.margins
+    with_loop = kept(report).values
+    closed = np.roots(np.polyadd([3.0], np.polymul([1, 2.0], [1, 0.4, 4.0])))
+    assert with_loop == pytest.approx(row | {
+        "gain_margin": m.gain_margin, "phase_margin": m.phase_margin, "delay_margin": m.delay_margin,
+        "modulus_margin": m.modulus_margin, "closed_growth": closed.real.max(),
+    })  # fmt: skip
+    assert kept(gl.stability(control.tf([1.0], [1, -3.0]))).values == {"growth": 3.0, "least_damping": np.inf}
+
+
+def test_of_harmonic_balance_the_peak_of_each_output_and_where_it_is() -> None:
+    series = np.zeros((3, 3, 2))
+    series[:, 1, 0], series[:, 2, 1] = [1.0, -4.0, 2.0], [5.0, 3.0, 6.0]
+    options: dict[str, Any] = {
+        "folds": (1,),
+        "outputs": ("x", "y"),
+        "units": ("m", "m"),
+        "complete": True,
+        "error": np.zeros(3),
+    }
+    for multiplier, stable in ((0.9, 1.0), (1.1, 0.0)):
+        found = gl.HarmonicBalance(np.array([7.0, 8.0, 9.0]), series, np.array([[0.5], [multiplier], [0.5]]), **options)
+        row = kept(found)
+        assert row.values["peak"].tolist() == [4.0, 6.0]
+        assert row.values["peak_omega"].tolist() == [8.0, 9.0]
+        assert (row.values["folds"], row.values["all_stable"]) == (1.0, stable)
+        assert row.coordinates == {"output": ("x", "y")}
+
+
+def test_of_modes_those_that_vibrate_padded_to_the_number_of_states(chain: Any) -> None:
+    modes = gl.modes(chain(n=3), parameters={"d": 1.0})  # turns freely: one mode at zero, two that vibrate
+    row = kept(modes).values
+    n, count = len(modes.states), len(modes.eigenvalues) - modes.free
+    assert (row["eigenvalues"].shape, row["shapes"].shape) == ((n,) if count < n else (count,), (n, max(n, count)))
+    assert row["eigenvalues"][:count].tolist() == modes.eigenvalues[modes.free :].tolist()
+    assert np.isnan(row["eigenvalues"][count:]).all()
+    assert row["shapes"][:, :count].tolist() == modes.shapes[:, modes.free :].tolist()
+    assert np.isnan(row["shapes"][:, count:]).all()
+
+
+def test_of_frequency_responses_and_power_flows_all_with_their_names(chain: Any) -> None:
+    system = chain(n=2, grounded=True)
+    response = gl.frequency_response(system, [1.0, 2.0], ["torque.tau"], ["body[0].w"])
+    row = kept(response)
+    assert row.values["response"] is response.values
+    assert (tuple(row.coordinates["output"]), tuple(row.coordinates["input"])) == (("body[0].w",), ("torque.tau",))
+    assert list(row.coordinates["omega"]) == [1.0, 2.0]
+    flow = gl.power_flow(system, torques={"torque.tau": 1.0})
+    row = kept(flow)
+    assert row.coordinates["flange"] == tuple(f.name for f in flow.flanges)
+    for name in ("speed", "torque", "power"):
+        assert row.values[name] == [getattr(f, name) for f in flow.flanges]
+    assert row.values["input_power"] == flow.input_power
+    still = gl.steady_state(system, inputs={"torque.tau": 1.0})
+    assert kept(still).values == dict(zip(still.names, map(float, still.values), strict=True))
+
+
+def test_of_anything_else_nothing_is_known() -> None:
+    with pytest.raises(
+        ArgumentError, match=r"analysis returned a float; say what is to be kept of it: reduce=\{'name': function\}"
+    ):
+        kept(3.0)
+
+
+def test_reductions_of_histories() -> None:
+    """The last value, and the largest magnitude on either side, of one history or of many."""
+    histories = np.array([[1.0, -5.0, 2.0], [3.0, 4.0, -1.0], [0.0, 0.0, 0.0]])
+    assert final("w").of(histories).tolist() == [2.0, -1.0, 0.0]
+    assert peak("w").of(histories).tolist() == [5.0, 4.0, 0.0]
+    assert (final("w")({"w": histories[0]}), peak("w")({"w": histories[0]})) == (2.0, 5.0)
+    for made in (final, peak):
+        with pytest.raises(ArgumentError, match=r"name is 3; expected a name, such as 'load\.w'"):
+            made(3)  # type: ignore[arg-type]
