@@ -114,6 +114,30 @@ def test_ranges_meet_where_a_crossing_changes_nothing() -> None:
         assert stable_gains(third, [PhaseCrossing(1.0, g) for g in edges]) == ((0.0, 8.0),)
 
 
+MODELS = {
+    "three lags": control.tf([1.0], [1, 3, 3, 1]),
+    "an integrator": control.tf([1.0], [1, 2, 1, 0]),
+    "resonances": control.tf([3.0, 0.2, 30], [1, 0.3, 16, 2, 5]),
+    "unstable": control.tf([4.0, 4.0], [1, 2, -3, 0]),
+}
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("k", [1e-9, 1e10])
+def test_crossings_of_the_axis_stay_and_their_margins_divide_by_the_gain(name: str, k: float) -> None:
+    one, other = (as_loop(MODELS[name], gain=gain) for gain in (1.0, k))
+    found, wanted = margins(other), margins(one)
+    assert [c.omega for c in found.phase_crossings] == pytest.approx([c.omega for c in wanted.phase_crossings], rel=1e-9)
+    assert [c.gain_margin * k for c in found.phase_crossings] == pytest.approx(
+        [c.gain_margin for c in wanted.phase_crossings], rel=1e-8
+    )
+    ranges = (stable_gains(loop, m.phase_crossings) for loop, m in ((other, found), (one, wanted)))
+    scaled, own = (np.ravel(r) for r in ranges)
+    assert (scaled * k).tolist() == pytest.approx(own.tolist(), rel=1e-8)
+    for crossing in found.gain_crossings:
+        assert abs(other.response(1j * crossing.omega)) == pytest.approx(1.0, rel=1e-9)
+
+
 # ---------------------------------------------------------------- how margins move
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -112,3 +114,62 @@ def test_an_undamped_train_is_passive_and_loses_nothing() -> None:
     assert np.abs(proof.W).max() < 1e-12
     with pytest.raises(ArgumentError, match="expected a compiled system"):
         gl.passivity(gp.ZhouCui2022())  # type: ignore[arg-type]
+
+
+class Oscillator(gl.Component):
+    """``2 w' = -5 phi - 0.5 w``, with an energy that is declared below."""
+
+    loss = gl.Parameter("N.m.s/rad", default=0.5)
+    w = gl.Variable("rad/s", start=1.0)
+    phi = gl.Variable("rad", start=0.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.phi), self.w), gl.Eq(2.0 * gl.der(self.w), -5.0 * self.phi - self.loss * self.w)]
+
+
+def declared(stored: Callable[[Any], Any]) -> gl.System:
+    class Declared(Oscillator):
+        def energies(self) -> gl.Energy:
+            return gl.Energy(stored=stored(self), heat=self.loss * self.w**2)
+
+    return gl.compile(Declared())
+
+
+GAINS, NOT_QUADRATIC = "there is a motion that gains energy without an input", r"the energy of .*\(Declared\) is not quadratic"
+
+
+@pytest.mark.parametrize(
+    ("stored", "Q", "reason"),
+    [
+        (lambda m: m.w**2 + 2.5 * m.phi**2, [[2.0, 0.0], [0.0, 5.0]], ""),
+        (lambda m: 0.5 * m.w**2 + 2.5 * m.phi**2, [[1.0, 0.0], [0.0, 5.0]], GAINS),
+        (lambda m: (m.w + m.phi) ** 2, [[2.0, 2.0], [2.0, 2.0]], GAINS),
+        (
+            lambda m: -(m.w**2) - 2.5 * m.phi**2,
+            [[-2.0, 0.0], [0.0, -5.0]],
+            "a component declares a stored energy that is negative",
+        ),
+        (lambda m: m.w**2 + 2.5 * m.phi**2 + 1.0, None, NOT_QUADRATIC),
+        (lambda m: m.w**2 + 2.5 * m.phi**2 + m.phi, None, NOT_QUADRATIC),
+        (lambda m: m.w**2 + m.phi**4, None, NOT_QUADRATIC),
+        (lambda m: m.w**2 + 2.5 * m.phi**2 * (1 + gl.time), None, r"the energy of .*\(Declared\) changes with time"),
+    ],
+)
+def test_a_declared_energy_proves_what_it_can(stored: Any, Q: Any, reason: str) -> None:
+    """Twice the energy is x'Qx, and the losses are x'Wx; an energy that the equations contradict proves nothing."""
+    proof = gl.passivity(declared(stored))
+    assert proof.holds == (not reason)
+    assert re.fullmatch(reason, proof.reason)
+    if Q is not None:
+        order = np.ix_(*[[proof.states.index(name) for name in ("w", "phi")]] * 2)
+        assert proof.Q[order] == pytest.approx(np.array(Q))
+        A = np.array([[-0.25, -2.5], [1.0, 0.0]])
+        assert proof.W[order] == pytest.approx(-(np.array(Q) @ A + A.T @ np.array(Q)) / 2)
+    if not reason:
+        assert str(proof).endswith("(2 states, rank of Q 2, of W 1)")
+
+
+def test_losses_of_either_sign_decide_however_small() -> None:
+    system = declared(lambda m: m.w**2 + 2.5 * m.phi**2)
+    for loss, holds in ((1e-6, True), (0.0, True), (-1e-6, False)):
+        assert gl.passivity(system, parameters={"loss": loss}).holds == holds
