@@ -89,6 +89,23 @@ def test_a_report_holds_everything(report, system, runs):
     assert len(charts[2]["points"]) == len(gl.campbell(system, [0.0, 300.0], [31]).crossings)
 
 
+def test_orders_and_critical_speeds_are_drawn_over_the_speed(system, tmp_path):
+    """In 1/min; a line of an order is that many events a revolution, in Hz."""
+    found = gl.campbell(system, [100.0, 300.0], {"ring": 31, "out": 2})
+    _, (chart,) = specs(system.report(tmp_path / "speeds.html", campbell=found))
+    rpm = np.array([100.0, 300.0]) * 30 / np.pi
+    assert [c["x"] for c in chart["curves"]] == [pytest.approx(rpm)] * len(chart["curves"])
+    lines = {c["name"]: c["y"] for c in chart["curves"] if "order" in c["name"]}
+    assert lines == {f"{n} (order {k})": pytest.approx(k * rpm / 60, rel=1e-5) for n, k in (("ring", 31), ("out", 2))}
+    modes = [c["y"] for c in chart["curves"] if "order" not in c["name"]]
+    assert modes == [pytest.approx(column, rel=1e-5) for column in found.frequencies.T]
+    assert [c["name"] for c in chart["curves"]].count("natural frequencies") == 1
+    points = [(pytest.approx(c.speed * 30 / np.pi, rel=1e-5), pytest.approx(c.frequency, rel=1e-5)) for c in found.crossings]
+    assert [(p["x"], p["y"]) for p in chart["points"]] == points
+    assert [p["text"] for p in chart["points"]] == [str(c.mode) for c in found.crossings]
+    assert len({c["colour"] for c in chart["curves"]}) == 3
+
+
 def test_a_report_needs_no_network(report):
     read, _ = specs(report)
     for tag, attributes in read.found:

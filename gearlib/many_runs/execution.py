@@ -59,14 +59,13 @@ def execute(
     """
     check_executor(executor, threads)
     gathering, interrupted, elsewhere = Gathering(work, model, samples, to), False, list[Warned]()
-    pool = ThreadPoolExecutor(threads) if threads is not None and threads > 1 else nullcontext(executor)
     with reporting(progress, f"{model}, {len(samples)} runs") as tell, noted() as found:
         execution = _Execution(gathering, tell)
         try:
-            if executor is None and (threads is None or threads == 1):
+            if executor is None and threads in (None, 1):
                 _sequentially(execution, gathering.todo)
             else:
-                with pool as chosen:
+                with ThreadPoolExecutor(threads) if executor is None else nullcontext(executor) as chosen:
                     _distributed(execution, chosen, elsewhere)
         except KeyboardInterrupt:
             interrupted = True

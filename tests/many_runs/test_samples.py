@@ -141,7 +141,8 @@ def test_a_dataset_has_units_and_coordinates() -> None:
 
 
 def test_a_table_repeats_what_has_no_history() -> None:
-    found = runs(as_samples({"a": [1.0, 2.0]}))
+    layout = {"shape": StoredArray(("x", "y"), (2, 2)), "other": StoredArray(("x",), (2,))}
+    found = runs(as_samples({"a": [1.0, 2.0]}), values=layout)
     with pytest.raises(ArgumentError, match=r"shape has axes of its own, for which a table has no columns"):
         found.to_dataframe()
     less = {"load.w": StoredArray(("time",), (3,)), "peak": StoredArray((), ())}
