@@ -110,7 +110,7 @@ def connect(*ports: Port) -> Connection:
     >>> float(gl.simulate(Drive(), t_end=1.0, samples=3)["load.w"][-1])
     1.0
     """
-    if ports and isinstance(ports[0], sympy.Symbol) and all(isinstance(port, sympy.Symbol) for port in ports):
+    if ports and all(isinstance(port, sympy.Symbol) for port in ports):
         return _joined_signals(ports)
     for port in ports:
         if not isinstance(port, Port):

@@ -162,11 +162,9 @@ class EventTangents:
         numbers = np.ctypeslib.as_array(data, (self.size,))
         held = numbers[self.shared.relations :][: self.shared.n_discrete]
         states, before = everything[: self.n].copy(), held.copy()
-        crossed = (
-            self.relations.searched[np.ctypeslib.as_array(fired, (len(self.relations.searched),)) != 0]
-            if len(self.relations.searched)
-            else self.relations.searched
-        )
+        crossed = self.relations.searched
+        if len(crossed):
+            crossed = crossed[np.ctypeslib.as_array(fired, (len(crossed),)) != 0]
         starting, self.started = not self.started, True
         f = np.zeros(self.n) if starting else self._rates(t, x, data, index)
         code = int(self._update(t, x, fired, data, index))
