@@ -1,11 +1,11 @@
 """Would a test notice? ``make mutate`` changes gearlib in one place at a time and runs the tests that should notice it.
 
 Cosmic-ray makes the changes; this file draws a repeatable sample of them, finds each one's tests, runs them in a copy of the project
-and says how they noticed. A module's tests follow from paths and names: the test file that mirrors it and its own doctests, then
-those of the modules that import it, then the test files that use most of its public names, then the rest of the mirrored folder. The
-first assertion that fails ends a mutant's run. An exception or a hang does not: the tests behind it are still run, and after an
-exception the quick ones of the campaigns, whose claim is that nothing ends in a foreign exception. A mutant survives when its share
-of processor time is used up and no test of the likeliest files (with ``--wide``: of all) has failed.
+and says how they noticed. The first run, and every one with ``--measure``, runs all quick tests under coverage, which tells which test
+runs which line. A mutant's tests are the files that mirror its module and the module's doctests, then those that run its line, in the
+likeliest files. The first assertion that fails ends a mutant's run. An exception or a hang does not: the tests behind it are still
+run, and after an exception the quick ones of the campaigns, whose claim is that nothing ends in a foreign exception. A mutant survives
+when its share of processor time is used up and no test of the likeliest files (with ``--wide``: of all that run its line) has failed.
 
 =============  =======================================================================================
 ``assertion``  a claim of a test did not hold, see below
@@ -29,6 +29,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import difflib
 import doctest
 import gc
 import inspect
@@ -39,6 +40,7 @@ import random
 import re
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -94,6 +96,10 @@ OPERATORS = (
     *OTHERS,
 )
 
+
+COVERED = ROOT / ".cache" / "covered"  # which test runs which line, and the modules of that time
+UNFIT = ("tests/benchmarks", "tests/stress", "tests/test_project.py", "tests/test_architecture.py", "tests/test_scale.py")
+FEW = 6  # files of tests that are imported at once
 
 NOTHING_RAW = [f"tests/stress/test_{name}.py" for name in ("right_calls", "campaign", "misuse")]  # claim: no foreign exceptions
 
@@ -230,47 +236,72 @@ def unnoticed(log: Path) -> Iterator[Mutant]:
 # ---------------------------------------------------------------- tests
 
 
-@cache
-def public_names(module: str) -> frozenset[str]:
-    body = ast.parse(source(module)).body
-    names = {node.name for node in body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
-    return frozenset(name for name in names if not name.startswith("_"))
+def measure() -> None:
+    """Run the quick tests once and keep which of them runs which line, with the modules as they are now."""
+    shutil.rmtree(COVERED, ignore_errors=True)
+    COVERED.mkdir(parents=True)
+    settings = COVERED / "coveragerc"
+    settings.write_text(f"[run]\nsource = gearlib, library/gearparts\nrelative_files = True\ndata_file = {COVERED / 'lines'}\n")
+    options = ["-n2", "--dist=loadfile", "-q", "--tb=no", *(f"--ignore={path}" for path in UNFIT)]
+    lines = ["--cov", f"--cov-config={settings}", "--cov-context=test", "--cov-report="]
+    subprocess.run([sys.executable, "-m", "pytest", *options, *lines], cwd=ROOT, check=False)
+    for package in ("gearlib", "library"):
+        shutil.copytree(ROOT / package, COVERED / package, ignore=shutil.ignore_patterns("__pycache__"))
 
 
 @cache
-def imported(module: str) -> frozenset[str]:
-    """Dotted names of the modules that a module imports."""
-    nodes = ast.walk(ast.parse(source(module)))
-    return frozenset(str(node.module) for node in nodes if isinstance(node, ast.ImportFrom))
+def lines_run(module: str) -> dict[int, set[str]]:
+    """The tests that run each line of a module, by the lines as they are now; those that have changed since are left out."""
+    from coverage import CoverageData
+
+    data = CoverageData(str(COVERED / "lines"))
+    data.read()
+    tests = {
+        number: {name.rpartition("|")[0] for name in names if name} for number, names in data.contexts_by_lineno(module).items()
+    }
+    before = (COVERED / module).read_text(encoding="utf-8").splitlines() if (COVERED / module).exists() else []
+    same = difflib.SequenceMatcher(None, before, source(module).splitlines(), autojunk=False).get_matching_blocks()
+    return {new + k + 1: tests.get(old + k + 1, set()) for old, new, size in same for k in range(size)}
 
 
-@cache
-def test_files() -> dict[str, frozenset[str]]:
-    """The quick tests, and the words in each."""
-    found = sorted((ROOT / "tests").rglob("test_*.py"))
-    slow = ("tests/benchmarks", "tests/stress", "tests/test_project.py", "tests/test_scale.py")
-    paths = [path for path in found if not str(path.relative_to(ROOT)).startswith(slow)]
-    return {str(path.relative_to(ROOT)): frozenset(re.findall(r"\w+", path.read_text(encoding="utf-8"))) for path in paths}
+def around(module: str, line: int) -> list[ast.stmt]:
+    """The simple statement on a line, and the functions and classes around it, the innermost first."""
+    kinds = ast.FunctionDef | ast.ClassDef
+    found = [node for node in ast.walk(ast.parse(source(module))) if isinstance(node, ast.stmt)]
+    found = [node for node in found if node.lineno <= line <= (node.end_lineno or 0)]
+    return sorted(
+        (node for node in found if isinstance(node, kinds) or not hasattr(node, "body")), key=lambda node: -node.lineno
+    )
+
+
+def covering(module: str, line: int) -> set[str]:
+    """The tests that run a line; of one that runs on import or has changed since, those that run anything around it."""
+    spans = [(line, line), *((node.lineno, node.end_lineno or 0) for node in around(module, line)), (1, len(source(module)))]
+    for first, last in spans:
+        tests: set[str] = set().union(*(lines_run(module).get(number, ()) for number in range(first, last + 1)))
+        if tests:
+            return tests
+    return set()
 
 
 def mirrors(module: str) -> list[str]:
-    """The test files of a module's name, those in its own folder first."""
+    """The test files of a module's name, those in its own folder first, and the module for its doctests."""
     stem, folder = Path(module).stem, Path(module).parent.name
-    own = [file for file in test_files() if re.fullmatch(rf"test_{stem}(_\w+)?", Path(file).stem)]
-    return sorted(own, key=lambda file: (Path(file).parent.name != folder, len(file)))
+    paths = [path for path in sorted((ROOT / "tests").rglob("test_*.py")) if re.fullmatch(rf"test_{stem}(_\w+)?", path.stem)]
+    paths = sorted(paths, key=lambda path: (path.parent.name != folder, len(str(path))))
+    return [*(str(path.relative_to(ROOT)) for path in paths if not str(path.relative_to(ROOT)).startswith(UNFIT)), module]
 
 
-def tests_of(module: str) -> list[str]:
-    """What to run for a module, that which should notice first."""
-    dotted = module.removeprefix("library/").removesuffix(".py").replace("/", ".")
-    users = [other for other in modules() if dotted in imported(other)]
-    names = public_names(module)
-    using = sorted(test_files(), key=lambda file: -len(names & test_files()[file]))
-    using = [file for file in using if names & test_files()[file]]
-    folder = [file for file in test_files() if Path(file).parent.name == Path(module).parent.name]
-    near = [file for user in users for file in mirrors(user)]
-    first = [*mirrors(module), module, *(file for file in using if file in folder), *near]
-    return list(dict.fromkeys([*first, *users, *using, *folder, *test_files()]))
+def rounds(one: Mutant) -> list[list[str]]:
+    """What to run, that which should notice first: the files that mirror the module; the tests that run the line, in few files; in all."""
+    first = mirrors(one.module)
+    files: dict[str, list[str]] = {}
+    for test in covering(one.module, one.line):
+        if not test.startswith((*UNFIT, *first)):
+            files.setdefault(test.partition("::")[0], []).append(test)
+    folder = Path(one.module).parent.name
+    ranked = sorted(files, key=lambda file: (Path(file).parent.name != folder, -len(files[file]), file))
+    return [first, *([test for file in some for test in files[file]] for some in (ranked[:FEW], ranked[FEW:]))]
 
 
 # ---------------------------------------------------------------- runs
@@ -296,8 +327,8 @@ FOUND = {"assertions": "assertion", "exceptions": "exception", "crashes": "crash
 class Notice:
     """A pytest plugin that runs likely and quick tests first, and stops at the first assertion that fails or when the time is up."""
 
-    def __init__(self, budget: float, likely: str, took: dict[str, float], file: Path) -> None:
-        self.budget, self.likely, self.took, self.file = budget, likely, took, file
+    def __init__(self, targets: list[str], budget: float, likely: str, took: dict[str, float], file: Path) -> None:
+        self.targets, self.budget, self.likely, self.took, self.file = {*targets}, budget, likely, took, file
         self.assertions: list[str] = []
         self.exceptions: list[str] = []
         self.crashes: list[str] = []
@@ -309,6 +340,9 @@ class Notice:
         written.replace(self.file)  # whole, or not there
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        files = {target for target in self.targets if "::" not in target}
+        items[:] = [item for item in items if item.nodeid in self.targets or item.nodeid.partition("::")[0] in files]
+
         def order(item: pytest.Item) -> tuple[bool, float]:
             function = getattr(item, "function", None)
             text = inspect.getsource(function) if function and self.likely else ""
@@ -354,10 +388,11 @@ def in_child(copy: Path, targets: list[str], budget: float, likely: str = "", wi
             resource.setrlimit(resource.RLIMIT_AS, (8 * 2**30,) * 2)
             os.chdir(copy)
             sys.path[:0] = [str(copy), str(copy / "library")]
-            notice = Notice(budget, likely, json.loads(times.read_text()) if times.exists() else {}, file)
+            notice = Notice(targets, budget, likely, json.loads(times.read_text()) if times.exists() else {}, file)
+            files = dict.fromkeys(target.partition("::")[0] for target in targets)
             options = ["-q", "-W", "ignore::pytest.PytestAssertRewriteWarning", "-p", "no:xdist", "--tb=no"]
             options += [f"--deselect={test}" for test in without]
-            code = pytest.main([*options, "--continue-on-collection-errors", *targets], plugins=[notice])
+            code = pytest.main([*options, "--continue-on-collection-errors", *files], plugins=[notice])
             if code not in (0, 1, 2, 5):  # passed, failed, stopped, no tests
                 notice.crashes.append(f"pytest: {code}")
             times.write_text(json.dumps(notice.took))
@@ -382,10 +417,7 @@ def in_child(copy: Path, targets: list[str], budget: float, likely: str = "", wi
 
 def definition(module: str, line: int) -> str:
     """The innermost function or class around a line, as a test would write its name."""
-    kinds = ast.FunctionDef | ast.ClassDef
-    around = [node for node in ast.walk(ast.parse(source(module))) if isinstance(node, kinds)]
-    around = [node for node in around if node.lineno <= line <= (node.end_lineno or 0)]
-    return max(around, key=lambda node: node.lineno).name.strip("_") if around else ""
+    return next((node.name.strip("_") for node in around(module, line) if isinstance(node, ast.FunctionDef | ast.ClassDef)), "")
 
 
 def tried(one: Mutant, copy: Path, budget: float, number: int, wide: bool) -> Mutant:
@@ -395,10 +427,10 @@ def tried(one: Mutant, copy: Path, budget: float, number: int, wide: bool) -> Mu
     path.write_text(mutated(one.module, one.operator, one.occurrence), encoding="utf-8")
     os.utime(path, (before + 10 * number, before + 10 * number))  # no byte code of another mutant is taken for this one's
     started = time.monotonic()
-    tests, likely = tests_of(one.module), definition(one.module, one.line)
+    likely = definition(one.module, one.line)
     said: dict[str, list[str]] = {kind: [] for kind in FOUND}
     try:
-        for some in (tests[:2], tests[2:7], *([tests[7:]] if wide else [])):  # most are noticed before others are imported
+        for some in rounds(one)[: 3 if wide else 2]:  # most are noticed before others are imported
             if some and not said["assertions"]:
                 more = in_child(copy, some, budget, likely)
                 said = {key: said[key] + more[key] for key in said}
@@ -438,12 +470,16 @@ def main() -> None:
     parser.add_argument(
         "--budget", type=float, default=10.0, help="seconds of processor time for the likeliest tests of a mutant"
     )
-    parser.add_argument("--wide", action="store_true", help="run all quick tests, not the likeliest seven files only")
+    parser.add_argument("--wide", action="store_true", help="run all quick tests of the line, not those of few files")
+    parser.add_argument("--measure", action="store_true", help="find anew which test runs which line")
     parser.add_argument("--again", type=Path, help="a log, whose mutants that no assertion noticed are tried again")
     parser.add_argument("--goes-on", action="store_true", help="add to the log, and leave out the mutants that it holds")
     parser.add_argument("--log", type=Path, default=ROOT / ".cache" / "mutation.jsonl")
     chosen = parser.parse_args()
     os.environ["GEARLIB_TESTS"] = str(ROOT / ".cache")
+    if chosen.measure or not COVERED.exists():
+        print("running all quick tests once, to see which of them runs which line ...", flush=True)
+        measure()
     preload()
     gc.freeze()
     todo = unnoticed(chosen.again) if chosen.again else sample(chosen.n, chosen.seed, tuple(chosen.folder))

@@ -13,7 +13,7 @@ import pytest
 
 import gearlib as gl
 from gearlib.errors import SingularError
-from tests.mutation import FOUND, Mutant, is_claim, logged, summary
+from tests.mutation import FOUND, Mutant, around, is_claim, logged, mirrors, source, summary
 
 
 def raised(error: BaseException) -> Any:
@@ -59,3 +59,11 @@ def test_a_sample_goes_on_from_its_log(tmp_path: Path) -> None:
     log.write_text("".join(json.dumps(asdict(one) | {"key": one.key}) + "\n" for one in tried))
     assert logged(log) == tried
     assert {one.change for one in logged(log)} == {("a/m.py", "Not", 0), ("a/m.py", "Not", 1)}
+
+
+def test_a_mutant_is_first_tried_by_the_tests_of_its_module_and_by_those_around_its_line() -> None:
+    assert mirrors("gearlib/linear/balancing.py") == ["tests/linear/test_balancing.py", "gearlib/linear/balancing.py"]
+    module = "tests/mutation.py"
+    line = next(number for number, text in enumerate(source(module).splitlines(), 1) if text.strip().startswith("self.targets,"))
+    names = [getattr(node, "name", "") for node in around(module, line)]
+    assert names == ["", "__init__", "Notice"]
