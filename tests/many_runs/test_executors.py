@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import subprocess
@@ -245,14 +246,18 @@ def test_an_interrupt_leaves_the_runs_so_far(drive: gl.System, tmp_path: Path) -
 @pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_of_an_executor_returns_soon(drive: gl.System, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("GEARLIB_TEST_LOG", str(tmp_path / "log"))
-    main = threading.main_thread().ident
+    main, count = threading.main_thread().ident, itertools.count(1)
     assert main is not None
-    with ThreadPoolExecutor(2) as pool:
-        threading.Timer(0.6, lambda: signal.pthread_kill(main, signal.SIGINT)).start()
-        with pytest.warns(GearlibWarning, match="interrupted after"):
-            runs = drive.sweep(
-                {"J": np.linspace(0.5, 5.0, 2000)}, 1.0, reduce={"peak": slow_peak}, inputs=OPTIONS["inputs"], executor=pool
-            )
+
+    def interrupting(result: Any) -> float:
+        if next(count) == 5:
+            signal.pthread_kill(main, signal.SIGINT)
+        return slow_peak(result)
+
+    with ThreadPoolExecutor(2) as pool, pytest.warns(GearlibWarning, match="interrupted after"):
+        runs = drive.sweep(
+            {"J": np.linspace(0.5, 5.0, 2000)}, 1.0, reduce={"peak": interrupting}, inputs=OPTIONS["inputs"], executor=pool
+        )
     assert 0 < runs.done.sum() < 2000
     assert np.isfinite(runs["peak"]).tolist() == runs.done.tolist()
 

@@ -89,10 +89,10 @@ def test_a_signal_is_answered_soon(oscillator: gl.System) -> None:
         os.kill(os.getpid(), signal.SIGINT)
 
     begin = time.perf_counter()
-    threading.Timer(0.1, send).start()
+    threading.Timer(0.5, send).start()  # by then the run has begun on a machine under load, too
     with pytest.warns(GearlibWarning, match="interrupted at"):
         part = oscillator.simulate(1e7, method="rk5", samples=100_001, on_interrupt="stop")
-    assert time.perf_counter() - sent[0] < 20 * (sent[0] - begin)
+    assert time.perf_counter() - sent[0] < 4 * (sent[0] - begin)
     assert 1 < len(part.time) < 100_001
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import itertools
 import math
 import weakref
 from collections.abc import Callable
@@ -188,3 +189,24 @@ def test_memory_of_a_run_that_is_over_does_not_wait_for_the_garbage_collector(na
         assert gone() is None
     finally:
         gc.enable()
+
+
+def test_a_process_that_was_suspended_is_soon_as_fast_as_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    stepper, calls, asked = RungeKutta(), [0], itertools.count()
+    carry_on = stepper.carry_on
+
+    def counted(driver: Driver) -> int:
+        calls[0] += 1
+        return carry_on(driver)
+
+    def clock() -> float:
+        return 3600.0 if next(asked) else 0.0  # an hour passes in the first call, and no time after it
+
+    def rhs(t: float, x: Any, dx: Any, data: Any) -> None:
+        dx[0] = math.cos(t)
+
+    monkeypatch.setattr("gearlib.solvers.drive.driver.perf_counter", clock)
+    monkeypatch.setattr(stepper, "carry_on", counted)
+    steps = integrate(driver(problem(rhs, [0.0]), [0.0, 5e3], stepper)).stats["steps"]
+    assert steps > 3000
+    assert calls[0] < steps / 1000 + 15

@@ -23,7 +23,7 @@ from gearlib.solvers.problem import Floats, Integers, Problem, Solution, late_st
 __all__ = ["Driver", "Stepper", "address_of", "integrate"]
 
 STEPS_PER_CALL = 1000  # Python handles interrupts in between
-LONGEST_CALL = 0.1  # s; a call that takes longer has fewer steps the next time
+LONGEST_CALL = 0.1  # s; after a call that takes longer the next one has fewer steps
 PATIENCE = 12  # failed evaluations, with ever smaller steps, before a run counts as having left the domain of its states
 _EVENTS_AT_FIRST = 256  # entries of the event log (16 bytes each), which doubles when it is full
 MOST_LAYOUTS = 8  # layouts of memory that a problem keeps
@@ -260,6 +260,8 @@ class Driver:
             return self.status
         if (seconds := perf_counter() - begin) > LONGEST_CALL:
             self._most_steps = max(1, int(0.5 * record.budget * LONGEST_CALL / seconds))
+        elif seconds < 0.25 * LONGEST_CALL:  # the machine may have been busy, or the process suspended
+            self._most_steps = min(2 * self._most_steps, STEPS_PER_CALL)
         self._since_look += record.budget
         if code >= 0:
             self.status = _STATUS[code]
