@@ -366,7 +366,7 @@ def random_outlines(draw, level=0):
     return Outline("model", "Model", "", own, tuple(parts), tuple(nets), True)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(random_outlines(), st.sampled_from([300.0, 700.0, 1400.0]))
 def test_random_models_are_drawn_clearly(outline, width):
     diagram = Diagram(outline, width=width)

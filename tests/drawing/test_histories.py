@@ -162,7 +162,7 @@ def test_loop_and_section_of_a_damper():
     assert run.plot_against("damper.phi_rel", "damper.w_rel", units={"rad": "deg"}).get_xlabel() == "damper.phi_rel, deg"
 
 
-@pytest.mark.parametrize("window", ["hann", "flattop", "blackman", "rectangular"])
+@pytest.mark.parametrize("window", ["hann", "rectangular"])
 def test_spectrum_of_a_cosine(window):
     run = gl.compile(Damped()).simulate(8.0, samples=801)
     axes = run.plot_spectrum("damper.tau", window=window, f_max=10.0)

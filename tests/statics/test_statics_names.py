@@ -61,11 +61,8 @@ W, F = 80.0, 300.0  # of the rotor; the load pulls with -F
 
 @pytest.mark.parametrize(
     ("name", "speed"),
-    [("rotor.w", W), ("rotor.flange_a", W), ("motor.flange", W), ("der(rotor.phi)", W), ("rotor.phi", W), ("bearing.phi_rel", -W),
-     ("bearing.w_rel", -W),
-     ("box.input", W), ("box.first.output", -W / 4), ("box.second.wheel.w", W / 16), ("rack.flange_t", W / 80), ("load.v", W / 80),
-     ("der(load.s)", W / 80)],
-)  # fmt: skip
+    [("motor.flange", W), ("rotor.phi", W), ("bearing.w_rel", -W), ("box.first.output", -W / 4), ("der(load.s)", W / 80)],
+)
 def test_a_speed_by_any_of_its_names(hoist: gl.System, name: str, speed: float) -> None:
     """Of a flange, a speed or an angle, whatever the sign by which it stands for another; the motion is always the same."""
     flow = gl.power_flow(hoist, speeds={name: speed}, torques={"lift.f": -F})
@@ -78,7 +75,7 @@ def test_a_speed_by_any_of_its_names(hoist: gl.System, name: str, speed: float) 
     assert flow.imbalance < 1e-12
     assert gl.speed_ratio(hoist, "rotor.w", name) == pytest.approx(W / speed)
     assert gl.speed_ratio(hoist, name, "load.v") == pytest.approx(80 * speed / W)
-    assert gl.mobility(hoist) == flow.mobility == 1
+    assert flow.mobility == 1
 
 
 def test_flanges_of_composites_repeat_those_of_their_parts(hoist: gl.System) -> None:

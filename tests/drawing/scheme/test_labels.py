@@ -9,7 +9,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.drawing.scheme.labels import Label, overlap, placed
 from gearlib.drawing.scheme.stick_diagram import placed_names
-from tests.drawing.scheme.test_stick_diagram import Automatic
+from tests.drawing.scheme.test_stick_diagram import scheme_of
 
 
 class Turning(gl.Component):
@@ -28,9 +28,9 @@ class Turning(gl.Component):
         ]
 
 
-@pytest.mark.parametrize("component", [Automatic, gp.ZhouCui2022])
-def test_no_name_lies_on_a_line_or_on_another_name(component):
-    scheme = component().scheme()
+@pytest.mark.parametrize("train", ["ravigneaux", "xp"])
+def test_no_name_lies_on_a_line_or_on_another_name(train):
+    scheme = scheme_of(train)
     boxes = [label.box(place) for label, place in placed_names(scheme.axes, scheme.routing)]
     assert len(boxes) > 3
     lines = [(min(x1, x2), min(y1, y2), max(x1, x2), max(y1, y2)) for x1, y1, x2, y2, _ in scheme.routing.lines]

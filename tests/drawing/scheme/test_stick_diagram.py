@@ -1,6 +1,7 @@
 """Stick diagrams: every part of a train is drawn, shafts join what is connected, and bands are as wide as the power."""
 
 import xml.etree.ElementTree as ET
+from functools import cache
 from random import Random
 
 import networkx as nx
@@ -11,6 +12,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.drawing.icons import INK
 from gearlib.drawing.scheme.routing import RouteSearch
+from gearlib.drawing.scheme.stick_diagram import Scheme
 from gearlib.drawing.scheme.train import train_of
 from gearlib.errors import ModelError
 from gearlib.language.outline import outline
@@ -85,6 +87,13 @@ TRAINS = {
 }
 
 
+@cache
+def scheme_of(name: str) -> Scheme:
+    """The stick diagram of a train; several tests look at it."""
+    found: Scheme = TRAINS[name]().scheme()
+    return found
+
+
 def touching(routing, axes):
     """The lines, and the points at which symbols are, as a graph of what meets."""
     lines = [line for line in routing.lines if line[:2] != line[2:4]]
@@ -102,7 +111,7 @@ def touching(routing, axes):
 
 @pytest.mark.parametrize("name", TRAINS)
 def test_all_parts_are_drawn_and_each_shaft_is_one_line(name) -> None:
-    scheme = TRAINS[name]().scheme()
+    scheme = scheme_of(name)
     ET.fromstring(scheme.svg)
     assert scheme.routing.crossings <= 1, scheme.routing.crossings
     for symbol in scheme.train.symbols:
@@ -123,7 +132,7 @@ def numbers_of(element, *names):
 
 @pytest.mark.parametrize("name", TRAINS)
 def test_the_picture_holds_the_lines_and_breaks_them_at_crossings(name) -> None:
-    scheme = TRAINS[name]().scheme()
+    scheme = scheme_of(name)
     root = ET.fromstring(scheme.svg)
     left, upper, width, height = (float(n) for n in root.get("viewBox").split())
     drawing = next(g for g in root.iter(SVG + "g") if g.get("transform", "").startswith("translate"))
@@ -147,14 +156,14 @@ def test_the_picture_holds_the_lines_and_breaks_them_at_crossings(name) -> None:
 
 @pytest.mark.parametrize("name", ["simpson", "one set"])
 def test_lines_of_all_arrangements_are_horizontal_or_vertical(name) -> None:
-    search, random = RouteSearch(TRAINS[name]().scheme().axes), Random(1)
+    search, random = RouteSearch(scheme_of(name).axes), Random(1)
     for _ in range(60):
         lines = search.drawn(search.shaken(search.first(), random)).lines
         assert all(x == end or y == height for x, y, end, height, _ in lines)
 
 
 def test_shafts_are_what_is_connected_rigidly() -> None:
-    train = TwoStages().scheme().train
+    train = scheme_of("two stages").train
     assert train.shafts == 4  # motor and pinion; both gears of the middle shaft; wheel and coupling; machine
     first, second = (next(s for s in train.symbols if s.name == n) for n in ("first", "second"))
     assert first.shafts[1] == second.shafts[0]
@@ -162,7 +171,7 @@ def test_shafts_are_what_is_connected_rigidly() -> None:
 
 
 def test_bars_have_the_ratio_of_the_radii_and_meet() -> None:
-    axes = TwoStages().scheme().axes
+    axes = scheme_of("two stages").axes
     for symbol in axes.symbols:
         if symbol.kind == "external":
             a, b = symbol.radii
@@ -172,7 +181,7 @@ def test_bars_have_the_ratio_of_the_radii_and_meet() -> None:
 
 
 def test_the_xp_loop_closes_over_the_second_axis() -> None:
-    scheme = gp.ZhouCui2022().scheme()
+    scheme = scheme_of("xp")
     by_name = {s.name: s for s in scheme.train.symbols}
     unit, pair, back = by_name["train.x_unit"], by_name["train.p_unit"], by_name["train.coupling"]
     assert pair.shafts[0] == unit.shafts[0]  # sun and gear 1, over two steps of ratio 1
@@ -183,7 +192,7 @@ def test_the_xp_loop_closes_over_the_second_axis() -> None:
 
 
 def test_a_ring_that_is_held_alone_has_the_housing_above_it() -> None:
-    scheme = Automatic().scheme()
+    scheme = scheme_of("ravigneaux")
     assert sum(s.kind == "held" for s in scheme.train.symbols) == 2
 
     class Held(gl.Component):
@@ -203,7 +212,7 @@ def test_a_ring_that_is_held_alone_has_the_housing_above_it() -> None:
 
 
 def test_the_picture_is_the_same_again() -> None:
-    assert Automatic().scheme().svg == Automatic().scheme().svg
+    assert Automatic().scheme().svg == scheme_of("ravigneaux").svg
 
 
 def test_powers_meet_at_every_shaft_and_add_up_along_it() -> None:

@@ -17,7 +17,7 @@ from gearlib.drawing.scheme.shown_power import POWER
 from gearlib.drawing.scheme.shown_results import places_of_numbers
 from gearlib.drawing.scheme.stick_diagram import EDGE, Scheme
 from gearlib.drawing.scheme.train import Symbol
-from tests.drawing.scheme.test_stick_diagram import Automatic, Gear, TwoStages
+from tests.drawing.scheme.test_stick_diagram import Gear, scheme_of
 from tests.drawing.shapes import CLOSE, Shape, shapes
 
 
@@ -39,13 +39,9 @@ class Mixed(gl.Component):
         ]
 
 
-TRAINS = {"two stages": TwoStages, "automatic": Automatic, "mixed": Mixed, "xp": gp.ZhouCui2022}
-
-
-@pytest.fixture(scope="module", params=TRAINS)
+@pytest.fixture(scope="module", params=["two stages", "ravigneaux", "mixed", "xp"])
 def scheme(request: pytest.FixtureRequest) -> Scheme:
-    found: Scheme = TRAINS[request.param]().scheme()
-    return found
+    return Mixed().scheme() if request.param == "mixed" else scheme_of(request.param)
 
 
 def moved(scheme: Scheme) -> tuple[list[Shape], np.ndarray]:
@@ -209,9 +205,9 @@ def test_the_drawing_lies_within_its_margins(scheme: Scheme) -> None:
 
 def test_names_stand_beside_the_teeth() -> None:
     """Letters centred on the pitch point, as near on the one side as on the other."""
-    drawn = TwoStages().scheme()
-    found, origin = moved(drawn)
-    for symbol, place, base, _ in parts(drawn, "external"):
+    scheme = scheme_of("two stages")
+    found, origin = moved(scheme)
+    for symbol, place, base, _ in parts(scheme, "external"):
         (name,) = (s for s in found if s.text == symbol.label)
         x, y = name.points[0] - origin
         sense = 1 if base[1] > base[0] else -1
@@ -320,7 +316,7 @@ def test_the_table_is_aligned_below_the_drawing(flow: gl.PowerFlow) -> None:
 @pytest.mark.parametrize("turn", [1.0, -0.4, 0.8 + 0.6j, -0.2 - 0.1j])
 def test_dials_show_how_far_the_shaft_swings(turn: complex) -> None:
     """A grey sector over the whole swing, a coloured one from rest to the hand, both about the top."""
-    train = TwoStages().scheme().train
+    train = scheme_of("two stages").train
     scheme = Scheme(train, ShownMotion("a mode", {0: turn}))
     sectors = {s.attributes["fill"]: s for s in shapes(scheme.svg) if s.attributes.get("d", "").startswith("M0 0")}
     now = complex(turn).real
