@@ -249,7 +249,7 @@ def measure() -> None:
     options += ["--cov", f"--cov-config={settings}", "--cov-context=test", "--cov-report="]
 
     def part(folder: str) -> CoverageData:
-        kept = COVERED / folder.replace("/", "_")
+        kept = COVERED / re.sub(r"\W", "_", folder)
         command = [sys.executable, "-m", "pytest", *options, "-o", f"cache_dir={kept}-cache", *map(str, ROOT.glob(folder))]
         subprocess.run(command, cwd=ROOT, env=os.environ | {"COVERAGE_FILE": str(kept)}, stdout=subprocess.DEVNULL, check=False)
         found = CoverageData(str(kept))

@@ -64,6 +64,8 @@ def test_a_sample_goes_on_from_its_log(tmp_path: Path) -> None:
 def test_a_mutant_is_first_tried_by_the_tests_of_its_module_and_by_those_around_its_line() -> None:
     assert mirrors("gearlib/linear/balancing.py") == ["tests/linear/test_balancing.py", "gearlib/linear/balancing.py"]
     module = "tests/mutation.py"
-    line = next(number for number, text in enumerate(source(module).splitlines(), 1) if text.strip().startswith("self.targets,"))
+    line = next(
+        number for number, text in enumerate(source(module).splitlines(), 1) if text.strip().startswith("self.targets,")
+    )
     names = [getattr(node, "name", "") for node in around(module, line)]
     assert names == ["", "__init__", "Notice"]
