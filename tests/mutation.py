@@ -178,6 +178,8 @@ def meaning(text: str) -> str:
             node.annotation = ast.Constant(None)
         elif isinstance(node, ast.FunctionDef):
             node.returns = None
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            node.test = ast.Constant(None)
         elif isinstance(node, ast.Call):
             node.keywords = [word for word in node.keywords if word.arg not in WITHOUT_EFFECT]
     return ast.dump(tree)

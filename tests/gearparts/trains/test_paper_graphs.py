@@ -123,7 +123,7 @@ def test_frequency_responses_agree(params: zc.BondParameters) -> None:
         assert np.all(np.abs(found - expected) <= 1e-9 * np.abs(expected).max(axis=1, keepdims=True))
 
 
-@pytest.mark.parametrize("prefer", [(), (81, 62), (17, 22), (69, 51, 35), (56, 66)])
+@pytest.mark.parametrize("prefer", [(), (17, 22), (69, 51, 35)])
 def test_any_preference_gives_the_same_motion(prefer: tuple[int, ...]) -> None:
     """Efforts and flows of all bonds, which include all rates p' and q', are the same in the same state of motion."""
     rng = np.random.default_rng(len(prefer))
