@@ -338,15 +338,23 @@ def test_a_table_that_is_none_is_named(rows: Any) -> None:
 
 
 TABLE = ((0.0, 0.5), (1.0, 0.3), (2.5, 0.35), (4.0, 0.35), (5.0, 0.8))
+KINK = (
+    (0.0, 2.0),
+    (1.0, 1.0),
+    (2.0, 0.0),
+    (3.0, 1.0),
+    (5.0, 3.0),
+)  # straight on both sides: Akima takes the mean of the slopes
 
 
+@pytest.mark.parametrize("rows", [TABLE, KINK])
 @pytest.mark.parametrize("smoothness", ["linear", "constant", "akima"])
-def test_tables_are_interpolated_as_asked(smoothness: str) -> None:
+def test_tables_are_interpolated_as_asked(smoothness: str, rows: Any) -> None:
     x = sympy.Symbol("x", real=True)
-    law = interpolated(TABLE, x, 1, smoothness)
+    law = interpolated(rows, x, 1, smoothness)
     law = law if smoothness == "constant" else law.args[0]
     at = np.linspace(-1.0, 6.0, 141)
-    left, right = np.array(TABLE).T
+    left, right = np.array(rows).T
     ends = [0, -1]
     if smoothness == "constant":
         expected = right[np.clip(np.searchsorted(left, at, side="right") - 1, 0, 4)]
@@ -355,7 +363,7 @@ def test_tables_are_interpolated_as_asked(smoothness: str) -> None:
         inner = Akima1DInterpolator(left, right)
         slope = inner.derivative()(left[ends]) if smoothness == "akima" else (np.diff(right) / np.diff(left))[ends]
         curve = inner(at) if smoothness == "akima" else np.interp(at, left, right)
-        expected = np.select([at < 0, at > 5], [0.5 + slope[0] * at, 0.8 + slope[1] * (at - 5)], curve)
+        expected = np.select([at < 0, at > 5], [right[0] + slope[0] * at, right[-1] + slope[1] * (at - 5)], curve)
     assert [float(law.subs(x, t)) for t in at] == pytest.approx(expected, abs=1e-12)
 
 
