@@ -228,6 +228,7 @@ def test_limits_of_a_pair_are_refused_and_what_is_beside_them_is_not() -> None:
     for beta in (math.pi / 2, -math.pi / 2):
         with pytest.raises(BoundError, match=r"beta is .* rad; expected an angle between -pi/2 and pi/2"):
             gp.GearPair(**given, beta=beta)
+    assert gp.GearPair(**given, beta=1.5).contact_ratio == gp.GearPair(**given, beta=-1.5).contact_ratio > 0
     with pytest.raises(BoundError, match="a ring of 20 teeth around a pinion of 20; expected z_2 > z_1"):
         gp.GearPair(**{**given, "z_2": 20}, internal=True)
     assert gp.GearPair(**{**given, "z_2": 21}, internal=True, h_aP=0.1).centre_distance == pytest.approx(1.5e-3)
