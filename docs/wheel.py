@@ -134,7 +134,7 @@ def contents(wheel: Path) -> dict[str, bytes]:
     return files
 
 
-def compressed(wheel: Path, effort: int = 15) -> bytes:
+def compressed(wheel: Path, effort: int = 60) -> bytes:
     """The archive without comments, with the same names, dates and modes, in fewer bytes.
 
     Parameters

@@ -209,6 +209,14 @@ def partial_kernel(template: Template, column: int) -> Kernel:
     return _kernel(template, template.slopes[column])
 
 
+@memoised
+def terms_of_parameters(kernel: Kernel) -> tuple[Kernel, Kernel]:
+    """The terms of a sum that depend on parameters only, and the others."""
+    moving = [s for s in kernel.expression.free_symbols if not s.name.startswith("p")]
+    fixed, others = sympy.expand_mul(kernel.expression).as_independent(*moving, as_Add=True)
+    return _part(kernel, fixed), _part(kernel, others)
+
+
 def difference_kernel(label: str) -> Kernel:
     """One column minus another: the equation between two aliases."""
     one, other = column_symbol(("one", 0)), column_symbol(("other", 0))

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.equations.kernel import Kernel, terms_of_parameters
 from gearlib.program.interpret import Prepared, constant_values
 from gearlib.program.program import Batch, Linear, Newton
 from gearlib.program.relations import Relations
@@ -115,32 +116,33 @@ class _Carried:
     def _sums(self, batch: Batch) -> tuple[Floats, Floats]:
         """Change of a batch's values, and the magnitude of the terms in it."""
         result, terms = np.zeros((2, len(batch), self.width))
-        varying: list[int] = []
+        varying: dict[int, Batch] = {}
         for a in batch.active:
             slope = batch.derivative(a)
-            if slope.kernel.columns or slope.kernel.relations or slope.kernel.on_time:
-                varying.append(a)
-            else:
-                factor = constant_values(slope, self._prepared.parameters)[:, None]
+            constant, changing = (slope.part(part, slope.signs) for part in terms_of_parameters(slope.kernel))
+            if not constant.kernel.is_zero:
+                factor = constant_values(constant, self._prepared.parameters)[:, None]
                 result += factor * self.slots[batch.arguments[:, a]]
                 terms += np.abs(factor) * self._terms[batch.arguments[:, a]]
+            if not changing.kernel.is_zero:
+                varying[a] = changing
         if varying:
-            moves = self.slots[batch.arguments[:, varying]] * batch.argument_signs[:, varying, None]
+            moves = self.slots[batch.arguments[:, [*varying]]] * batch.argument_signs[:, [*varying], None]
             if len(varying) > 1:
-                directions = self._directions(batch, varying)
-                sizes = np.abs(directions) @ self._terms[batch.arguments[:, varying]]
+                directions = self._directions(batch, [*varying.values()])
+                sizes = np.abs(directions) @ self._terms[batch.arguments[:, [*varying]]]
                 moves = _without_rounding(directions @ moves, sizes)
             self._rows.append(moves.reshape(-1, self.width))
         return _without_rounding(result, terms), terms
 
-    def _directions(self, batch: Batch, varying: Sequence[int]) -> Floats:
-        """Per row, the directions of the arguments that its value depends on: one for a function of a difference."""
-        random = np.random.default_rng(len(varying))
+    def _directions(self, batch: Batch, slopes: Sequence[Batch]) -> Floats:
+        """Per row, the directions of the arguments that its slopes belong to: one for a function of a difference."""
+        random = np.random.default_rng(len(slopes))
         shape = (LOOKS, len(batch.kernel.columns))
         points = np.where(random.random(shape) < 0.5, -1, 1) * 10.0 ** random.uniform(*DECADES, shape)
         flags = (random.random((LOOKS, len(batch.kernel.relations))) < 0.5).astype(float)
-        slopes = [self._slope(batch, a, points, flags) * np.ones((len(batch), LOOKS)) for a in varying]
-        table = np.stack(slopes, axis=2)  # (rows, looks, arguments)
+        values = [self._slope(batch.kernel, slope, points, flags) * np.ones((len(batch), LOOKS)) for slope in slopes]
+        table = np.stack(values, axis=2)  # (rows, looks, arguments)
         size = np.abs(table).max(axis=2, keepdims=True)
         with np.errstate(all="ignore"):
             table = np.where(np.isfinite(size) & (size > 0), table / size, 0.0)
@@ -149,9 +151,8 @@ class _Carried:
             return np.broadcast_to(np.eye(table.shape[2]), (len(batch), *table.shape[2:] * 2))
         return np.asarray(right * (sizes > INDEPENDENT * sizes[:, :1].clip(1e-300))[:, :, None], float)
 
-    def _slope(self, batch: Batch, argument: int, points: Floats, flags: Floats) -> Floats:
-        """The partial derivative with respect to one argument, with the parameters of each row, at some points."""
-        kernel, slope = batch.kernel, batch.derivative(argument)
+    def _slope(self, kernel: Kernel, slope: Batch, points: Floats, flags: Floats) -> Floats:
+        """A partial derivative of a kernel, with the parameters of each row, at some points."""
         arguments = [points[:, kernel.columns.index(c)] for c in slope.kernel.columns]
         constants = [self._prepared.parameters[slope.parameters[:, [p]]] for p in range(slope.parameters.shape[1])]
         relations = [flags[:, kernel.relations.index(r)] for r in slope.kernel.relations]

@@ -51,6 +51,12 @@ KNOWN: dict[str, tuple[Any, Any, list[list[float]]]] = {
         lambda s: [gl.Eq(s.y - s.z, s.a), gl.Eq(gl.sin(s.y) + s.p * s.y + s.z, s.b)],
         [[1, -1, 0]],
     ),
+    "linear and not": (lambda s: (gl.sin(s.a - s.b) + s.p * (s.a - s.c), 0, 0), lambda s: [], [[1, 1, 1]]),
+    "block that is linear and not": (
+        lambda s: (s.y - s.a, 0, s.c - s.b),
+        lambda s: [gl.Eq(gl.sin(s.y - s.a) + s.p * (s.y - s.b), 0)],
+        [[1, 1, 1]],
+    ),
     "condition on a difference": (
         lambda s: (gl.Piecewise((1.0, s.a - s.b > 1), (2.0, True)), 0, s.c),
         lambda s: [],

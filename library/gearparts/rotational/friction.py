@@ -262,7 +262,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
     def equations(self) -> list[gl.Eq]:
         locked, is_free, was_stuck = gl.holds(self.locked), gl.holds(self.free), gl.holds(gl.pre(self.stuck))
         largest_at_rest = self.level_at_rest().subs(self.f_normalized, 1)
-        peak = gl.Max(self.peak, 1 + HYSTERESIS)
+        peak = gl.no_event(gl.Max(self.peak, 1 + HYSTERESIS))
         starts = 1 - (1 - self.start_forward) * (1 - gl.pre(self.start_forward))
         limit = self.tau0_max * (1 - starts) + (self.tau0 - ROUNDING * largest_at_rest) * starts
         return [
