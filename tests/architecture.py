@@ -7,6 +7,7 @@ into the table of ``docs/phases.md``. The limits may only fall.
 from __future__ import annotations
 
 import ast
+import gc
 import importlib
 import json
 import os
@@ -17,6 +18,7 @@ import tempfile
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from types import FrameType
@@ -63,23 +65,41 @@ IMPLEMENTATIONS = {
 # ---------------------------------------------------------------- the text
 
 
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """No garbage is looked for in the many objects of syntax trees, neither now nor later."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
 @cache
-def texts() -> dict[str, str]:
-    """Text of each module of gearlib, by dotted name."""
+def syntax(path: Path) -> ast.Module:
+    """Syntax tree of a file."""
+    with uncollected():
+        return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
+def files() -> dict[str, Path]:
+    """File of each module of gearlib, by dotted name."""
     paths = sorted((ROOT / "gearlib").rglob("*.py"))
-    names = [".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__") for path in paths]
-    return {name: path.read_text(encoding="utf-8") for name, path in zip(names, paths)}
+    return {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in paths}
 
 
 @cache
 def sources() -> dict[str, ast.Module]:
     """Syntax tree of each module of gearlib, by dotted name."""
-    return {name: ast.parse(text) for name, text in texts().items()}
+    return {name: syntax(path) for name, path in files().items()}
 
 
 @cache
 def nodes(tree: ast.Module) -> list[ast.AST]:
-    return list(ast.walk(tree))
+    with uncollected():
+        return list(ast.walk(tree))
 
 
 def imported_modules(tree: ast.Module) -> Iterator[str]:
@@ -207,7 +227,7 @@ def lines() -> tuple[int, int]:
     for module, tree in sources().items():
         if module.startswith(AROUND):
             continue
-        text = texts()[module].splitlines()
+        text = files()[module].read_text(encoding="utf-8").splitlines()
         total += len(text)
         with_code = {k for k, line in enumerate(text, 1) if line.strip() and not line.lstrip().startswith("#")}
         for node in nodes(tree):

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.architecture import syntax, uncollected
+
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 CONTRACTS = {contract["id"]: contract for contract in PROJECT["tool"]["importlinter"]["contracts"]}
@@ -28,15 +30,24 @@ def module_name(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def imports(source: str, package: str) -> Iterator[str]:
-    """Absolute names of all that ``source`` imports, also inside functions; ``package`` is where relative ones start."""
-    for node in ast.walk(ast.parse(source)):
+def imports(tree: ast.Module, package: str) -> Iterator[str]:
+    """Absolute names of all that a module imports, also inside functions; ``package`` is where relative ones start."""
+    for node in statements(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
             target = ".".join([*above, *([node.module] if node.module else [])])
             yield from (f"{target}.{alias.name}" for alias in node.names)
+
+
+def statements(tree: ast.AST) -> Iterator[ast.AST]:
+    """A tree's statements at every depth, and none of their expressions."""
+    yield tree
+    for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+        inner = getattr(tree, part, ())
+        for node in inner if isinstance(inner, list) else ():
+            yield from statements(node)
 
 
 def inside(name: str, module: str) -> bool:
@@ -50,7 +61,7 @@ def all_imports() -> list[tuple[str, str]]:
     for path in SOURCES:
         module = module_name(path)
         home = module if path.name == "__init__.py" else module.rpartition(".")[0]
-        found += [(module, name) for name in imports(path.read_text(encoding="utf-8"), home)]
+        found += [(module, name) for name in imports(syntax(path), home)]
     return found
 
 
@@ -71,7 +82,38 @@ def text_files() -> Iterator[Path]:
 
 
 def test_relative_imports_are_resolved() -> None:
-    assert list(imports("from . import a\nfrom ..b import c\nimport d.e", "top.inner")) == ["top.inner.a", "top.b.c", "d.e"]
+    tree = ast.parse("from . import a\nfrom ..b import c\nimport d.e")
+    assert list(imports(tree, "top.inner")) == ["top.inner.a", "top.b.c", "d.e"]
+
+
+def test_imports_are_found_at_every_depth() -> None:
+    tree = ast.parse(
+        """
+class A:
+    def f(self):
+        async def g():
+            async with x, y:
+                import a
+            async for z in x:
+                import b
+            else:
+                import c
+        if x: import d
+        elif y: import e
+        else: import f
+        while x: import g
+        try: import h
+        except E: import i
+        else: import j
+        finally: import k
+        try: import l
+        except* E: import m
+        match x:
+            case 1: import n
+        with x: import o
+"""
+    )
+    assert sorted(imports(tree, "")) == [*"abcdefghijklmno"]
 
 
 def test_phases_import_downwards_only() -> None:
@@ -106,9 +148,9 @@ def test_forbidden_imports_are_absent(contract: dict[str, list[str]]) -> None:
 
 def test_tests_import_public_names_only() -> None:
     for path in sorted((ROOT / "tests").rglob("*.py")):
-        names = {
-            n for n in imports(path.read_text(encoding="utf-8"), "tests") if inside(n, "gearlib") or inside(n, "gearparts")
-        }
+        with uncollected():
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+        names = {n for n in imports(tree, "tests") if inside(n, "gearlib") or inside(n, "gearparts")}
         assert not [name for name in names if re.search(r"\._(?!_)", name)], path
 
 

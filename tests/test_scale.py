@@ -73,7 +73,7 @@ print(json.dumps(sympy_calls({model})))
 """
 
 
-@pytest.mark.parametrize(("small", "large"), [("Chain(N=10)", "Chain(N=300)"), ("Star(N=13)", "Star(N=49)")])
+@pytest.mark.parametrize(("small", "large"), [("Chain(N=10)", "Chain(N=100)"), ("Star(N=13)", "Star(N=49)")])
 def test_symbolic_work_does_not_grow_with_the_model(small: str, large: str) -> None:
     """Of the stars, the torques on the hub are summed by the same kinds of sums."""
     one, other = (run(COUNT.replace("{model}", model))[0] for model in (small, large))
@@ -84,7 +84,7 @@ def test_symbolic_work_does_not_grow_with_the_model(small: str, large: str) -> N
 def test_symbolic_work_of_an_exact_run_does_not_grow_with_the_model() -> None:
     """The springs' angles at rest are constant driving terms, one each."""
     script = COUNT.replace("source = system.source", "system.simulate(t_end=1e-3, samples=2, method='exact')")
-    one, other = (run(script.replace("{model}", f"Chain(N={n})"))[1] for n in (100, 1000))
+    one, other = (run(script.replace("{model}", f"Chain(N={n})"))[1] for n in (50, 500))
     assert one == other
 
 
@@ -148,8 +148,8 @@ def calls_of_compiling(model: gl.Component) -> int:
 def test_a_component_costs_few_calls() -> None:
     """A bound on the work for each of the many instances of a class, which takes most of the time of large models."""
     gl.compile(Chain(N=10))
-    small, large = (calls_of_compiling(Chain(N=n)) for n in (1000, 2000))
-    assert (large - small) / 2000 < 300  # with a component's share of the connections and of all later phases
+    small, large = (calls_of_compiling(Chain(N=n)) for n in (500, 1000))
+    assert (large - small) / 1000 < 300  # with a component's share of the connections and of all later phases
 
 
 def spent_on(model: gl.Component) -> tuple[int, int]:
@@ -178,7 +178,7 @@ def test_rigid_gears_side_by_side_cost_work_and_memory_in_proportion() -> None:
     Hash tables double when they are full, so that memory per gear scatters by a quarter.
     """
     spent_on(SideBySide(N=20))  # meets the classes
-    small, large = (np.array(spent_on(SideBySide(N=n))) for n in (100, 800))
+    small, large = (np.array(spent_on(SideBySide(N=n))) for n in (50, 400))
     lines, memory = np.log(large / small) / np.log(8)
     assert lines < 1.05
     assert memory < 1.2
@@ -188,7 +188,7 @@ def test_rigid_gears_side_by_side_cost_work_and_memory_in_proportion() -> None:
 
 
 def test_source_of_a_large_chain_is_that_of_any_other() -> None:
-    small, large, larger = (gl.compile(Chain(N=n)).source for n in (10, 1000, 2000))
+    small, large, larger = (gl.compile(Chain(N=n)).source for n in (10, 500, 1000))
     assert large == larger
     assert len(large) <= len(small)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Iterator
 from functools import cache
 
 import pytest
@@ -13,8 +14,22 @@ from tests import architecture, vocabulary
 
 @cache
 def texts() -> dict[str, str]:
-    """Text of each module without its comments, by path."""
-    return {str(path): ast.unparse(tree) for path, tree in vocabulary.modules().items()}
+    """Names and texts of each module, by path; no comments."""
+    return {str(path): "\n".join(words(tree)) for path, tree in vocabulary.modules().items()}
+
+
+def words(tree: ast.Module) -> Iterator[str]:
+    for node in architecture.nodes(tree):
+        for value in vars(node).values():
+            if isinstance(value, str):
+                yield value
+            elif isinstance(value, list):  # the names of a global statement
+                yield from (item for item in value if isinstance(item, str))
+
+
+def test_words_are_names_and_texts_without_comments() -> None:
+    text = 'from a.b import c as d  # e\ndef f(g, *, h=0):\n    """i j"""\n    global k, l\n    return m.n(o=f"p {q} r" "s")'
+    assert {*re.findall(r"\w+", " ".join(words(ast.parse(text))))} == {*"abcdfghijklmnopq", "rs"}
 
 
 def test_every_file_and_class_is_on_the_page_as_the_code_describes_it() -> None:

@@ -7,8 +7,14 @@ from __future__ import annotations
 
 import ast
 import re
+import sys
 from functools import cache
 from pathlib import Path
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from tests.architecture import syntax
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "vocabulary.md"
@@ -23,7 +29,7 @@ def first_line(node: ast.Module | ast.ClassDef) -> str:
 def modules() -> dict[Path, ast.Module]:
     """The files of gearlib, those of a folder before those of its subfolders."""
     paths = sorted((ROOT / "gearlib").rglob("*.py"), key=lambda p: (p.parent.parts, p.name != "__init__.py", p.name))
-    return {path.relative_to(ROOT): ast.parse(path.read_text(encoding="utf-8")) for path in paths}
+    return {path.relative_to(ROOT): syntax(path) for path in paths}
 
 
 def classes(tree: ast.Module) -> list[ast.ClassDef]:
