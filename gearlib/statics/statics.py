@@ -52,9 +52,9 @@ def power_flow(
     Parameters
     ----------
     system : System
-    Speeds (rad/s or m/s), by the path of a variable or of a flange.
+    speeds : mapping, optional
         Speeds by the path of a variable or of a flange, rad/s (m/s).
-    Values of inputs by path (torques, but also others); these replace bindings.
+    torques : mapping, optional
         Values of inputs by path (torques, also others); these replace bindings.
     parameters : mapping, optional
         Values by path; setting its backlash to 0 closes a gap.

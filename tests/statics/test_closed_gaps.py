@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import pytest
@@ -50,6 +51,11 @@ class Through(gl.Component):
         ]
 
 
+@cache
+def compiled(first: str, second: str, load: str = "torque") -> gl.System:
+    return gl.compile(Through(first=first, second=second, load=load))
+
+
 TRAINS = [("limited", "jumping"), ("limited", "mesh"), ("mesh", "mesh")]
 
 
@@ -57,7 +63,7 @@ TRAINS = [("limited", "jumping"), ("limited", "mesh"), ("mesh", "mesh")]
 @pytest.mark.parametrize("at", ["rotor.w", "body.w"])
 @pytest.mark.parametrize(("torque", "speed"), [(-50.0, 100.0), (30.0, -3.0)])  # the load brakes, and drives
 def test_given_speed_and_torque_of_the_load(first: str, second: str, at: str, torque: float, speed: float) -> None:
-    flow = gl.power_flow(gl.compile(Through(first=first, second=second)), speeds={at: speed}, torques={"taker.tau": torque})
+    flow = gl.power_flow(compiled(first, second), speeds={at: speed}, torques={"taker.tau": torque})
     turned = (-1) ** (first, second).count("mesh")  # external wheels reverse
     assert flow["motor.flange"].torque == pytest.approx(torque * turned, rel=1e-9)  # into the motor: against what it gives
     other = "body.flange_a" if at == "rotor.w" else "rotor.flange_a"
@@ -76,7 +82,7 @@ def test_given_speed_and_torque_of_the_load(first: str, second: str, at: str, to
 )
 def test_given_speed_and_a_load_that_grows_with_it(load: str, at: str) -> None:
     """An open gap would leave the load standing still while the motor turns; it does not stay open."""
-    system = gl.compile(Through(load=load))
+    system = compiled("limited", "jumping", load)
     for speed in (100.0, -100.0):
         flow = gl.power_flow(system, speeds={at: speed})
         assert flow["body.flange_a"].speed == pytest.approx(speed, rel=1e-9)
@@ -87,7 +93,7 @@ def test_given_speed_and_a_load_that_grows_with_it(load: str, at: str) -> None:
 
 @pytest.mark.parametrize(("first", "second"), TRAINS)
 def test_sides_of_a_gap_at_two_speeds_are_refused(first: str, second: str) -> None:
-    system = gl.compile(Through(first=first, second=second))
+    system = compiled(first, second)
     with pytest.raises(ArgumentError, match="a gap is open between sides that turn at different speeds") as refused:
         gl.power_flow(system, speeds={"rotor.w": 100.0, "middle.w": 50.0, "body.w": 50.0}, torques={"taker.tau": 0.0})
     assert "one" in str(refused.value).partition("taker.tau: in ")[2].partition(" a gap")[0]

@@ -68,9 +68,14 @@ def test_uniform_shaft(shaft: tuple[gl.System, Floats], d: float, count: int) ->
     assert found.damping[1:] == pytest.approx(hand[:count] * d / (2 * K), rel=1e-7, abs=1e-10)
 
 
+@pytest.fixture(scope="module")
+def three_shafts() -> gl.System:
+    return gl.compile(Shafts(n=150, shafts=3))
+
+
 @pytest.mark.parametrize("count", [4, 5, 20])
-def test_repeated_frequencies_are_found_as_often_as_they_are_repeated(count: int) -> None:
-    found = gl.modes(gl.compile(Shafts(n=150, shafts=3)), count)
+def test_repeated_frequencies_are_found_as_often_as_they_are_repeated(three_shafts: gl.System, count: int) -> None:
+    found = gl.modes(three_shafts, count)
     assert found.free == 3
     assert found.omega[3:] == pytest.approx(np.repeat(frequencies(150), 3)[:count], rel=1e-9)
     assert np.linalg.matrix_rank(found.shapes[:, 3:], tol=1e-6) == count
@@ -125,13 +130,13 @@ def test_slow_modes_beside_fast_ones_and_dense_clusters(ratio: float) -> None:
 
 
 def test_count_in_a_disc() -> None:
-    w = np.arange(1.0, 300.0)
+    w = np.arange(1.0, 150.0)
     A = sparse.block_diag([pairs(w), sparse.csc_matrix(np.diag([0.0, 0.0, -40.5, 17.0]))]).tocsc()
     scale = similarity(A)
     S = sparse.csc_matrix(sparse.diags(1 / scale) @ A @ sparse.diags(scale))
-    assert abs(S + S.T)[:598, :598].max() < 1e-9
+    assert abs(S + S.T)[:298, :298].max() < 1e-9
     all_of_them = np.concatenate([1j * w, -1j * w, [-40.5, 17.0]])
-    for radius in (0.5, 10.5, 60.5, 250.5):
+    for radius in (0.5, 10.5, 60.5, 120.5):
         inside = np.flatnonzero(np.abs(all_of_them) < radius)
         assert missing_inside(S, radius, all_of_them, 2) == 0
         assert missing_inside(S, radius, np.empty(0, complex), 2) == len(inside)
