@@ -295,7 +295,7 @@ def check_linear_models(spec: Spec) -> None:
         assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-@settings(max_examples=20)
+@settings(max_examples=12)
 @given(trains())
 def test_linear_models_agree(spec: Spec) -> None:
     check_linear_models(spec)

@@ -135,7 +135,7 @@ class Line(gl.Component):
 
 
 @given(st.integers(0, 10**6), st.sampled_from(["step", "table", "input", "sampled"]))
-@settings(max_examples=25, deadline=None, phases=[Phase.generate])
+@settings(max_examples=16, deadline=None, phases=[Phase.generate])
 def test_relative_motion_behind_a_torque_that_jumps(seed: int, source: str) -> None:
     """Preferred or not, it moves as the matrix exponential says."""
     drawn = Drawn.by(seed)
@@ -149,7 +149,7 @@ def test_relative_motion_behind_a_torque_that_jumps(seed: int, source: str) -> N
 
 
 @given(st.integers(0, 10**6), st.sampled_from(["discrete", "clutch", "wave"]))
-@settings(max_examples=15, deadline=None, phases=[Phase.generate])
+@settings(max_examples=10, deadline=None, phases=[Phase.generate])
 def test_relative_motion_behind_a_mode(seed: int, source: str) -> None:
     """As without the preference, at a tight tolerance."""
     drawn = Drawn.by(seed)
