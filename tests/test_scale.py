@@ -73,7 +73,7 @@ print(json.dumps(sympy_calls({model})))
 """
 
 
-@pytest.mark.parametrize(("small", "large"), [("Chain(N=10)", "Chain(N=100)"), ("Star(N=13)", "Star(N=49)")])
+@pytest.mark.parametrize(("small", "large"), [("Chain(N=10)", "Chain(N=300)"), ("Star(N=13)", "Star(N=49)")])
 def test_symbolic_work_does_not_grow_with_the_model(small: str, large: str) -> None:
     """Of the stars, the torques on the hub are summed by the same kinds of sums."""
     one, other = (run(COUNT.replace("{model}", model))[0] for model in (small, large))
@@ -84,7 +84,7 @@ def test_symbolic_work_does_not_grow_with_the_model(small: str, large: str) -> N
 def test_symbolic_work_of_an_exact_run_does_not_grow_with_the_model() -> None:
     """The springs' angles at rest are constant driving terms, one each."""
     script = COUNT.replace("source = system.source", "system.simulate(t_end=1e-3, samples=2, method='exact')")
-    one, other = (run(script.replace("{model}", f"Chain(N={n})"))[1] for n in (50, 500))
+    one, other = (run(script.replace("{model}", f"Chain(N={n})"))[1] for n in (100, 1000))
     assert one == other
 
 
