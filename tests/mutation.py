@@ -251,7 +251,7 @@ def measure() -> None:
     options += ["--cov", f"--cov-config={settings}", "--cov-context=test", "--cov-report="]
 
     def part(folder: str) -> CoverageData:
-        kept = COVERED / re.sub(r"\W", "_", folder)
+        kept = COVERED / ("of-" + re.sub(r"\W", "_", folder))
         command = [sys.executable, "-m", "pytest", *options, "-o", f"cache_dir={kept}-cache", *map(str, ROOT.glob(folder))]
         subprocess.run(command, cwd=ROOT, env=os.environ | {"COVERAGE_FILE": str(kept)}, stdout=subprocess.DEVNULL, check=False)
         found = CoverageData(str(kept))
@@ -319,6 +319,9 @@ def rounds(one: Mutant) -> list[list[str]]:
         if not test.startswith((*UNFIT, *first)):
             files.setdefault(test.partition("::")[0], []).append(test)
     folder = Path(one.module).parent.name
+    if not files:  # what is compiled runs unseen
+        own = [str(path.relative_to(ROOT)) for path in sorted((ROOT / "tests").rglob(f"{folder}/test_*.py"))]
+        files = {file: [file] for file in own if not file.startswith((*UNFIT, *first))}
     ranked = sorted(files, key=lambda file: (Path(file).parent.name != folder, -len(files[file]), file))
     return [first, *([test for file in some for test in files[file]] for some in (ranked[:FEW], ranked[FEW:]))]
 
