@@ -293,11 +293,19 @@ def around(module: str, line: int) -> list[ast.stmt]:
     )
 
 
+def inside(node: ast.AST) -> set[int]:
+    """The lines of the functions in a syntax tree, which run when they are called."""
+    functions = [inner for inner in ast.walk(node) if isinstance(inner, ast.FunctionDef)]
+    return {number for f in functions for number in range(f.body[0].lineno, (f.end_lineno or 0) + 1)}
+
+
 def covering(module: str, line: int) -> set[str]:
-    """The tests that run a line; of one that runs on import or has changed since, those that run anything around it."""
-    spans = [(line, line), *((node.lineno, node.end_lineno or 0) for node in around(module, line)), (1, len(source(module)))]
-    for first, last in spans:
-        tests: set[str] = set().union(*(lines_run(module).get(number, ()) for number in range(first, last + 1)))
+    """The tests that run a line; of one that runs on import or has changed since, those that run a function around it."""
+    tree = ast.parse(source(module))
+    called = inside(tree)
+    simple = [set(range(node.lineno, (node.end_lineno or 0) + 1)) for node in around(module, line) if not hasattr(node, "body")]
+    for lines in ({line}, *simple, *map(inside, around(module, line)), called):
+        tests: set[str] = set().union(*(lines_run(module).get(number, ()) for number in lines & called))
         if tests:
             return tests
     return set()
