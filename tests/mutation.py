@@ -301,11 +301,10 @@ def inside(node: ast.AST) -> set[int]:
 
 def covering(module: str, line: int) -> set[str]:
     """The tests that run a line; of one that runs on import or has changed since, those that run a function around it."""
-    tree = ast.parse(source(module))
-    called = inside(tree)
-    simple = [set(range(node.lineno, (node.end_lineno or 0) + 1)) for node in around(module, line) if not hasattr(node, "body")]
-    for lines in ({line}, *simple, *map(inside, around(module, line)), called):
-        tests: set[str] = set().union(*(lines_run(module).get(number, ()) for number in lines & called))
+    nodes = [*around(module, line), ast.parse(source(module))]
+    spans = [inside(n) if hasattr(n, "body") else set(range(n.lineno, (n.end_lineno or 0) + 1)) for n in nodes]
+    for lines in ({line}, *spans):
+        tests: set[str] = set().union(*(lines_run(module).get(number, ()) for number in lines & spans[-1]))
         if tests:
             return tests
     return set()

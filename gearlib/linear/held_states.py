@@ -147,10 +147,9 @@ def _functionals(
         if set(program.states) <= set(states):
             program = build(structure, others, states, dynamic=False)
             ready = prepare(program, structure, prepared.parameters)
-            n, m = len(states), len(program.inputs)
-            inputs = np.zeros(m)
-            inputs[: len(prepared.program.inputs)] = slots[n : n + len(prepared.program.inputs)][:m]
-            values = evaluate(ready, np.array([t]), slots[:n, None], inputs[:, None], discrete[:, None])[:, 0]
+            n = len(states)
+            inputs = slots[n : n + len(program.inputs), None]
+            values = evaluate(ready, np.array([t]), slots[:n, None], inputs, discrete[:, None])[:, 0]
             d = derivatives(ready, t, values, discrete, range(n), wanted=program.output_slots)
             rows += list(d.toarray() if hasattr(d, "toarray") else d)
     return np.array(rows).reshape(-1, len(states))

@@ -136,7 +136,7 @@ class Segment:
         return self._discrete_for(program, self._inputs(program))[:, int(np.searchsorted(self.time, t, side="right")) - 1]
 
     def _inputs(self, program: Program) -> Floats:
-        return values(self.signals, self.time, len(program.inputs))
+        return values(self.signals, self.time)
 
     def _compute(self, node: Node) -> tuple[Program, Floats]:
         scene = self.scene

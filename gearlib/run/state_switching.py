@@ -82,7 +82,7 @@ def _following(run: Run, left: Solution, switched: Switched) -> Run:
     for node, slot in program.slots.items():  # on the solution branch of the run
         if node in scene.program.slots:
             guess[slot] = here[scene.program.slots[node]]
-    inputs = values(run.signals, t, len(program.inputs))
+    inputs = values(run.signals, t)
     prepared = prepare(program, structure, run.numbers.parameters)
     slots = evaluate(prepared, t, x[:, None], inputs, held[:, None], guess)
     for (v, k), slot in program.slots.items():

@@ -543,7 +543,7 @@ class Translation:
                     discretes[known.index(name)] = real(f"start of {name}", value)
                 else:
                     overrides[start_variable(self.model, name)] = real(f"start of {name}", value)
-        inputs = values(signals, np.array([t]), len(scene.program.inputs))[:, 0]
+        inputs = values(signals, np.array([t]))[:, 0]
         begin = start_values(scene, parameters, inputs, t, overrides, discretes, seeds, own_seeds)
         if start == "steady":
             from gearlib.run.steady import search_steady, steady_changes

@@ -106,7 +106,7 @@ def exponential_solution(run: Run, stepper: Exponential, why: str) -> Solution:
     scene = run.scene
     if not scene.n_discrete:
         return found
-    inputs = values(run.signals, run.times, len(scene.program.inputs))
+    inputs = values(run.signals, run.times)
     return replace(found, discrete=scene.discrete(run.numbers, run.times, found.x.T, inputs).T)
 
 

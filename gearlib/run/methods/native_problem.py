@@ -42,8 +42,7 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
 
         code = tangent_code(scene, tangents.directions, jacobian)
     native: NativeScene = code.native if code else scene.native_with_jacobian if jacobian else scene.native
-    program = scene.program
-    inputs = values(run.signals, run.times[:1], len(program.inputs))[:, 0]
+    inputs = values(run.signals, run.times[:1])[:, 0]
     discrete = run.discrete
     if discrete is None:
         discrete = starting_discrete(run, native, inputs)
@@ -89,7 +88,7 @@ def starting_discrete(run: Run, native: NativeScene, inputs: Floats) -> Floats:
 def _handed_problem(run: Run, callbacks: Callbacks, form: SceneForm) -> Problem:
     """The problem in a form that leaves algebraic unknowns to IDA."""
     parameters, t0 = run.numbers.parameters, float(run.times[0])
-    inputs = values(run.signals, run.times[:1], len(form.program.inputs))[:, 0]
+    inputs = values(run.signals, run.times[:1])[:, 0]
     discrete = form.discrete(parameters, t0, run.start, inputs) if run.discrete is None else run.discrete
     data = form.data(parameters, inputs, discrete, run.start.guess)
     x0 = form.first(run.numbers, t0, run.start, inputs, discrete, run.slots)
@@ -167,7 +166,7 @@ def _culprit(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str
     from gearlib.run.refusals.blame import culprit
 
     discrete = data[shared.relations :][: shared.n_discrete].copy()
-    inputs = values(run.signals, np.array([t]), shared.n_inputs)[:, 0]
+    inputs = values(run.signals, np.array([t]))[:, 0]
     span = float(run.times[-1] - run.times[0])
     return culprit(run.scene, run.numbers, t, span, x[: len(run.scene.states)], inputs, discrete)
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from gearlib.errors import SolverError, StartError
 from gearlib.flatten.model import FlatModel
 from gearlib.program.interpret import Prepared, evaluate, prepare
-from gearlib.program.program import Program
 from gearlib.run.scene import Scene, guess_of
 from gearlib.run.segment import Segment
 from gearlib.run.start_values import Start
@@ -80,24 +79,18 @@ def _too_small(
     if not bounded:
         return None
     now, column = np.array([t]), x[:, None]
-    discrete = scene.discrete(numbers, now, column, _padded(inputs, scene.program), start=begin.guess)
+    discrete = scene.discrete(numbers, now, column, inputs[:, None], start=begin.guess)
     for v, least, node in bounded:
         if node in scene.place_of:
             value = int(scene.model.sign[v]) * column[scene.place_of[node]]
         else:
             program = scene.computing(node)
             prepared = prepare(program, scene.structure, numbers.parameters)
-            slots = evaluate(prepared, now, column, _padded(inputs, program), discrete, guess_of(program, begin.guess))
+            slots = evaluate(prepared, now, column, inputs[:, None], discrete, guess_of(program, begin.guess))
             value = int(scene.model.sign[v]) * slots[program.slots[node]]
         if value[0] < least - MISSED * ACCURATE * _size(scene, node, column.T, value):
             return v, float(value[0]), least
     return None
-
-
-def _padded(inputs: Floats, program: Program) -> Floats:
-    """Inputs of a program as a column: derivatives of inputs, which follow the inputs, are zero."""
-    n = len(program.inputs)
-    return np.append(inputs, np.zeros(n))[:n, None]
 
 
 def _bounded(scene: Scene) -> Iterator[tuple[int, float, Node]]:

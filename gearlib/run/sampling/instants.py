@@ -243,7 +243,7 @@ def _segment(run: Run, t: float) -> Segment:
     times, states = np.array([t]), run.start.states[None, :]
     discrete = run.discrete
     if discrete is None:
-        inputs = values(run.signals, times, len(run.scene.program.inputs))
+        inputs = values(run.signals, times)
         discrete = run.scene.discrete(run.numbers, times, states.T, inputs, start=run.start.guess)[:, 0]
     return Segment(run.scene, times, states, discrete[None, :], run.numbers.parameters, run.signals, run.start.guess, t)
 

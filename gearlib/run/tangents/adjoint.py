@@ -152,7 +152,7 @@ class Adjoint:
         for key, nodes in others.items():
             program = programs[key]
             states = self.motion(self.times)
-            inputs = values(self.signals, self.times, len(program.inputs))
+            inputs = values(self.signals, self.times)
             prepared = prepare(program, self.scene.structure, self.parameters)
             slots = evaluate(prepared, self.times, states, inputs, np.zeros((self.scene.n_discrete, len(self.times))))
             wanted = np.array([program.slots[node] for node in nodes])
@@ -169,7 +169,7 @@ class Adjoint:
         nodes = (edges[:-1, None] + h[:, None] * NODES).ravel()
         states = self.motion(nodes)
         _, evaluator = scene.compiled_numbers(self.parameters)
-        inputs = values(self.signals, nodes, len(scene.program.inputs))
+        inputs = values(self.signals, nodes)
         relations = np.zeros((scene.n_discrete, len(nodes)))
         slots, jacobians = evaluator.derivatives(nodes, states, inputs, relations)
         J = jacobians.reshape(len(h), STAGES, n, n)

@@ -196,9 +196,8 @@ class EventTangents:
 
     def _inputs(self, t: float) -> tuple[Floats, Floats]:
         """Inputs, and their slopes just before ``t``."""
-        count = len(self.events.program.inputs)
         apart = INSTANT * max(abs(t), 1e-3)
-        found = values(self.run.signals, np.array([t, t - apart, t - 2.0 * apart]), count)
+        found = values(self.run.signals, np.array([t, t - apart, t - 2.0 * apart]))
         return found[:, :1], (3.0 * found[:, 0] - 4.0 * found[:, 1] + found[:, 2]) / (2.0 * apart)
 
     def _varied(

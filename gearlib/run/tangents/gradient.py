@@ -96,6 +96,6 @@ def _steps_at_first(scene: Scene, request: Request, states: Floats, signals: tup
     """Number of steps for the fastest motion, from the Jacobian at the start."""
     _, evaluator = scene.compiled_numbers(request.parameters)
     t = np.array([begin])
-    inputs = values(signals, t, len(scene.program.inputs))
+    inputs = values(signals, t)
     _, jacobian = evaluator.derivatives(t, states[:, None], inputs, np.zeros((scene.n_discrete, 1)))
     return int(np.clip(balanced_norm(jacobian[0]) * (end - begin) / RADIANS, FEWEST, MOST_AT_FIRST))

@@ -417,10 +417,8 @@ class FunctionInput:
         return f"the function {name} of the input {self.path}, called with t = {t:.9g} s, {did}"
 
 
-def values(signals: Sequence[Signal], times: Floats, count: int = 0) -> Floats:
-    """Values of the signals at some times, shape (signals, times), zero-padded to ``count`` rows."""
-    if not signals:
-        return np.zeros((count, len(times)))
+def values(signals: Sequence[Signal], times: Floats) -> Floats:
+    """Values of the signals at some times, shape (signals, times)."""
     rows = []
     for signal in signals:
         if isinstance(signal, Table):
@@ -429,5 +427,4 @@ def values(signals: Sequence[Signal], times: Floats, count: int = 0) -> Floats:
             rows.append(np.array([signal(float(t)) for t in times]))
         else:
             rows.append(np.full(len(times), float(signal)))
-    rows += [np.zeros(len(times))] * (count - len(rows))
     return np.array(rows, float).reshape(len(rows), len(times))
