@@ -359,10 +359,10 @@ def _flanges(model: FlatModel, motion: Motion) -> list[FlangePower]:
     for i, potential, flow, flange in _mechanical(model):
         path = model.instances[i].path
         p, f = int(model.representative[potential]), int(model.representative[flow])
-        speed = float(motion.rates[p]) * int(model.sign[potential])
-        torque = float(motion.constants[f]) * int(model.sign[flow])
+        speed = float(motion.rates[p]) * int(model.sign[potential]) + 0.0  # no -0
+        torque = float(motion.constants[f]) * int(model.sign[flow]) + 0.0
         shaft = p if model.sign[potential] else -1
         sliding = (declared := model.declaration(potential)) is not None and declared.unit == "m"
         leaf = alone or path not in composite
-        rows.append(FlangePower(path, flange, speed, torque, speed * torque, shaft, leaf, sliding))
+        rows.append(FlangePower(path, flange, speed, torque, speed * torque + 0.0, shaft, leaf, sliding))
     return rows

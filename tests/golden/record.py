@@ -1,7 +1,8 @@
-"""What a scene is translated into and what it gives, as text: ``python -m tests.golden.record [scene ...]`` writes it anew.
+"""What scenes and views are, as text: ``python -m tests.golden.record [name ...]`` writes it anew.
 
-One file per scene, so that ``git diff`` shows what a change of the engine changed: the states, ``summary()``, the generated source and
-the values at five times. The text depends on how SymPy prints and orders terms, so that the versions it was made with stand beside it.
+One file for each, so that ``git diff`` shows what a change of the engine changed: of a scene the states, ``summary()``, the generated
+source and the values at five times; of a view (a picture, a plot, a printed table, a text of Modelica) what a reader sees. The text
+depends on how SymPy prints and orders terms, so that the versions it was made with stand beside it.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 import gearlib as gl
 from tests.golden.scenes import SCENES
+from tests.golden.views import VIEWS
 
 FOLDER = Path(__file__).parent
 VERSIONS = FOLDER / "versions.txt"
@@ -66,13 +68,20 @@ def read(name: str) -> Record:
     return Record(parts["states"], parts["summary"], parts["source"], {n: np.array(v, float) for n, *v in rows})
 
 
+def view_path(name: str) -> Path:
+    return FOLDER / "views" / f"{name}.txt"
+
+
 def versions() -> str:
     """What the text depends on besides gearlib."""
     return "".join(f"{package} {version(package)}\n" for package in ("networkx", "sympy"))
 
 
 if __name__ == "__main__":
-    for chosen in sys.argv[1:] or SCENES:
-        write(chosen, translate_and_run(chosen))
-        print(path(chosen))
+    for chosen in sys.argv[1:] or [*SCENES, *VIEWS]:
+        if chosen in SCENES:
+            write(chosen, translate_and_run(chosen))
+        else:
+            view_path(chosen).write_text(VIEWS[chosen]().rstrip() + "\n", encoding="utf-8")
+        print(chosen)
     VERSIONS.write_text(versions(), encoding="utf-8")
