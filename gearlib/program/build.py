@@ -253,15 +253,15 @@ class Builder:
         where = {name: j for j, name in enumerate(group.template.locals)}
         template = kernel.template
         columns = [*template.columns, *template.relation_columns]
-        arguments = np.empty((len(rows), len(kernel.columns)), np.int64)
+        arguments = np.zeros((len(rows), len(kernel.columns)), np.int64)
         argument_signs = np.empty_like(arguments)
         for a, c in enumerate(kernel.columns):
             name, order = columns[c]
             j = where[name]
             argument_signs[:, a] = group.signs[rows, j]
             used = argument_signs[:, a] != 0
-            arguments[:, a] = 0
-            arguments[used, a] = self.table[order, group.variables[rows[used], j]] if used.any() else 0
+            if used.any():
+                arguments[used, a] = self.table[order, group.variables[rows[used], j]]
         own = {name: j for j, name in enumerate(group.template.parameters)}
         parameters = group.parameters[rows][:, [own[template.parameters[p]] for p in kernel.parameters]]
         continuous = g < len(self.model.groups)

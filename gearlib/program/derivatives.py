@@ -284,12 +284,8 @@ def _null_space(matrix: Floats) -> Floats:
     scaled = matrix / np.where(row > 0.0, row, 1.0)[:, None]
     column = np.abs(scaled).max(axis=0)
     column[column == 0.0] = 1.0
-    scaled = scaled / column
-    with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
-        if np.abs(np.linalg.inv(scaled)).sum(axis=1).max() * np.abs(scaled).sum(axis=1).max() < SINGULAR:
-            return np.zeros((len(matrix), 0))
-    _, sizes, right = np.linalg.svd(scaled)
-    return np.asarray(right[sizes * SINGULAR <= max(sizes.max(initial=0.0), 1e-300)].T / column[:, None], float)
+    _, sizes, right = np.linalg.svd(scaled / column)
+    return np.asarray(right[sizes * SINGULAR <= sizes.max()].T / column[:, None], float)
 
 
 def solve_shared(matrix: Floats, right: Floats) -> Floats:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import gearlib as gl
+from gearlib.run.afterwards.branch import Branch
 
 
 class Loop(gl.Component):
@@ -137,3 +138,15 @@ def test_jumps_at_events() -> None:
         k = np.where(np.sin(a) > 0.1, 0.3, -0.2)
         assert np.sin(b - a) == pytest.approx(k * np.sin(b), abs=1e-9)
         assert np.abs(b - a).max() < 0.5  # of b - a, arcsin(k sin b) is the solution near zero
+
+
+def test_values_between_steps_are_a_cubics() -> None:
+    """From values and slopes at both ends; held beyond the first and last; in the order that is asked for."""
+    t = np.array([0.0, 0.5, 2.0])
+    values, slopes = np.column_stack([t**3 - t, 2 * t]), np.column_stack([3 * t**2 - 1, 2 + 0 * t])
+    branch = Branch(((7, 0), (9, 0)), t, values, slopes)
+    at = np.array([-1.0, 0.0, 0.2, 0.5, 1.3, 2.0, 3.0])
+    inside = at.clip(0.0, 2.0)
+    assert branch.guess([(9, 0), (7, 0)], at) == pytest.approx(np.stack([2 * inside, inside**3 - inside]), abs=1e-14)
+    single = Branch(((7, 0),), t[:1], np.array([[4.0]]), np.array([[1.0]]))
+    assert single.guess([(7, 0)], at).tolist() == [[4.0] * 7]

@@ -1,0 +1,128 @@
+"""Which relations and discrete variables a program follows: those that it depends on, directly or through others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+from gearlib.program.build import build
+from gearlib.program.event_iteration import compares_with_before, relation_of, right_hand
+from gearlib.program.relations import relations_of, slot_table, used_discrete
+
+
+class Counters(gl.Component):
+    """x is driven by ``used``, which follows ``behind``; ``alone`` follows time only, and nothing needs it."""
+
+    rate = gl.Parameter("1/s", default=1.0)
+    x = gl.Variable("1")
+    y = gl.Variable("1")
+    used = gl.Discrete("1")
+    behind = gl.Discrete("1")
+    alone = gl.Discrete("1")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), self.rate * (1.0 + self.used)),
+            gl.Eq(self.y, gl.Piecewise((1.0, self.x > 3.0), (2.0, True))),
+            gl.When(self.x >= 1.0, gl.Eq(self.used, self.behind + 1.0)),
+            gl.When(self.x <= -2.0, gl.Eq(self.behind, 5.0)),
+            gl.When(gl.time >= 0.5, gl.Eq(self.alone, gl.pre(self.alone) + 1.0)),
+            gl.When(self.x >= 7.0, gl.reinit(self.x, -1.0)),
+        ]
+
+
+COUNTERS = gl.compile(Counters(), outputs=["x"]).translation
+
+
+def followed(wanted: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> Any:
+    """The relations of the states' rates, or of some outputs; with the discrete variables that they set, by name."""
+    model, structure = COUNTERS.model, COUNTERS.structure
+    states = COUNTERS.scene.states
+    nodes = [(model.variable(name), 0) for name in outputs] or COUNTERS.scene.rates
+    program = build(structure, nodes, states, dynamic=not outputs)
+    found = relations_of(structure, program, [model.discretes.index(name) for name in wanted])
+    names = {model.discretes[int(t) - model.n_relations] for b in found.discretes for t in b.targets}
+    return found, {name for name in names if not name.startswith("when_")}  # whose conditions have flags of their own
+
+
+def test_only_what_is_needed_is_followed() -> None:
+    found, names = followed()
+    assert names == {"used", "behind"}
+    assert len(found.reinits) == 1
+    assert (len(found.timed), len(found.searched)) == (0, 3)  # the conditions of used, behind and the reinit
+    found, names = followed(("alone",))
+    assert names == {"used", "behind", "alone"}
+    assert (len(found.timed), len(found.searched)) == (1, 3)
+    assert sorted([*found.timed, *found.searched]) == found.used.tolist()
+    assert {int(t) for b in found.batches for t in b.targets} == set(found.used.tolist())
+
+
+def test_a_relation_of_an_output_alone() -> None:
+    """y depends on whether x > 3, and on no discrete variable; a reinit of x is followed in any case."""
+    found, names = followed(outputs=("y",))
+    assert names == set()
+    assert len(found.searched) == 2
+    program = build(COUNTERS.structure, [(COUNTERS.model.variable("y"), 0)], COUNTERS.scene.states, dynamic=False)
+    assert len(used_discrete(program)) == 1
+    assert set(used_discrete(program).tolist()) <= set(found.used.tolist())
+
+
+def test_slots_by_variable_and_order() -> None:
+    table = slot_table({(0, 0): 4, (2, 1): 7, (1, 0): 5}, 4)
+    assert table.tolist() == [[4, 5, -1, -1], [-1, -1, 7, -1]]
+    assert slot_table({}, 2).tolist() == [[-1, -1]]
+
+
+@pytest.mark.parametrize(
+    ("condition", "expected"),
+    [
+        (lambda x: x > 1.0, (True, False)), (lambda x: x >= 1.0, (False, False)), (lambda x: x < 1.0, (True, True)),
+        (lambda x: x <= 1.0, (False, True)),
+    ],
+)  # fmt: skip
+def test_a_relation_is_strict_or_not_and_negated_or_not(condition: Any, expected: tuple[bool, bool]) -> None:
+    """And it holds where the condition does, on both sides and at the limit."""
+
+    class One(gl.Component):
+        x = gl.Variable("1")
+        rate = gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), self.rate * gl.Piecewise((1.0, condition(self.x)), (2.0, True)))]
+
+    relations = gl.compile(One()).translation.scene.relations
+    assert relations is not None
+    (phase,) = relations.event_iteration.event_functions
+    found = relation_of(phase.batch)
+    for x in (0.0, 1.0, 2.0):
+        g = (1.0 if found == expected else -1.0) * (x - 1.0)
+        holds = phase.hold(np.array([g]))[0]
+        assert bool(holds) == bool(condition(x)) or found != expected
+    assert found[0] == expected[0]
+    assert not compares_with_before(phase.batch)
+
+
+def test_values_before_an_event_are_known() -> None:
+    class Memory(gl.Component):
+        x = gl.Variable("1")
+        n = gl.Discrete("1")
+        rate = gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[Any]:
+            return [
+                gl.Eq(gl.der(self.x), self.rate * (1.0 + self.n)),
+                gl.When(self.x >= gl.pre(self.n) + 1.0, gl.Eq(self.n, gl.pre(self.n) + 1.0)),
+            ]
+
+    relations = gl.compile(Memory()).translation.scene.relations
+    assert relations is not None
+    assert [compares_with_before(phase.batch) for phase in relations.event_iteration.event_functions] == [True]
+
+
+def test_the_right_hand_limit_of_time_is_just_later() -> None:
+    """By a trillionth of the time, and of a millisecond at least."""
+    t = np.array([0.0, 1e-3, -1e-3, 2.0, -5.0, 1e6])
+    assert right_hand(t) - t == pytest.approx([1e-15, 1e-15, 1e-15, 2e-12, 5e-12, 1e-6], rel=1e-3)

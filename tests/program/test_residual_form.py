@@ -1,0 +1,114 @@
+"""Residuals in place of solutions: those of equations by hand, torn and index-reduced."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+from gearlib.errors import SingularError
+from gearlib.program.interpret import evaluate, prepare
+from gearlib.program.program import Batch
+from gearlib.program.residual_form import index_reduced_form, torn_form
+
+P, Q = 2.5, 1.5
+
+
+class Torn(gl.Component):
+    """``b`` by iteration, and ``c`` in sequence from it by a coefficient that is a parameter."""
+
+    p = gl.Parameter("1", default=P)
+    q = gl.Parameter("1", default=Q)
+    rate = gl.Parameter("1/s", default=1.0)
+    a = gl.Variable("1")
+    b = gl.Variable("1")
+    c = gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.a), self.rate * (self.b + self.c)),
+            gl.Eq(self.p * self.c, self.a - self.b),
+            gl.Eq(self.b**3 + self.b + self.q * self.c, 2 * self.a),
+        ]
+
+
+TORN = gl.compile(Torn()).translation
+A, B, C = ((TORN.model.variable(name), 0) for name in "abc")
+
+
+def values(form: Any, y: list[float], parameters: Any = None) -> Any:
+    """Slots of a form's program at some unknowns (and rates)."""
+    table = TORN.model.parameters.values if parameters is None else parameters
+    prepared, none = prepare(form.program, TORN.structure, table), np.zeros((0, 1))
+    return evaluate(prepared, np.zeros(1), np.array(y)[:, None], none, none)[:, 0]
+
+
+def test_a_tear_is_an_unknown_and_its_equation_a_residual() -> None:
+    form = torn_form(TORN.structure, TORN.scene.program, TORN.scene.relations, ())
+    (tear,) = form.algebraic
+    assert (form.unknowns, form.n_states, form.implicit, form.relations) == ((A, tear), 1, False, None)
+    assert tear in (B, C)
+    assert all(isinstance(step, Batch) for step in form.program.steps)  # nothing is iterated
+    assert form.program.states == (A, tear)
+    assert len(form.program.residuals) == 1
+    for a, z in ((0.7, 0.3), (-1.2, 2.0), (0.0, 0.0)):
+        slots = values(form, [a, z])
+        rate, residual = slots[form.program.output_slots]
+        b, c = (slots[form.program.slots[node]] for node in (B, C))
+        assert rate == pytest.approx(b + c)
+        left = [P * c - a + b, b**3 + b + Q * c - 2 * a]  # one of them is solved, and the other the residual
+        assert (b if tear == B else c) == z
+        assert sorted(np.abs(left)) == pytest.approx([0.0, abs(residual)], abs=1e-14)
+
+
+def test_a_coefficient_that_is_divided_by_in_a_torn_form_must_not_vanish() -> None:
+    form = torn_form(TORN.structure, TORN.scene.program, None, ())
+    table = TORN.model.parameters.values.copy()
+    table[[TORN.model.parameters.index[name] for name in "pq"]] = 0.0
+    with pytest.raises(SingularError, match=r"^Torn: .* cannot be solved with [pq] = 0; division by zero"):
+        values(form, [0.1, 0.2], table)
+
+
+def test_every_equation_is_a_residual() -> None:
+    """F(y, y') of all unknowns, at states and rates that fit nothing."""
+    form = index_reduced_form(TORN.structure, (A,), [C], (), False)
+    assert (form.unknowns, form.n_states, form.implicit, form.relations) == ((A, B, C), 1, True, None)
+    assert form.algebraic == (B, C)
+    program = form.program
+    assert program.states == (A, B, C, (A[0], 1))
+    assert (program.outputs, program.pivots, len(program.residuals)) == ((), (), 3)
+    for a, b, c, rate in ((0.7, 0.3, -0.2, 1.1), (-1.2, 2.0, 0.5, 0.0), (0.0, 0.0, 0.0, 0.3)):
+        found = values(form, [a, b, c, rate])[list(program.residuals)]
+        assert abs(found[0]) == pytest.approx(abs(rate - b - c))  # the first is that of the state's rate
+        expected = [abs(P * c - a + b), abs(b**3 + b + Q * c - 2 * a)]
+        assert sorted(np.abs(found[1:])) == pytest.approx(sorted(expected))
+
+
+class Second(gl.Component):
+    """A state whose derivative is a state."""
+
+    x = gl.Variable("1")
+    k = gl.Parameter("1/s2", default=4.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(gl.der(self.x)), -self.k * self.x)]
+
+
+def test_a_state_whose_derivative_is_a_state() -> None:
+    translation = gl.compile(Second()).translation
+    x = translation.model.variable("x")
+    states = translation.scene.states
+    form = index_reduced_form(translation.structure, states, [], (), False)
+    assert sorted(states) == [(x, 0), (x, 1)]
+    assert (form.unknowns, form.n_states) == (states, 2)
+    prepared, none = prepare(form.program, translation.structure, translation.model.parameters.values), np.zeros((0, 1))
+    place = {node: i for i, node in enumerate(states)}
+    y = np.zeros(4)
+    y[place[x, 0]], y[place[x, 1]] = 0.3, -0.7  # x, v
+    y[2 + place[x, 0]], y[2 + place[x, 1]] = 1.9, 5.0  # their rates
+    slots = evaluate(prepared, np.zeros(1), y[:, None], none, none)[:, 0]
+    found = slots[list(form.program.residuals)]
+    assert found[place[x, 0]] == pytest.approx(1.9 + 0.7)
+    assert abs(found[place[x, 1]]) == pytest.approx(5.0 + 4.0 * 0.3)

@@ -1,0 +1,118 @@
+"""Sampled controllers of a compiled model: when they act, what they may return, and which inputs they set."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ArgumentError
+from gearlib.run.sampling.controllers import Controller, controllers_of, read_by_controllers, refuse_controllers
+
+
+def controller(period: float = 0.25, offset: float = 0.0, function: Any = None, gives: int = 1) -> Controller:
+    class Pair(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.load = gp.Torque(), gp.Inertia(J=1.0)
+            self.law = gl.Sampled(function or (lambda t, y: 0.0), period, offset=offset, outputs=[self.torque.tau])
+            return [gl.connect(self.torque.flange, self.load.flange_a)]
+
+    return Controller("law", Pair().law, ("law.inputs[0].y",), tuple(range(gives)))
+
+
+def test_instants_in_a_closed_interval() -> None:
+    assert controller(0.25).instants(0.0, 1.0) == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert controller(0.25, 0.1).instants(0.0, 0.6) == pytest.approx([0.1, 0.35, 0.6])
+    assert controller(0.25, -0.1).instants(0.0, 0.5) == pytest.approx([0.15, 0.4])
+    assert controller(2.0, 0.5).instants(1.0, 2.0) == []
+    for first, last in ((3, 9), (7, 12)):  # ends that miss an instant by rounding
+        t0, t1 = math.nextafter(0.1 * first, 9.0), math.nextafter(0.1 * last, 0.0)
+        found = controller(0.1).instants(t0, t1)
+        assert (found[0], found[-1], len(found)) == (t0, t1, last - first + 1)
+
+
+@pytest.mark.parametrize("returned", [2.5, np.float64(2.5), [2.5], (2.5,), np.array([2.5]), np.array([[2.5]])])
+def test_one_number_in_any_shape(returned: Any) -> None:
+    seen: list[Any] = []
+    law = controller(function=lambda t, y: seen.append((t, y.tolist())) or returned)
+    assert law(0.5, np.array([1.0, 2.0])) == [2.5]
+    assert seen == [(0.5, [1.0, 2.0])]
+
+
+@pytest.mark.parametrize("returned", [None, "2.5", [], [1.0, 2.0], np.nan, np.inf, [[None]], 1j])
+def test_what_is_not_one_finite_number_is_refused(returned: Any) -> None:
+    law = controller(function=lambda t, y: returned)
+    message = r"the function of law, called at t = 0.125 s, returned .*; expected 1 finite number$"
+    with pytest.raises(ArgumentError, match=message):
+        law(0.125, np.zeros(1))
+
+
+def test_several_numbers() -> None:
+    assert controller(function=lambda t, y: (1, 2.0), gives=2)(0.0, np.zeros(1)) == [1.0, 2.0]
+    with pytest.raises(ArgumentError, match=r"returned 1.0; expected 2 finite numbers$"):
+        controller(function=lambda t, y: 1.0, gives=2)(0.0, np.zeros(1))
+
+
+def test_a_function_that_fails_is_named() -> None:
+    with pytest.raises(ArgumentError, match=r"the function of law, called at t = 3 s, raised ZeroDivisionError: .*zero"):
+        controller(function=lambda t, y: 1 / 0)(3.0, np.zeros(1))
+
+
+class Plant(gl.Component):
+    """Two torques set by one controller, a third one open, and a delay."""
+
+    def assemble(self) -> list[Any]:
+        self.open, self.one, self.two = gp.Torque(), gp.Torque(), gp.Torque()
+        self.load = gp.Inertia(J=1.0)
+        self.line = gp.blocks.FixedDelay(u=self.load.w, delay_time=0.1)
+        self.law = gl.Sampled(
+            lambda t, y: (y[0], y[1]), 0.5, inputs=[self.load.w, self.load.phi], outputs=[self.one.tau, self.two.tau]
+        )
+        return [gl.connect(self.open.flange, self.one.flange, self.two.flange, self.load.flange_a)]
+
+
+def made(model: gl.Component) -> gl.Component:
+    """A model with its parts, as its compilation leaves it."""
+    return gl.compile(model).translation.component
+
+
+def test_inputs_that_controllers_and_delays_set() -> None:
+    plant = made(Plant())
+    inputs = ("law.outputs[1].u", "open.tau", "line.past", "law.outputs[0].u")
+    law, line = sorted(controllers_of(plant, inputs, ("load.J", "line.delay_time")), key=lambda c: c.path)
+    assert (law.path, law.reads, law.gives) == ("law", ("law.inputs[0].y", "law.inputs[1].y"), (3, 0))
+    assert (line.path, line.reads, line.gives, line.parameter) == ("line", ("line.now",), (2,), 1)
+    assert sorted(read_by_controllers(plant)) == ["law.inputs[0].y", "law.inputs[1].y", "line.now", "line.total"]
+    assert controllers_of(made(gp.Inertia(J=1.0)), (), ()) == read_by_controllers(made(gp.Inertia(J=1.0))) == ()
+
+
+def test_a_delay_by_itself_is_the_whole_model() -> None:
+    """Its history is kept as that of a part; and it is refused by the name of its class."""
+    system = gl.compile(gp.blocks.FixedDelay(delay_time=0.25), outputs=["y"])
+    assert system.translation.open_inputs == ("u",)
+    (own,) = system.translation.controllers
+    assert (own.path, own.reads) == ("FixedDelay", ("now",))
+    found = system.simulate(1.0, samples=5, inputs={"u": lambda t: 3.0 * t})
+    assert found["y"] == pytest.approx([0.0, 0.0, 0.75, 1.5, 2.25], abs=1e-6)
+    with pytest.raises(ArgumentError, match=r"^it needs equations without a history, and FixedDelay delays a signal"):
+        refuse_controllers(system.translation.component, "it")
+
+
+def test_analyses_that_need_equations_refuse_both_by_name() -> None:
+    class Governed(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.load = gp.Torque(), gp.Inertia(J=1.0)
+            self.law = gl.Sampled(lambda t, y: 0.0, 0.5, outputs=[self.torque.tau])
+            return [gl.connect(self.torque.flange, self.load.flange_a)]
+
+    with pytest.raises(
+        ArgumentError, match=r"^it needs equations without a history, and line delays a signal; put .*PadeDelay"
+    ):
+        refuse_controllers(made(Plant()), "it")
+    with pytest.raises(ArgumentError, match=r"^it needs equations, and law is a Python function \(gl.Sampled\); leave it out"):
+        refuse_controllers(made(Governed()), "it")
+    refuse_controllers(made(gp.Inertia(J=1.0)), "it")
