@@ -674,11 +674,11 @@ def signals_of(component: Component) -> list[tuple[Any, ...]]:
     return found
 
 
-def parts_below(component: Component) -> Iterator[tuple[str, Component]]:
-    """All parts of an assembled component, recursively, with their paths."""
+def with_parts(component: Component, path: str = "") -> Iterator[tuple[str, Component]]:
+    """An assembled component and all of its parts, recursively, with their paths."""
+    yield path, component
     for name, part in parts_of(component).items():
-        yield name, part
-        yield from ((f"{name}.{path}", inner) for path, inner in parts_below(part))
+        yield from with_parts(part, f"{path}.{name}" if path else name)
 
 
 @contextmanager

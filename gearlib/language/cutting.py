@@ -25,8 +25,8 @@ from gearlib.language.component import (
     equations_of,
     insert_part,
     name_of,
-    parts_below,
     reconnect,
+    with_parts,
 )
 from gearlib.language.declarations import Connector, Derivative, Flow, Input, Potential, Variable, declared_by
 from gearlib.language.energy import Energy
@@ -157,7 +157,7 @@ def _without(connections: Iterable[Connection], port: Port) -> list[Connection]:
 
 def _answers_to_flows(whole: Component, side: list[Port]) -> bool:
     """Whether anything connected there has an equation for the potential; a torque source has none."""
-    links = [c.ports for part in (whole, *(p for _, p in parts_below(whole))) for c in connections_of(part)]
+    links = [c.ports for part in (p for _, p in with_parts(whole)) for c in connections_of(part)]
     seen, stack = list(side), list(side)
     while stack:
         port = stack.pop()

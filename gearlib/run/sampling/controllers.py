@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ from gearlib.arguments import is_real, shown
 from gearlib.equations.quasipolynomials import OutsideClassError
 from gearlib.equations.switch_times import instants, rounding
 from gearlib.errors import ArgumentError
-from gearlib.language.component import Component, parts_below
+from gearlib.language.component import Component, with_parts
 from gearlib.language.delayed import Delayed
 from gearlib.language.sampled import Sampled
 
@@ -59,12 +59,12 @@ class Controller:
 def controllers_of(component: Component, inputs: Sequence[str], parameters: Sequence[str]) -> tuple[Controller | Delay, ...]:
     """The sampled controllers and delays in a component, with the indices of their inputs among the unbound inputs."""
     found: list[Controller | Delay] = []
-    for path, part in _acting(component):
+    for path, part in with_parts(component):
         if isinstance(part, Sampled):
             read, given = part.counts
             gives = tuple(inputs.index(f"{path}.outputs[{k}].u") for k in range(given))
             found.append(Controller(path, part, tuple(f"{path}.inputs[{k}].y" for k in range(read)), gives))
-        else:
+        elif isinstance(part, Delayed):
             from gearlib.run.sampling.delays import Delay
 
             head = f"{path}." if path else ""
@@ -73,31 +73,26 @@ def controllers_of(component: Component, inputs: Sequence[str], parameters: Sequ
     return tuple(found)
 
 
-def _acting(component: Component) -> Iterator[tuple[str, Sampled | Delayed]]:
-    """The sampled controllers and delays in a component, which may itself be a delay, with their paths."""
-    return ((path, part) for path, part in (("", component), *parts_below(component)) if isinstance(part, Sampled | Delayed))
-
-
 def read_by_controllers(component: Component) -> tuple[str, ...]:
     """Paths of the signals that the sampled controllers and delays in a component read."""
     found: list[str] = []
-    for path, part in _acting(component):
+    for path, part in with_parts(component):
         if isinstance(part, Sampled):
             found += [f"{path}.inputs[{k}].y" for k in range(part.counts[0])]
-        else:
+        elif isinstance(part, Delayed):
             found += [f"{path}.{name}" if path else name for name in ("now", "total")]
     return tuple(found)
 
 
 def refuse_controllers(component: Component, what: str) -> None:
     """Raise `ArgumentError` if a component has sampled controllers or delays, whose equations ``what`` does not know."""
-    delays = ", ".join(path or type(part).__name__ for path, part in _acting(component) if isinstance(part, Delayed))
+    delays = ", ".join(path or type(part).__name__ for path, part in with_parts(component) if isinstance(part, Delayed))
     if delays:
         raise ArgumentError(
             f"{what} needs equations without a history, and {delays} delays a signal; put a rational approximation in its place, "
             "gearparts.blocks.PadeDelay(delay_time=..., n=3)"
         )
-    named = ", ".join(path for path, _ in _acting(component))
+    named = ", ".join(path for path, part in with_parts(component) if isinstance(part, Sampled))
     if named:
         raise ArgumentError(
             f"{what} needs equations, and {named} is a Python function (gl.Sampled); leave it out of the model, or put a block of "
