@@ -22,9 +22,9 @@ from gearlib.language.component import (
     given_to,
     inside,
     name_of,
-    parts_below,
     reads_of,
     signals_of,
+    with_parts,
 )
 from gearlib.language.declarations import NO_VALUE
 from gearlib.language.interior import connections_of, number_of, parts_of, path_of, radii_of
@@ -381,9 +381,10 @@ def test_numbers_follow_from_what_encloses_a_part() -> None:
 def test_paths_parts_and_what_encloses_them() -> None:
     plant = Plant()
     connections_of(plant)
-    for _, part in parts_below(plant):
+    for _, part in with_parts(plant):
         connections_of(part)
-    found = dict(parts_below(plant))
+    found = dict(with_parts(plant))
+    assert found.pop("") is plant
     assert list(found) == ["stage", "stage.bodies[0]", "stage.bodies[1]", "stage.bodies[2]", "extra"]
     for path, part in found.items():
         assert path_of(part) == path
