@@ -107,7 +107,7 @@ def array_function(symbols: Sequence[Any], *expressions: Any) -> Callable[..., A
     array([0., 3.])
     """
     places = {symbol: sympy.Symbol(f"a{i}", real=True) for i, symbol in enumerate(symbols)}
-    printer = NumPyPrinter({"fully_qualified_modules": False, "strict": False})
+    printer = NumPyPrinter({"fully_qualified_modules": False})
     texts = [printer.doprint(_without_cases(expression.xreplace(places))) for expression in expressions]
     value = texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
     function: Callable[..., Any] = eval(f"lambda {', '.join(s.name for s in places.values())}: {value}", dict(_NAMES))
@@ -125,7 +125,7 @@ def scalar_source(expression: Any) -> str:
     >>> scalar_source(sympy.sin(sympy.Symbol("x")) / 2)
     '(1/2)*sin(x)'
     """
-    text: str = PythonCodePrinter({"fully_qualified_modules": False, "strict": False}).doprint(expression)
+    text: str = PythonCodePrinter({"fully_qualified_modules": False}).doprint(expression)
     return text
 
 

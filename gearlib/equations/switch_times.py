@@ -141,8 +141,8 @@ def _polynomial_roots(c: list[float]) -> list[float]:
     polynomial = np.polynomial.Polynomial(c)
     slopes = polynomial.deriv()
     for _ in range(3):  # eigenvalues of the companion matrix: small roots beside large ones are inaccurate
-        slope = slopes(real)
-        steps = np.divide(polynomial(real), slope, out=np.zeros_like(real), where=slope != 0)
+        with np.errstate(divide="ignore", invalid="ignore"):  # the slope is zero at a double root
+            steps = polynomial(real) / slopes(real)
         real = real - np.where(np.abs(steps) <= 1e-3 * np.abs(real), steps, 0.0)
     return [float(root) for root in real]
 

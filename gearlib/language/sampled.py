@@ -57,7 +57,7 @@ class Sampled(Component):
     inputs : sequence of signals
         Variables of parts, such as ``self.load.w``, in the scope of the component that makes the controller.
     outputs : sequence of signals
-        Inputs of parts to drive, such as ``self.torque.tau``. If omitted, the outputs are signals ``outputs[0].y``, ... for `connect`.
+        Inputs of parts to drive, such as ``self.torque.tau``.
 
     Examples
     --------

@@ -137,6 +137,17 @@ EXPRESSIONS = [
     gl.Piecewise((1, sympy.Eq(x, 2)), (2, sympy.Ne(y, 2)), (3, True)), -(x + 1) * (y - 2) / -(z + 3), x - 3 * (-y),
     x + sympy.Mul(-1, y + z, evaluate=False), 5 - x, 0.1 + x,
 ]  # fmt: skip
+TEXTS = [
+    (x + sympy.Rational(1, 2), "x + 1/2"), (x - sympy.Rational(1, 2), "x - 1/2"), (x * sympy.Rational(1, 2), "x/2"),
+    (sympy.Rational(1, 2) ** x, "(1/2)^x"), (sympy.Float(0.5) ** x, "0.5^x"), (sympy.Float(-0.5) ** x, "(-0.5)^x"),
+    (sympy.Integer(0) ** x, "0^x"), (sympy.Float(0.0) ** x, "0.0^x"), (sympy.Integer(2) ** x, "2^x"), (sympy.Integer(-1) ** x, "(-1)^x"),
+    (x ** (y + 1), "x^(y + 1)"), (x**-y, "x^(-y)"), (x**-2, "1/x^2"), (2 * x**2 * y / 3, "2*x^2*y/3"), (x * sympy.sqrt(y), "x*sqrt(y)"),
+    ((x + y) * (x - y), "(x - y)*(x + y)"), (x / (y * z), "x/(y*z)"), (x / (y + z), "x/(y + z)"), (x / y**2, "x/y^2"),
+    (-x * y, "-x*y"), (-x - y, "-x - y"), (-(x + y) * z, "z*(-x - y)"), (3 - x, "3 - x"), (x * y + z, "x*y + z"),
+    (abs(x - y) * 2, "2*(if x - y >= 0 then x - y else -x + y)"), (sympy.Max(x - y, 1), "(if 1 > x - y then 1 else x - y)"),
+    (gl.no_event(x - y), "noEvent(x - y)"), (1 / sympy.cos(x - y), "1/cos(x - y)"), (sympy.cot(x), "(1/tan(x))"),
+    (sympy.Min(x, y, z), "(if x < (if y < z then y else z) then x else (if y < z then y else z))"),
+]  # fmt: skip
 POINTS = [(2.0, 3.0, 0.5), (0.7, 0.2, 1.9), (1.5, 1.5, 2.5), (3.0, 2.0, 4.0)]
 
 
@@ -148,6 +159,11 @@ def test_the_text_has_the_value_of_the_expression(expression: Any) -> None:
         expected = complex(plain.subs(dict(zip((x, y, z), point, strict=True))).evalf())
         if expected.imag == 0:
             assert read(text, **dict(zip("xyz", point, strict=True))) == pytest.approx(expected.real, rel=1e-12), text
+
+
+@pytest.mark.parametrize(("expression", "text"), TEXTS, ids=str)
+def test_parentheses_stand_where_modelica_s_precedence_asks_for_them(expression: Any, text: str) -> None:
+    assert modelica_text(expression) == text
 
 
 @pytest.mark.parametrize("seed", range(16))

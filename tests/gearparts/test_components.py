@@ -7,18 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import gearlib as gl
 import gearparts as gp
 from gearlib.flatten.flatten import flatten
 from gearlib.language.component import equations_of
 from gearlib.language.declarations import declared_by
-from tests.gearparts.bench import bench, needed_values, structural_choices
-from tests.gearparts.conftest import Probe
+from tests.gearparts.bench import bench, structural_choices
 from tests.gearparts.declared_numbers import misfits
 
 MADE_FROM_DATA = {"BondGraphPart", "FMU"}  # a base class, of no use by itself; made of a file
@@ -81,59 +77,6 @@ def test_it_and_its_parts_have_physical_bounds_and_sizes_and_modelica_s_defaults
     """Masses, stiffnesses, dampings and radii may be zero and not negative; what is added to a law is nothing unless it is given."""
     found = [m for part in flatten(bench(kind)).instances for m in misfits(part.kind, part.record.declared)]
     assert found == []
-
-
-LOSSLESS = [
-    gp.Disc, gp.IdealGear, gp.IdealPlanetary, gp.IdealGearR2T, gp.IdealRollingWheel, gp.PlanetOnCarrier, gp.TorqueSensor,
-    gp.PowerSensor, gp.MultiSensor, gp.RelativeStates, gp.RelAccSensor, gp.ThermalConductor,
-]  # fmt: skip
-STORED = {  # power into what is stored, from the values of a part with needed_values
-    gp.Spring: lambda v: 0.7 * v("phi_rel") * v("w_rel"),
-    gp.SpringDamper: lambda v: 0.7 * v("phi_rel") * v("w_rel"),
-    gp.Damper: lambda v: 0.0,
-    gp.TranslationalSpring: lambda v: 0.7 * v("s_rel") * v("v_rel"),
-    gp.TranslationalSpringDamper: lambda v: 0.7 * v("s_rel") * v("v_rel"),
-    gp.TranslationalDamper: lambda v: 0.0,
-    gp.EddyCurrentTorque: lambda v: 0.0,
-    **dict.fromkeys(LOSSLESS, lambda v: 0.0),
-}
-AUDITED = [
-    pytest.param(c, g, id="-".join([c.__name__, *(k for k, v in g.items() if v)]))
-    for c in STORED
-    for g in structural_choices(c)
-]
-
-
-@pytest.mark.parametrize(("kind", "choice"), AUDITED)
-def test_power_into_its_connectors_is_stored_or_lost(kind: type[gl.Component], choice: dict[str, Any]) -> None:
-    model = Probe(bench(kind, **choice))
-    rate = {"tau": "w", "f": "v"}
-
-    @given(st.integers(0, 2**32 - 1))
-    def audit(seed: int) -> None:
-        rng = np.random.default_rng(seed)
-        states = {s: rng.normal() + (300 if s.endswith(".T") else 0) for s in model.states}
-        value = model.values(states)
-        power, size = 0.0, 1e-300
-        for name, connector in declared_by(model_part(kind, choice)).connectors.items():
-            for flow in connector.variables:
-                if flow == "Q_flow":
-                    terms = value(f"part.{name}.Q_flow")
-                elif flow in rate:
-                    terms = value(f"part.{name}.{flow}") * value(f"at_{name}.{rate[flow]}")
-                else:
-                    continue
-                power, size = power + terms, size + abs(terms)
-        lost = value("part.loss_power") if hasattr(kind, "loss_power") and not choice["use_heat_port"] else 0.0
-        stored = STORED[kind](lambda n: value(f"part.{n}"))
-        assert power == pytest.approx(stored + lost, abs=1e-12 * size)
-        assert lost >= 0
-
-    audit()
-
-
-def model_part(kind: type[gl.Component], choice: dict[str, Any]) -> gl.Component:
-    return kind(**{**needed_values(kind, 1.0), **choice})
 
 
 def test_losses_are_positive_and_leave_through_the_heat_port(probe: Callable[..., Any]) -> None:

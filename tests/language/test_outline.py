@@ -71,6 +71,20 @@ def test_parts_ports_nets_and_signals_of_one_level() -> None:
     assert "J = J" in part(found, "body").note.split("\n")
 
 
+def test_parameters_are_no_signals() -> None:
+    """A part's parameter may follow from another part's; only inputs are drawn as driven."""
+
+    class Copied(gl.Component):
+        J, level = gl.Parameter("kg.m2", default=1.0), gl.Input("N.m", "torque")
+
+        def assemble(self) -> list[Any]:
+            self.one, self.torque = gp.Inertia(J=self.J), gp.Torque(tau=self.level)
+            self.other = gp.Inertia(J=2 * self.one.J)
+            return [gl.connect(self.one.flange_a, self.torque.flange)]
+
+    assert [pins(net) for net in outline(Copied(), 1).nets] == [{"one.flange_a", "torque.flange"}, {"level", "torque.tau"}]
+
+
 def test_levels_are_opened_down_to_a_depth() -> None:
     one, two = outline(Plant(), 1), outline(Plant(), 2)
     assert part(one, "stage").parts == ()
