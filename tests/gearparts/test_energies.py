@@ -18,8 +18,9 @@ from gearlib.equations.kernel import array_function
 from gearlib.equations.template import piecewise
 from gearlib.language.component import energies_of, equations_of
 from gearlib.language.declarations import declared_by
-from gearlib.language.expressions import real_symbol, total_derivative, value_of
+from gearlib.language.expressions import real_symbol, total_derivative
 from tests.gearparts.bench import needed_values, structural_choices
+from tests.gearparts.laws import plain
 from tests.gearparts.test_components import LEAVES
 
 FLOW_OF = {"phi": "tau", "s": "f", "x": "f_x", "y": "f_y"}
@@ -33,9 +34,9 @@ VARYING: list[dict[str, Any]] = [
 ]  # fmt: skip
 
 
-def plain(expression: Any) -> Any:
+def branches(expression: Any) -> Any:
     """An expression with no other functions of conditions than branches."""
-    return piecewise(value_of(expression).replace(lambda e: e.func.__name__ == "no_event", lambda e: e.args[0]))
+    return piecewise(plain(expression))
 
 
 class Powers:
@@ -54,11 +55,11 @@ class Powers:
             for potential in FLOW_OF.keys() & connector.variables.keys():
                 through += real_symbol(f"{name}.{FLOW_OF[potential]}") * rate(real_symbol(f"{name}.{potential}"))
             heat_in += real_symbol(f"{name}.Q_flow") if "T" in connector.variables else 0
-        powers = [through, heat_in, rate(plain(energies.stored)), plain(energies.heat), plain(energies.supplied)]
+        powers = [through, heat_in, rate(branches(energies.stored)), branches(energies.heat), branches(energies.supplied)]
         equations = [e for e in equations_of(part) if isinstance(e, gl.Eq)]
         modes = [e for e in equations if str(e.left) in declared.discretes]
-        laws = [plain(e.residual) for e in equations if e not in modes]
-        laws = [*(plain(e.residual) for e in modes), *laws, *map(rate, laws)]
+        laws = [branches(e.residual) for e in equations if e not in modes]
+        laws = [*(branches(e.residual) for e in modes), *laws, *map(rate, laws)]
         self.symbols = sorted(set().union(*(e.free_symbols for e in (*laws, *powers))), key=str)
         self.modes = [self.symbols.index(e.left) for e in modes]
         self.moving = np.array([s.name not in constants for s in self.symbols])

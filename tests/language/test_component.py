@@ -15,6 +15,7 @@ from gearlib.errors import BalanceError, BindingError, ConnectionError, Declarat
 from gearlib.language.component import (
     Connection,
     changed,
+    check_declarations,
     enclosing,
     energies_of,
     equations_of,
@@ -298,6 +299,33 @@ def test_a_base_s_equation_cannot_be_replaced() -> None:
 
     with pytest.raises(BalanceError, match="too many"):
         gl.compile(Other())
+
+
+def test_declarations_that_have_been_replaced_are_refused() -> None:
+    """Of the class or of a base, also after the class has been found right; with what was declared it is right again."""
+
+    class Base(gl.Component):
+        k = gl.Parameter("1", "gain")
+
+    class Kind(Base):
+        m = gl.Parameter("kg", "mass")
+
+    for owner, name in ((Kind, "m"), (Base, "k"), (Kind, "m")):
+        check_declarations(Kind)
+        declared = vars(owner)[name]
+        setattr(owner, name, 3.0)
+        for _ in range(2):
+            with pytest.raises(
+                DeclarationError, match=rf"^Kind\.{name} is 3\.0 where Parameter.* was declared; declare it in the body"
+            ):
+                check_declarations(Kind)
+        setattr(owner, name, declared)
+    check_declarations(Kind)
+    Kind.more = gl.Parameter("m")  # type: ignore[attr-defined]
+    with pytest.raises(
+        DeclarationError, match=r"^Kind\.more was declared outside of a component class; declare it in the body"
+    ):
+        check_declarations(Kind)
 
 
 def test_what_a_base_s_equations_return_is_named_by_its_class() -> None:

@@ -121,6 +121,10 @@ def test_several_inputs_and_outputs() -> None:
         (lambda: B.TransferFunction(b=[1, 2, 3], a=[1, 2]), r"block: b is .*at most as many coefficients"),
         (lambda: B.TransferFunction(a=[0.0, 2.0]), r"first coefficient of a that is not 0"),
         (lambda: B.TransferFunction(a=["x"]), r"a is \('x',\); expected a sequence of finite numbers"),
+        (
+            lambda: B.TransferFunction(b=[[1.0, 2.0], [3.0, 4.0]], a=range(1, 6)),
+            r"b is .*; expected a sequence of finite numbers",
+        ),
         (lambda: B.StateSpace(A=[[1.0, 2.0]], B=[1.0], C=[1.0]), r"expected n x n, n and n numbers"),
         (lambda: B.StateSpace.of(control.rss(2, 2, 1)), r"1 inputs and 2 outputs; MultiStateSpace"),
         (lambda: B.StateSpace.of(control.ss(1, 1, 1, 0, 0.1)), r"discrete, with a sample time of 0\.1; gl\.Sampled"),

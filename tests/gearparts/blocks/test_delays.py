@@ -64,6 +64,12 @@ def test_pade_begins_settled_and_follows_what_is_slow() -> None:
     )
 
 
+@pytest.mark.parametrize("n", [0, 21])
+def test_pade_has_one_to_twenty_poles(n: int) -> None:
+    with pytest.raises(gl.errors.BoundError, match=f"n is {n}; expected 1 to 20"):
+        flatten(Approximated(n=n))
+
+
 @pytest.mark.parametrize("m", [3, -1, 1.0, True])
 def test_pade_refuses_more_zeros_than_poles(m: Any) -> None:
     with pytest.raises(gl.errors.BindingError, match=f"m is {m}; expected a whole number from 0 to n = 2"):
@@ -80,6 +86,7 @@ def test_every_method_gives_the_motion_of_the_method_of_steps(system: gl.System,
     r = system.simulate(6.0, samples=61, method=method, rtol=1e-9)
     assert r["x.y"] == pytest.approx(by_steps(r.time), abs=3e-9)
     assert r["late.y"] == pytest.approx(np.where(r.time < 1.0, 1.0, by_steps(np.maximum(r.time - 1.0, 0.0))), abs=3e-9)
+    assert r["late.total"] == pytest.approx(by_steps(np.ones(1)) - by_steps(r.time + 1.0), abs=3e-9), "the integral of x"
     assert r.stats["pieces"] == 6
 
 

@@ -18,6 +18,7 @@ from gearlib.errors import BindingError
 from gearlib.flatten.flatten import flatten
 from gearparts.gears.lossy import Gearbox, LossyGear
 from tests.gearparts import msl_hybrid_examples as msl
+from tests.gearparts.laws import right_side
 from tests.gearparts.rotational.test_friction import METHODS, check_against_reference, run
 from tests.gearparts.test_msl_examples import agree
 
@@ -315,3 +316,105 @@ def test_losses_that_would_drive_are_named(column: int) -> None:
         else:
             with pytest.raises(BindingError, match=rf"loss_table has the row .*{value}.* eta2 above 0"):
                 flatten(model)
+
+
+ETA_1, ETA_2, B_1, B_2 = 0.9, 0.8, 0.5, 0.3
+AT_A = (B_1 - B_2) / (ETA_1 - 1 / ETA_2)  # the bearings' torque on the side of flange_a: here negative
+
+
+@pytest.fixture
+def lossy() -> gl.Component:
+    """Its losses grow to twice the sliding torques at 10 rad/s."""
+    return LossyGear(ratio=2.0, loss_table=((0.0, ETA_1, ETA_2, B_1, B_2), (10.0, ETA_1, ETA_2, 2 * B_1, 2 * B_2)))
+
+
+def by_a(torque: float, sense: int, size: float = 1.0) -> float:
+    return (1 - ETA_1) * torque + sense * B_1 * size
+
+
+def by_b(torque: float, sense: int, size: float = 1.0) -> float:
+    return (1 - 1 / ETA_2) * torque + sense * B_2 * size
+
+
+@pytest.mark.parametrize("w", [0.0, 5.0])
+def test_losses_in_each_state_are_those_of_the_docstring(lossy: gl.Component, w: float) -> None:
+    """The curve parameter, here 7, is the loss while locked, and else the acceleration without it."""
+    size = 1 + w / 10
+    for torque in (4.0, -3.0):
+        values = {"flange_a__tau": torque, "sa": 7.0}
+        for ahead in ({"start_forward": 1}, {"pre_mode": 1}):
+            assert right_side(lossy, "tau_eta", w_a=w, **values, **ahead) == pytest.approx(torque - AT_A * size)
+            for drives, loss in ((1.0, by_a(torque, 1, size)), (0.0, by_a(torque, 1, size)), (-1.0, by_b(torque, 1, size))):
+                assert right_side(lossy, "tau_loss", w_a=w, tau_eta=drives, **values, **ahead) == pytest.approx(loss)
+        assert right_side(lossy, "tau_eta", w_a=-w, **values) == pytest.approx(torque + AT_A * size)
+        for drives, loss in ((1.0, by_b(torque, -1, size)), (0.0, by_b(torque, -1, size)), (-1.0, by_a(torque, -1, size))):
+            assert right_side(lossy, "tau_loss", w_a=-w, tau_eta=drives, **values) == pytest.approx(loss)
+        assert right_side(lossy, "tau_eta", w_a=w, locked=1, **values) == torque
+        assert right_side(lossy, "tau_loss", w_a=w, locked=1, **values) == 7.0
+    assert right_side(lossy, "der(w_a)", sa=7.0, tau_loss=3.0) == 4.0
+    assert right_side(lossy, "der(w_a)", sa=7.0, tau_loss=3.0, locked=1) == pytest.approx(0.0, abs=1e-20)
+    assert right_side(lossy, "loss_power", tau_loss=3.0, w_a=-2.0) == -6.0
+
+
+@pytest.mark.parametrize("torque", [4.0, 0.1, -0.1, -4.0, AT_A, -AT_A])
+def test_losses_at_which_a_gear_starts_are_those_of_either_direction(lossy: gl.Component, torque: float) -> None:
+    forward = by_a(torque, 1) if torque > AT_A else by_b(torque, 1)
+    backward = by_b(torque, -1) if torque > -AT_A else by_a(torque, -1)
+    for w in (0.0, 5.0):  # those at rest
+        assert right_side(lossy, "loss_forward", flange_a__tau=torque, w_a=w) == pytest.approx(forward)
+        assert right_side(lossy, "loss_backward", flange_a__tau=torque, w_a=w) == pytest.approx(backward)
+
+
+def test_bearings_of_a_gear_without_mesh_losses_share_their_friction() -> None:
+    even = LossyGear(ratio=2.0, loss_table=((0.0, 1.0, 1.0, 0.6, 0.6),))
+    assert right_side(even, "tau_eta", flange_a__tau=1.0, pre_mode=1) == pytest.approx(0.7)
+    assert right_side(even, "tau_eta", flange_a__tau=1.0) == pytest.approx(1.3)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_when_a_gear_starts(lossy: gl.Component, sense: int) -> None:
+    own, other = ("start_forward", "start_backward")[::sense]
+    limit = "loss_forward" if sense == 1 else "loss_backward"
+
+    def starts(loss: float, **state: float) -> bool:
+        return bool(right_side(lossy, own, sa=sense * loss, **{limit: sense * 2.0}, **state))
+
+    stuck = {"was_stuck": 1.0}
+    assert [starts(loss, **stuck) for loss in (-9.0, 1.9, 2.0, 2.0001)] == [False, False, False, True]
+    for begun in (own, f"pre_{own}"):  # held by another element it is at the limit itself, and keeps starting
+        assert [starts(loss, **stuck, **{begun: 1.0}) for loss in (1.9, 2.0)] == [False, True]
+    assert not starts(5.0)
+    assert not starts(5.0, **stuck, **{other: 1.0})
+    assert [starts(0.0, initial=1.0, moving=m) for m in (sense, -sense, 0)] == [True, False, False]
+    assert not starts(0.0, moving=sense)
+
+
+@pytest.mark.parametrize("was", [1, -1, 0, 2])
+@pytest.mark.parametrize("starts", ["", "start_forward", "start_backward"])
+@pytest.mark.parametrize("moving", [-1, 0, 1])
+def test_modes_of_a_gear_after_an_event(lossy: gl.Component, was: int, starts: str, moving: int) -> None:
+    values = {"pre_mode": was, "moving": moving} | ({starts: 1} if starts else {})
+    ahead, back = was == 1 or starts == "start_forward", was == -1 or starts == "start_backward"
+    assert right_side(lossy, "locked", **values) == (not ahead and not back)
+    assert right_side(lossy, "mode", **values) == (1 if ahead and moving == 1 else -1 if back and moving == -1 else 0)
+    assert right_side(lossy, "was_stuck", **values) == (was == 0)
+    for speed in (-1.0, 1e-12, 1.0):
+        moves = 0 if speed == 1e-12 else speed
+        assert [right_side(lossy, "moving", w_a=speed, pre_locked=held) for held in (0, 1)] == [moves, 0]
+
+
+def test_a_gear_without_losses_has_no_modes() -> None:
+    ideal = LossyGear(ratio=2.0)
+    for name in (
+        "tau_loss",
+        "loss_forward",
+        "loss_backward",
+        "moving",
+        "was_stuck",
+        "start_forward",
+        "start_backward",
+        "locked",
+    ):
+        assert right_side(ideal, name, sa=3.0, w_a=4.0, flange_a__tau=5.0) == 0
+    assert right_side(ideal, "mode") == 2
+    assert right_side(ideal, "tau_eta", flange_a__tau=5.0) == 5.0

@@ -20,6 +20,7 @@ from gearparts.rotational.friction import OneWayClutch as OneWayClutchPart
 from gearparts.tables import at_zero, check_rows, interpolated
 from tests.gearparts import heat_losses_by_hand
 from tests.gearparts import msl_hybrid_examples as msl
+from tests.gearparts.laws import right_side
 from tests.gearparts.rotational.friction_by_hand import Bodies, Element
 from tests.gearparts.test_msl_examples import agree, reference
 
@@ -617,3 +618,141 @@ def test_friction_on_given_positions(method: str) -> None:
         assert result[f"{name}.tau"][turning] == pytest.approx(5.0 * np.sign(w[turning]), rel=1e-12)
     for k in (400, 1000, 2000):
         assert result["inertia.w"][k] == pytest.approx(by_hand_from_stop_to_stop(float(result.time[k])), abs=1e-6)
+
+
+FREE, FORWARD, BACKWARD, STUCK = 2, 1, -1, 0
+BRAKE: dict[str, float] = {"peak": 1.5, "tau0": 2.0, "cgeo": 0.5, "fn_max": 8.0, "f_normalized": 1.0, "w_small": 100.0}
+
+
+@pytest.fixture
+def brake() -> gl.Component:
+    """With a sliding torque of 2 N.m at rest, which grows by 0.4 N.m in a rad/s, and breaks away at 3 N.m."""
+    return gp.Brake(mu_pos=((0.0, 0.5), (10.0, 1.5)), fn_max=8.0)
+
+
+@pytest.mark.parametrize(
+    ("state", "v", "tau", "rate", "contact"),
+    [
+        ({"locked": 1}, 0.0, 7.0, 0.0, 1), ({"free": 1}, -4.0, 0.0, 7.0, 0), ({"pre_mode": FORWARD}, 5.0, 4.0, 7.0 - 3.0, 2),
+        ({"start_forward": 1}, 0.0, 2.0, 7.0 - 3.0, 2), ({"pre_mode": BACKWARD}, -5.0, -4.0, 7.0 + 3.0, 2),
+        ({"start_backward": 1}, -2.5, -3.0, 7.0 + 3.0, 2), ({"locked": 1, "pre_mode": FORWARD}, 0.0, 7.0, 0.0, 1),
+    ],
+)  # fmt: skip
+def test_torque_and_acceleration_in_each_state(
+    brake: gl.Component, state: Any, v: float, tau: float, rate: float, contact: int
+) -> None:
+    """The curve parameter, here 7, is the torque while locked, and else the acceleration beyond that at which sliding starts."""
+    values = {**BRAKE, **state, "sa": 7.0, "v": v}
+    assert right_side(brake, "tau", **values) == pytest.approx(tau, rel=1e-14)
+    assert right_side(brake, "contact", **values) == contact
+    assert right_side(brake, "der(v)", **values) == pytest.approx(rate, abs=1e-20)
+    assert right_side(brake, "loss_power", tau=3.0, v=-2.0) == -6.0
+
+
+def test_level_and_release_of_a_brake(brake: gl.Component) -> None:
+    for pressed, free in ((1.0, 0), (1e-9, 0), (0.0, 1), (-0.5, 1)):
+        values = {**BRAKE, "f_normalized": pressed, "free": free}
+        assert right_side(brake, "free", **values) == free
+        assert right_side(brake, "tau0", **values) == pytest.approx(0.0 if free else 2.0 * pressed, rel=1e-14)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_when_sliding_starts(brake: gl.Component, sense: int) -> None:
+    """Beyond the break-away torque; once started, beyond the sliding torque; held by another element, at the torque itself."""
+    own, other = ("start_forward", "start_backward")[::sense]
+    was_other = "was_backward" if sense == 1 else "was_forward"
+
+    def starts(torque: float, **state: float) -> bool:
+        return bool(right_side(brake, own, **BRAKE, sa=sense * torque, **state))
+
+    stuck = {"was_stuck": 1.0}
+    assert [starts(torque, **stuck) for torque in (2.9, 3.0, 3.0001)] == [False, False, True]
+    assert [starts(torque, **stuck, **{own: 1.0}) for torque in (2.9, 3.0)] == [False, True]
+    assert [starts(torque, **stuck, **{f"pre_{own}": 1.0}) for torque in (1.9, 2.0)] == [False, True]
+    assert not starts(5.0)
+    assert not starts(-5.0, **stuck)
+    assert not starts(5.0, **stuck, **{other: 1.0})
+    assert [starts(0.0, **{was_other: 1.0}, v=sense * v) for v in (99.0, 101.0)] == [False, True]
+    assert not starts(0.0, v=sense * 101.0)
+    for moving, begins in ((sense, True), (-sense, False), (0, False)):
+        assert starts(0.0, initial=1.0, moving=moving) == begins
+        assert starts(0.0, pre_mode=FREE, moving=moving) == begins, "pressed just now"
+        assert not starts(0.0, pre_mode=FREE, moving=moving, free=1.0)
+        assert not starts(0.0, pre_mode=STUCK, moving=moving)
+
+
+@pytest.mark.parametrize("free", [0, 1])
+@pytest.mark.parametrize("was", [FREE, FORWARD, BACKWARD, STUCK])
+@pytest.mark.parametrize("starts", ["", "start_forward", "start_backward"])
+@pytest.mark.parametrize("moving", [-1, 0, 1])
+def test_modes_after_an_event(brake: gl.Component, free: int, was: int, starts: str, moving: int) -> None:
+    values = {"pre_mode": was, "free": free, "moving": moving} | ({starts: 1} if starts else {})
+    forward, backward = was == FORWARD or starts == "start_forward", was == BACKWARD or starts == "start_backward"
+    assert right_side(brake, "locked", **values) == (not free and not forward and not backward)
+    slides = FORWARD if forward and moving == 1 else BACKWARD if backward and moving == -1 else STUCK
+    assert right_side(brake, "mode", **values) == (FREE if free else slides)
+    for name, mode in (("was_stuck", STUCK), ("was_forward", FORWARD), ("was_backward", BACKWARD)):
+        assert right_side(brake, name, **values) == (was == mode)
+
+
+@pytest.mark.parametrize(("was", "speed", "sign"), [
+    (0, 2e-11, 1), (0, 0.5e-11, 0), (0, 0.0, 0), (0, -0.5e-11, 0), (0, -2e-11, -1), (1, 1e-30, 1), (1, 0.0, 0), (1, -0.5e-11, 0),
+    (1, -2e-11, -1), (-1, -1e-30, -1), (-1, 0.0, 0), (-1, 0.5e-11, 0), (-1, 2e-11, 1), (0, 300.0, 1), (1, -40.0, -1),
+])  # fmt: skip
+def test_a_sign_begins_beyond_rounding_and_lasts_until_the_speed_is_zero(
+    brake: gl.Component, was: int, speed: float, sign: int
+) -> None:
+    assert right_side(brake, "moving", v=speed, pre_moving=was) == sign
+    for held in ({"pre_locked": 1.0}, {"free": 1.0}):
+        assert right_side(brake, "moving", v=speed, pre_moving=was, **held) == 0
+
+
+@pytest.fixture
+def freewheel() -> gl.Component:
+    return gp.OneWayClutch(mu_pos=((0.0, 0.5), (10.0, 1.5)), fn_max=8.0)
+
+
+@pytest.mark.parametrize(
+    ("state", "tau", "rate", "contact", "lost"),
+    [
+        ({"locked": 1, "stuck": 1}, -7.0, 0.0, 1, 0.0), ({"locked": 1, "forced": 1, "stuck": 1}, -7.0, 0.0, 1, 0.0),
+        ({"free": 1}, 0.0, -7.0 - 2.0, 0, 0.0), ({}, 4.0, -7.0 - 2.0, 2, 20.0), ({"stuck": 1}, 4.0, -9.0, 2, 0.0),
+    ],
+)  # fmt: skip
+def test_torque_and_acceleration_of_a_freewheel(
+    freewheel: gl.Component, state: Any, tau: float, rate: float, contact: int, lost: float
+) -> None:
+    values = {**BRAKE, **state, "sa": -7.0, "w_rel": 5.0, "tau": tau}
+    assert right_side(freewheel, "tau", **values) == tau
+    assert right_side(freewheel, "der(w_rel)", **values) == pytest.approx(rate, abs=1e-20)
+    assert right_side(freewheel, "contact", **values) == contact
+    assert right_side(freewheel, "loss_power", **values) == lost
+
+
+def test_when_a_freewheel_lets_go(freewheel: gl.Component) -> None:
+    """Forward only: beyond its break-away torque, or after a reinit; it holds whatever drives it backward."""
+
+    def starts(torque: float, **state: float) -> bool:
+        return bool(right_side(freewheel, "start_forward", **{**BRAKE, "tau0_max": 3.0, "sa": torque, **state}))
+
+    assert [starts(torque, was_stuck=1.0) for torque in (-1e6, 2.9, 3.0, 3.0001)] == [False, False, False, True]
+    assert [starts(torque, was_stuck=1.0, pre_start_forward=1.0) for torque in (1.9, 2.0)] == [False, True]
+    assert [starts(torque, was_stuck=1.0, start_forward=1.0) for torque in (1.9, 2.0)] == [False, True]
+    assert not starts(5.0)
+    assert [starts(0.0, pre_stuck=1.0, w_rel=w) for w in (99.0, 101.0)] == [False, True]
+    assert not starts(0.0, w_rel=101.0)
+    assert [starts(0.0, initial=1.0, moving=m) for m in (0.0, 1.0)] == [False, True]
+    for pre_stuck, started in ((1.0, 0.0), (1.0, 1.0), (0.0, 0.0)):
+        state = {"pre_stuck": pre_stuck, "start_forward": started}
+        assert right_side(freewheel, "locked", **state) == (pre_stuck and not started)
+    for moving, locked in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        assert right_side(freewheel, "stuck", moving=moving, locked=locked) == (locked or not moving)
+    assert [right_side(freewheel, "moving", w_rel=w, pre_moving=m, pre_locked=held) for w, m, held in (
+        (2e-11, 0, 0), (0.5e-11, 0, 0), (1e-30, 1, 0), (0.0, 1, 0), (3.0, 0, 1), (-3.0, 1, 0)
+    )] == [1, 0, 1, 0, 0, 0]  # fmt: skip
+    assert [right_side(freewheel, "forced", locked=1, sa=sa) for sa in (-1e12, -1e14, 1e14)] == [0, 1, 0]
+    peak = {**BRAKE, "f_normalized": 1.0}
+    assert right_side(freewheel, "tau0_max", **peak) == pytest.approx(3.0, rel=1e-14)
+    assert right_side(freewheel, "tau0_max", **{**peak, "peak": 1.0}) == pytest.approx(2.0, rel=1e-3)
+    assert right_side(freewheel, "tau0_max", **{**peak, "peak": 1.0}) > 2.0, "no chatter at the sliding torque itself"
+    assert 0.0 < right_side(freewheel, "tau0_max", **{**peak, "free": 1.0}) < 1e-3

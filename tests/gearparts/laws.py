@@ -1,0 +1,25 @@
+"""Single equations of a component, evaluated by themselves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy
+
+import gearlib as gl
+from gearlib.language.component import equations_of
+from gearlib.language.expressions import value_of
+
+
+def plain(expression: Any) -> Any:
+    """An expression, or a condition as 1 or 0, whose conditions are as any others."""
+    return value_of(expression).replace(lambda e: e.func.__name__ == "no_event", lambda e: e.args[0])
+
+
+def right_side(part: gl.Component, left: str, **values: float) -> float:
+    """What an equation gives to its left side, with the names that are not mentioned zero; ``pre_mode`` is ``pre(mode)``."""
+    (equation,) = (e for e in equations_of(part) if isinstance(e, gl.Eq) and str(e.left) == left)
+    given = plain(equation.right)
+    known = {s: values.get(s.name.replace("pre(", "pre_").removesuffix("()").removesuffix(")").replace(".", "__"), 0.0)
+             for s in given.free_symbols}  # fmt: skip
+    return float(given.xreplace({s: sympy.Float(value) for s, value in known.items()}))
