@@ -329,7 +329,12 @@ def rounds(one: Mutant) -> list[list[str]]:
     if not files:  # what is compiled runs unseen
         own = [str(path.relative_to(ROOT)) for path in sorted((ROOT / "tests").rglob(f"{folder}/test_*.py"))]
         files = {file: [file] for file in own if not file.startswith((*UNFIT, *first))}
-    ranked = sorted(files, key=lambda file: (Path(file).parent.name != folder, -len(files[file]), file))
+    declares = one.line not in inside(ast.parse(source(one.module)))
+
+    def rank(file: str) -> tuple[bool, bool, int, str]:
+        return not (declares and "declared" in file), Path(file).parent.name != folder, -len(files[file]), file
+
+    ranked = sorted(files, key=rank)
     return [first, *([test for file in some for test in files[file]] for some in (ranked[:FEW], ranked[FEW:]))]
 
 

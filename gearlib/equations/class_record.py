@@ -165,7 +165,7 @@ def check_values(component: Component, record: ClassRecord) -> None:
     """Refuse values given to parts whose units do not fit; values of assemblies already checked are skipped."""
     pairs = tuple(values_given(component))
     parts = tuple((n, type(p), tuple(structural_of(p).items())) for n, p in parts_of(component).items())
-    if (parts, pairs) not in record.fitting:
+    if pairs and (parts, pairs) not in record.fitting:
         refuse_misfits(unit_errors(component, pairs))
         record.fitting.add((parts, pairs))
 

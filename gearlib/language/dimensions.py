@@ -239,7 +239,7 @@ def _factor(e: Any, unit_of: UnitOf, loose: bool) -> Dimension | None:
     if e.free_symbols - {time}:
         return _measure(e, unit_of, loose)
     if e.is_number:
-        return None if e.has(sympy.Float) or (loose and e not in (1, -1)) else NONE
+        return None if e.has(sympy.Float) or (loose and e != -1) else NONE
     if isinstance(e, sympy.Pow) and e.exp.is_Number:
         return _power(e, unit_of, loose)
     return NONE if isinstance(e, _OF_NUMBERS) else None

@@ -15,7 +15,6 @@ from gearlib.flatten.flatten import flatten
 from gearlib.language.component import equations_of
 from gearlib.language.declarations import declared_by
 from tests.gearparts.bench import bench, structural_choices
-from tests.gearparts.declared_numbers import misfits
 
 MADE_FROM_DATA = {"BondGraphPart", "FMU"}  # a base class, of no use by itself; made of a file
 EXPORTED = [getattr(gp, name) for name in gp.__all__ if name not in MADE_FROM_DATA]
@@ -70,13 +69,6 @@ def test_it_is_balanced_between_bodies(kind: type[gl.Component], choice: dict[st
     model = flatten(bench(kind, **choice))
     assert model.n_equations + len(model.inputs) == model.n_variables
     assert gl.compile(bench(kind, **choice)).name == "Bench"
-
-
-@pytest.mark.parametrize("kind", COMPONENTS)
-def test_it_and_its_parts_have_physical_bounds_and_sizes_and_modelica_s_defaults(kind: type[gl.Component]) -> None:
-    """Masses, stiffnesses, dampings and radii may be zero and not negative; what is added to a law is nothing unless it is given."""
-    found = [m for part in flatten(bench(kind)).instances for m in misfits(part.kind, part.record.declared)]
-    assert found == []
 
 
 def test_losses_are_positive_and_leave_through_the_heat_port(probe: Callable[..., Any]) -> None:

@@ -12,7 +12,8 @@ import gearparts as gp
 from gearlib.errors import BoundError
 from gearlib.flatten.flatten import flatten
 from gearlib.language.component import equations_of
-from tests.gearparts.bench import needed_values
+from tests.gearparts.bench import bench, needed_values
+from tests.gearparts.declared_numbers import misfits
 from tests.gearparts.test_components import COMPONENTS
 
 B = gp.blocks
@@ -23,6 +24,13 @@ CLASSES = [*COMPONENTS, *BLOCKS]
 def known(kind: Any) -> dict[str, Any]:
     """What a class declares, by name."""
     return kind._declarations  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize("kind", COMPONENTS)
+def test_it_and_its_parts_have_physical_bounds_and_sizes_and_modelica_s_defaults(kind: type[gl.Component]) -> None:
+    """Masses, stiffnesses, dampings and radii may be zero and not negative; what is added to a law is nothing unless it is given."""
+    found = [m for part in flatten(bench(kind)).instances for m in misfits(part.kind, part.record.declared)]
+    assert found == []
 
 
 COUNTED = [(c, n, d) for c in CLASSES for n, d in known(c).items() if isinstance(d, gl.Structural) and d.is_bounded]
