@@ -2,8 +2,11 @@
 
 Cosmic-ray makes the changes; this file draws a repeatable sample of them, finds each one's tests, runs them in a copy of the project
 and says how they noticed. The first run, and every one with ``--measure``, runs all quick tests under coverage, which tells which test
-runs which line. A mutant's tests are the files that mirror its module and the module's doctests, then those that run its line, in the
-likeliest files. The first assertion that fails ends a mutant's run. An exception or a hang does not: the tests behind it are still
+runs which line. Most mutants are noticed at once: one process collects the tests of all, and in a fork of it for each mutant the changed
+code takes the place of the function's, and the tests of its line are run, the quickest first. What that does not notice (also what runs
+on import, is compiled, or is read by other processes) is tried in full, by a file in a copy of the project: with the files that mirror
+its module and the module's doctests, then those that run its line, in the likeliest files. The first assertion that fails ends a
+mutant's run. An exception or a hang does not: the tests behind it are still
 run, and after an exception the quick ones of the campaigns, whose claim is that nothing ends in a foreign exception. A mutant survives
 when its share of processor time is used up and no test of the likeliest files (with ``--wide``: of all that run its line) has failed.
 
@@ -22,7 +25,8 @@ fails by that exception, which says nothing of how well the values are watched. 
 one of assertions. A crash is credited to no test.
 
 Options follow ``ARGS=`` of make: ``-n 300``, ``--seed 7``, ``--folder gearlib/structure gearlib/reduce``, ``--again LOG`` for
-those of a log that no assertion noticed, ``--goes-on`` for a sample that was interrupted: what its log holds is not tried again.
+those of a log that no assertion noticed, ``--goes-on`` for a sample that was interrupted: what its log holds is not tried again,
+``--quick`` for the first way only.
 """
 
 from __future__ import annotations
@@ -32,6 +36,7 @@ import ast
 import difflib
 import doctest
 import gc
+import importlib
 import inspect
 import itertools
 import json
@@ -46,12 +51,13 @@ import tempfile
 import time
 import tomllib
 from collections import Counter
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
+from types import CodeType, FunctionType
 from typing import Any
 
 import pytest
@@ -377,12 +383,13 @@ class Notice:
         files = {target for target in self.targets if "::" not in target}
         items[:] = [item for item in items if item.nodeid in self.targets or item.nodeid.partition("::")[0] in files]
 
-        def order(item: pytest.Item) -> tuple[bool, float]:
-            function = getattr(item, "function", None)
-            text = inspect.getsource(function) if function and self.likely else ""
-            return not re.search(rf"\b{self.likely}\b", text), self.took.get(item.nodeid, 0.2)
+        items.sort(key=self.order)
 
-        items.sort(key=order)
+    def order(self, item: pytest.Item) -> tuple[bool, float]:
+        """Tests that name the function, then the others, the quickest first."""
+        function = getattr(item, "function", None)
+        text = inspect.getsource(function) if function and self.likely else ""
+        return not re.search(rf"\b{self.likely}\b", text), self.took.get(item.nodeid, 0.2)
 
     def pytest_exception_interact(self, node: pytest.Item | pytest.Collector, call: Any) -> None:
         failures = getattr(call.excinfo.value, "failures", [call.excinfo.value])  # a doctest's failures come together
@@ -403,8 +410,11 @@ class Notice:
         return done
 
 
-def in_child(copy: Path, targets: list[str], budget: float, likely: str = "", without: tuple[str, ...] = ()) -> dict[str, Any]:
-    """What the tests say, run in a fork of this process, which has imported what gearlib needs but not gearlib.
+def in_child(
+    copy: Path, run: Callable[[Notice, tuple[str, ...]], None], targets: Sequence[str], budget: float, likely: str = "",
+    without: tuple[str, ...] = (),
+) -> dict[str, Any]:  # fmt: skip
+    """What the tests say that are run in a fork of this process.
 
     If the process ends in a test, those behind it are run in another, up to three times.
     """
@@ -418,23 +428,18 @@ def in_child(copy: Path, targets: list[str], budget: float, likely: str = "", wi
             with open(os.devnull, "w") as nothing:
                 os.dup2(nothing.fileno(), 1)
                 os.dup2(nothing.fileno(), 2)
-            limit_processor_time(60)  # until the first test sets its own
+            limit_processor_time(int(time.process_time()) + 60)  # until the first test sets its own
             resource.setrlimit(resource.RLIMIT_AS, (8 * 2**30,) * 2)
             os.chdir(copy)
-            sys.path[:0] = [str(copy), str(copy / "library")]
-            notice = Notice(targets, budget, likely, json.loads(times.read_text()) if times.exists() else {}, file)
-            files = dict.fromkeys(target.partition("::")[0] for target in targets)
-            options = ["-q", "-W", "ignore::pytest.PytestAssertRewriteWarning", "-p", "no:xdist", "--tb=no"]
-            options += [f"--deselect={test}" for test in without]
-            code = pytest.main([*options, "--continue-on-collection-errors", *files], plugins=[notice])
-            if code not in (0, 1, 2, 5):  # passed, failed, stopped, no tests
-                notice.crashes.append(f"pytest: {code}")
+            known = json.loads(times.read_text()) if times.exists() else {}
+            notice = Notice([*targets], time.process_time() + budget, likely, known, file)
+            run(notice, without)
             times.write_text(json.dumps(notice.took))
             notice.write()
         os._exit(0)
     started = time.monotonic()
     while os.waitpid(pid, os.WNOHANG) == (0, 0):
-        time.sleep(0.05)
+        time.sleep(0.02)
         if time.monotonic() - started > 60 * budget:  # a wait that needs no processor, on a machine that is shared
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
@@ -444,9 +449,20 @@ def in_child(copy: Path, targets: list[str], budget: float, likely: str = "", wi
     if ended:
         said["crashes"].append(ended)
     if "::" in ended and not said["assertions"] and len(without) < 3:
-        more = in_child(copy, targets, budget, likely, (*without, ended))
+        more = in_child(copy, run, targets, budget, likely, (*without, ended))
         return {kind: said[kind] + more[kind] for kind in FOUND}
     return said
+
+
+def afresh(copy: Path, notice: Notice, without: tuple[str, ...]) -> None:
+    """Run tests of a copy of the project in this process, which has imported what gearlib needs but not gearlib."""
+    sys.path[:0] = [str(copy), str(copy / "library")]
+    files = dict.fromkeys(target.partition("::")[0] for target in notice.targets)
+    options = ["-q", "-W", "ignore::pytest.PytestAssertRewriteWarning", "-p", "no:xdist", "--tb=no"]
+    options += [f"--deselect={test}" for test in without]
+    code = pytest.main([*options, "--continue-on-collection-errors", *files], plugins=[notice])
+    if code not in (0, 1, 2, 5):  # passed, failed, stopped, no tests
+        notice.crashes.append(f"pytest: {code}")
 
 
 def definition(module: str, line: int) -> str:
@@ -454,8 +470,85 @@ def definition(module: str, line: int) -> str:
     return next((node.name.strip("_") for node in around(module, line) if isinstance(node, ast.FunctionDef | ast.ClassDef)), "")
 
 
+class InPlace:
+    """A pytest plugin that collects tests once, and tries each mutant of a function by its tests in a fork with the changed code."""
+
+    def __init__(self, mutants: list[Mutant], copy: Path, budget: float) -> None:
+        self.mutants, self.copy, self.budget = mutants, copy, budget
+        self.done: list[Mutant] = []
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        for module in {one.module for one in self.mutants}:  # many are imported when they are needed
+            importlib.import_module(module.removeprefix("library/").removesuffix(".py").replace("/", "."))
+        gc.unfreeze()
+        functions: dict[str, list[FunctionType]] = {}
+        for found in gc.get_objects():
+            if isinstance(found, FunctionType):
+                functions.setdefault(found.__code__.co_filename, []).append(found)
+        gc.freeze()
+        by_name = {item.nodeid: item for item in session.items}
+        for one in self.mutants:
+            path = str(self.copy / one.module)
+            before, after = (dict(code_of(compile(text, path, "exec"))) for text in (source(one.module), mutated(*one.change)))
+            changed = {name: code for name, code in after.items() if code != before.get(name)}
+            swaps = [(f, changed[named(f.__code__)]) for f in functions.get(path, ()) if named(f.__code__) in changed]
+            files = {name for some in rounds(one) for name in some if "::" not in name}
+            tests = covering(one.module, one.line) | {name for name in by_name if name.partition("::")[0] in files}
+            items = [by_name[name] for name in tests if name in by_name]
+            if swaps and items:
+                started = time.monotonic()
+                said = in_child(self.copy, partial(in_place, swaps, items), [], self.budget, definition(one.module, one.line))
+                self.done.append(judged(one, said, started))
+        return True
+
+
+def named(code: CodeType) -> tuple[str, int]:
+    return code.co_qualname, code.co_firstlineno
+
+
+def code_of(whole: CodeType) -> Iterator[tuple[tuple[str, int], CodeType]]:
+    """The code of a module and of all functions in it, by name and place."""
+    yield named(whole), whole
+    for inner in whole.co_consts:
+        if isinstance(inner, CodeType):
+            yield from code_of(inner)
+
+
+def in_place(
+    swaps: list[tuple[FunctionType, CodeType]], items: list[pytest.Item], notice: Notice, without: tuple[str, ...]
+) -> None:
+    """Run tests that are collected, with other code in some functions."""
+    for function, code in swaps:
+        function.__code__ = code
+    items = sorted((item for item in items if item.nodeid not in without), key=notice.order)
+    if items:
+        items[0].config.pluginmanager.register(notice)
+    for item, following in itertools.zip_longest(items, items[1:]):
+        item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+        if item.session.shouldstop:
+            break
+
+
+def tried_in_place(mutants: list[Mutant], copy: Path, budget: float) -> list[Mutant]:
+    """Those that tests can be run for in place, with their verdicts; in a process of its own, which imports the project's modules."""
+    file = copy / "noticed.jsonl"
+    pid = os.fork()
+    if pid == 0:
+        with suppress(Exception):
+            os.chdir(copy)
+            sys.path[:0] = [str(copy), str(copy / "library")]
+            files = sorted({test.partition("::")[0] for one in mutants for some in rounds(one) for test in some})
+            found = InPlace(mutants, copy, budget)
+            options = ["-q", "-W", "ignore::pytest.PytestAssertRewriteWarning", "-p", "no:xdist", "--tb=no", "-s"]
+            pytest.main([*options, "--continue-on-collection-errors", *files], plugins=[found])
+            file.write_text("".join(json.dumps(asdict(one)) + "\n" for one in found.done))
+        os._exit(0)
+    os.waitpid(pid, 0)
+    return logged(file)
+
+
 def tried(one: Mutant, copy: Path, budget: float, number: int, wide: bool) -> Mutant:
-    """The mutant with its verdict."""
+    """The mutant with its verdict, by a file of the copy."""
     path = copy / one.module
     before = path.stat().st_mtime
     path.write_text(mutated(one.module, one.operator, one.occurrence), encoding="utf-8")
@@ -466,18 +559,26 @@ def tried(one: Mutant, copy: Path, budget: float, number: int, wide: bool) -> Mu
     try:
         for some in rounds(one)[: 3 if wide else 2]:  # most are noticed before others are imported
             if some and not said["assertions"]:
-                more = in_child(copy, some, budget, likely)
+                more = in_child(copy, partial(afresh, copy), some, budget, likely)
                 said = {key: said[key] + more[key] for key in said}
         if said["exceptions"] and not said["assertions"]:
-            more = in_child(copy, NOTHING_RAW, 3 * budget, likely)
+            more = in_child(copy, partial(afresh, copy), NOTHING_RAW, 3 * budget, likely)
             said = {key: said[key] + more[key] for key in said}
     finally:
         path.write_text(source(one.module), encoding="utf-8")
         os.utime(path, (before, before))
+    return judged(one, said, started)
+
+
+def judged(one: Mutant, said: dict[str, list[str]], started: float) -> Mutant:
     verdict, by = next(((verdict, said[kind][0]) for kind, verdict in FOUND.items() if said[kind]), ("survived", ""))
-    return replace(one, verdict=verdict, noticed_by=by, seconds=round(time.monotonic() - started, 1))
+    verdict = "accepted" if verdict != "assertion" and one.key in accepted() else verdict
+    done = replace(one, verdict=verdict, noticed_by=by, seconds=round(time.monotonic() - started, 1))
+    print(f"{done.verdict:9} {done.seconds:6.1f} s  {done.module}:{done.line}  {done.old}  ->  {done.new}", flush=True)
+    return done
 
 
+@cache
 def accepted() -> dict[tuple[str, str, str], str]:
     listed = tomllib.loads(ACCEPTED.read_text(encoding="utf-8"))["mutant"] if ACCEPTED.exists() else []
     return {(one["file"], one["old"], one["new"]): one["why"] for one in listed}
@@ -505,6 +606,9 @@ def main() -> None:
         "--budget", type=float, default=10.0, help="seconds of processor time for the likeliest tests of a mutant"
     )
     parser.add_argument("--wide", action="store_true", help="run all quick tests of the line, not those of few files")
+    parser.add_argument(
+        "--quick", action="store_true", help="only what can be tried in place: code that is called, not compiled"
+    )
     parser.add_argument("--measure", action="store_true", help="find anew which test runs which line")
     parser.add_argument("--again", type=Path, help="a log, whose mutants that no assertion noticed are tried again")
     parser.add_argument("--goes-on", action="store_true", help="add to the log, and leave out the mutants that it holds")
@@ -516,35 +620,32 @@ def main() -> None:
         measure()
     preload()
     gc.freeze()
-    todo = unnoticed(chosen.again) if chosen.again else sample(chosen.n, chosen.seed, tuple(chosen.folder))
-    reasons = accepted()
     chosen.log.parent.mkdir(exist_ok=True)
     results = logged(chosen.log) if chosen.goes_on else []
     known = {one.change for one in results}
+    drawn = unnoticed(chosen.again) if chosen.again else sample(chosen.n, chosen.seed, tuple(chosen.folder))
+    todo = [one for one in drawn if one.change not in known]
     with (
         tempfile.TemporaryDirectory(prefix="gearlib-mutants-") as folder,
         chosen.log.open("a" if chosen.goes_on else "w") as log,
     ):
         copy = Path(folder)
         copied(copy)
-        for number, one in enumerate(todo, 1):
-            if one.change in known:
-                continue
-            done = tried(one, copy, chosen.budget, number, chosen.wide)
-            if done.verdict != "assertion" and done.key in reasons:
-                done = replace(done, verdict="accepted")
-            print(
-                f"{number:4} {done.verdict:9} {done.seconds:6.1f} s  {done.module}:{done.line}  {done.old}  ->  {done.new}",
-                flush=True,
-            )
+
+        def keep(done: Mutant) -> None:
             log.write(json.dumps(asdict(done) | {"key": done.key}) + "\n")
             log.flush()
             results.append(done)
+
+        for done in tried_in_place(todo, copy, chosen.budget):
+            if chosen.quick or done.verdict in ("assertion", "accepted"):
+                keep(done)
+        left = {one.change for one in todo} - {one.change for one in results}
+        for number, one in enumerate([] if chosen.quick else [one for one in todo if one.change in left], 1):
+            keep(tried(one, copy, chosen.budget, number, chosen.wide))
         noticing = sorted({done.noticed_by for done in results if "::" in done.noticed_by})
-        idle = set()
-        for test in noticing:
-            said = in_child(copy, [test], 60.0)
-            idle |= {test for kind in FOUND for test in said[kind]}
+        said = in_child(copy, partial(afresh, copy), noticing, 60.0 * len(noticing))
+    idle = [test for kind in FOUND for test in said[kind]]
     print(summary(results))
     if idle:
         sys.exit(f"these tests fail without a mutant, so what they noticed does not count: {', '.join(sorted(idle))}")
