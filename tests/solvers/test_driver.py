@@ -210,3 +210,24 @@ def test_a_process_that_was_suspended_is_soon_as_fast_as_before(monkeypatch: pyt
     steps = integrate(driver(problem(rhs, [0.0]), [0.0, 5e3], stepper)).stats["steps"]
     assert steps > 3000
     assert calls[0] < steps / 1000 + 15
+
+
+@pytest.mark.parametrize(("steps", "pieces"), [(10, 1), (50, 2), (300, 3), (600, 0)])
+def test_ends_of_steps_are_kept_up_to_a_length(steps: int, pieces: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In pieces of 21, 85 and 341 rows of three numbers; a longer trace is dropped."""
+    monkeypatch.setattr("gearlib.solvers.drive.trace.FIRST", 64)
+    monkeypatch.setattr("gearlib.solvers.drive.trace.MOST", 1024)
+
+    def rhs(t: float, x: Any, dx: Any, data: Any) -> None:
+        dx[0], dx[1] = -x[0], 1.0
+
+    own = problem(rhs, [1.0, 0.0], traced=np.array([0]), longest_step=1.0 / steps)
+    found = integrate(driver(own, [0.0, 1.0], RungeKutta())).trace
+    assert (found is None) == (pieces == 0)
+    if found is not None:
+        assert len(found.pieces) == pieces
+        assert (found.times[0], found.times[-1]) == (0.0, 1.0)
+        assert len(found.times) >= steps
+        assert (np.diff(found.times) > 0).all()
+        assert found.states[:, 0] == pytest.approx(np.exp(-found.times), rel=1e-6)
+        assert found.rates == pytest.approx(-found.states, rel=1e-12)
