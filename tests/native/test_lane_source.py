@@ -66,19 +66,44 @@ def test_lanes_are_runs(number: int, moving: bool) -> None:
 
 
 def test_numbers_that_are_the_same_in_all_runs_are_written() -> None:
-    """So that a chain of unit factors reads no coefficient at all."""
+    """So that a chain of linear equations with the same numbers is one line, and reads no coefficient at all."""
 
     class Line(gl.Component):
         x, y, z = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
 
         def equations(self) -> list[gl.Eq]:
-            return [gl.Eq(gl.der(self.x), self.y - self.z), gl.Eq(self.y, 2 * self.x), gl.Eq(self.z, -self.y)]
+            return [gl.Eq(gl.der(self.x), self.y - self.z), gl.Eq(self.y, 2 * self.x), gl.Eq(self.z, -9.0 - self.y)]
 
     scene = gl.compile(Line()).translation.scene
     code = lane_code(scene.program, len(scene.model.parameters.names))
-    assert code.tables == ()
-    assert "dx[0] = 4.0 * v0" in code.source
-    assert "data[" not in code.source
+    lines = [line.strip() for line in code.source.splitlines()[1:]]
+    assert lines == ["t = time[0]", "v0 = x[0]", "dx[0] = 9.0 + 4.0 * v0", "return 0"]
+    assert (code.tables, code.kept) == ((), frozenset())
+
+
+def test_what_is_used_twice_is_computed_once() -> None:
+    """A sum of three parameters' products that two equations take; a sine of time is called before the states are read."""
+
+    class Shared(gl.Component):
+        p, q = gl.Parameter("1", default=2.0), gl.Parameter("1", default=3.0)
+        rate = gl.Parameter("1/s", default=1.0)
+        a, b, c, s = (gl.Variable("1") for _ in range(4))
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(self.s, self.p * self.a + self.q * self.b + self.p * self.q * self.c), gl.Eq(gl.der(self.a), self.rate * self.s),
+                gl.Eq(gl.der(self.b), self.rate * (self.a - self.s)),
+                gl.Eq(gl.der(self.c), self.rate * (self.s + gl.sin(self.rate * gl.time))),
+            ]  # fmt: skip
+
+    scene = gl.compile(Shared()).translation.scene
+    code = lane_code(scene.program, len(scene.model.parameters.names))
+    lines = [line.strip() for line in code.source.partition("def rhs")[2].splitlines()[1:]]
+    s = scene.program.slots[scene.model.variable("s"), 0]
+    assert code.kept >= {s}
+    assert sum(line.startswith(f"v{s} = ") for line in lines) == 1
+    sine = next(i for i, line in enumerate(lines) if "sin(" in line)
+    assert sine < lines.index("v0 = x[0]")
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 
 from gearlib.compiler.object_code import compiled
 from gearlib.native.source import HEADER
-from gearlib.native.sparse_solve import SPARSE_SOLVE, factors_size, pattern_array
+from gearlib.native.sparse_solve import SPARSE_SOLVE, factors_size, pattern_array, room
 from gearlib.structure.elimination_order import EliminationOrder, elimination_order
 
 CALL = '''
@@ -97,3 +97,17 @@ def test_factors_of_a_star_grow_with_its_branches() -> None:
             most = max(most, fill)
         fills.append(most)
     assert fills[1] < 15 * fills[0]
+
+
+def test_room_for_factors() -> None:
+    """A full triangle while that is small, else some times the fill of the planned order; and all of it behind the right-hand side."""
+    for n in (1, 3, 20, 141, 142, 400):
+        full = elimination_order(n, np.arange(n * n))
+        assert room(full) >= min(n * (n + 1) // 2, 10_000)
+        band = elimination_order(n, np.flatnonzero(np.abs(np.subtract.outer(np.arange(n), np.arange(n))) <= 1))
+        assert room(band) == max(6 * band.fill, min(n * (n + 1) // 2, 10_000))
+        assert factors_size(band) == 4 + 13 * n + 4 * room(band)
+        array = pattern_array(band)
+        assert array[:2].tolist() == [n, room(band)]
+        assert sorted(array[2 : 2 + n].tolist()) == sorted(array[2 + n : 2 + 2 * n].tolist()) == list(range(n))
+        assert array[2 + n : 2 + 2 * n][band.rows].tolist() == list(range(n))
