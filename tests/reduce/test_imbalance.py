@@ -218,6 +218,21 @@ def test_an_input_that_acts_between_a_shaft_and_nothing_is_named() -> None:
         gl.compile(drive)
 
 
+def test_of_several_loose_ends_the_first_is_named() -> None:
+    class Branch(gl.Component):
+        flange_a, flange_b, flange_c = gp.Flange("driven"), gp.Flange("first"), gp.Flange("second")
+        u, k = gl.Input("N.m"), gl.Parameter("N.m/rad", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            a, b, far = self.flange_a, self.flange_b, self.flange_c
+            return [gl.Eq(b.tau, -self.u), gl.Eq(far.tau, self.k * (far.phi - b.phi)), gl.Eq(a.phi, b.phi)]
+
+    with pytest.raises(
+        ModelError, match=r"^q\.flange_b is connected to nothing, so that the input q\.u does nothing; connect it$"
+    ):
+        gl.compile(connect({"q": Branch(), "a": gp.Inertia(J=1.0)}, "q.flange_a a.flange_a"))
+
+
 @pytest.mark.parametrize(
     ("tau", "equation", "message"),
     [

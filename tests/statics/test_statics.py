@@ -544,6 +544,35 @@ def test_a_speed_that_has_no_variable_is_found_among_several() -> None:
     assert flow["fan.flange"].speed == pytest.approx(FORWARD, rel=1e-9)
 
 
+class Climbing(gl.Component):
+    """A load whose torque is zero at three speeds, of which the middle one is left at once."""
+
+    flange = gp.Flange("shaft")
+    k = gl.Parameter("N.m.s3/rad3", default=1.0)
+    w = gl.Variable("rad/s")
+
+    def equations(self) -> list[gl.Eq]:
+        w = self.w
+        return [gl.Eq(w, gl.der(self.flange.phi)), gl.Eq(self.flange.tau, self.k * (w - 1) * (w - 2) * (w - 3))]
+
+
+def test_the_speed_depends_on_where_the_train_begins() -> None:
+    class Train(gl.Component):
+        w0 = gl.Parameter("rad/s", default=0.0)
+
+        def assemble(self) -> list[Any]:
+            self.body, self.gear, self.load = gp.Inertia(J=1.0, start={"w": 2 * self.w0}), gp.IdealGear(ratio=2.0), Climbing()
+            return [gl.connect(self.body.flange_b, self.gear.flange_a), gl.connect(self.gear.flange_b, self.load.flange)]
+
+    system = gl.compile(Train())
+    for begin, reached in ((0.0, 1.0), (1.9, 1.0), (2.1, 3.0), (8.0, 3.0)):
+        flow = gl.power_flow(system, parameters={"w0": begin})
+        assert flow["load.flange"].speed == pytest.approx(reached, rel=1e-9), begin
+        assert flow["body.flange_b"].speed == pytest.approx(2 * reached, rel=1e-9)
+    middle = gl.power_flow(system, speeds={"load.w": 2.0})
+    assert middle["load.flange"].torque == pytest.approx(0.0, abs=1e-12)
+
+
 def test_speeds_that_nothing_tells_apart_are_named() -> None:
     """A binding that is replaced: no run says which way it goes."""
     system = gl.compile(Car(bound=True))

@@ -1,0 +1,82 @@
+"""Means over a turn of the mesh: what depends on the phase of a mesh takes the mean of a period, by closed forms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+
+Law = Callable[[Any, Any, Any], Any]  # of y = sin(phase), z = 1 + 2 w y and w
+
+W = 5.0  # speed of the shaft, rad/s
+LAWS: dict[str, tuple[Law, float]] = {
+    "constant": (lambda y, z, w: 2 * w, 2 * W),
+    "linear": (lambda y, z, w: 3 + y, 3.0),
+    "square": (lambda y, z, w: 4 * y**2, 2.0),
+    "cube": (lambda y, z, w: 1 + y**3, 1.0),
+    "second follower": (lambda y, z, w: z**2, 1 + 4 * W**2 / 2),
+    "both followers": (lambda y, z, w: y * z, W),
+    "with the speed": (lambda y, z, w: w * y**2, W / 2),
+    "above": (lambda y, z, w: gl.Piecewise((1, y > 0.5), (4, True)), 1 / 3 + 4 * 2 / 3),
+    "below": (lambda y, z, w: gl.Piecewise((1, y < 0.5), (4, True)), 2 / 3 + 4 / 3),
+    "beside the speed": (lambda y, z, w: gl.Piecewise((w, z > 1 + w), (4 * w, True)), W / 3 + 8 * W / 3),
+    "of the speed alone": (lambda y, z, w: gl.Piecewise((y**2, w > 4.0), (7, True)), 0.5),
+    "not of the speed": (lambda y, z, w: gl.Piecewise((7, w < 4.0), (y**2, True)), 0.5),
+    "half a turn at zero": (lambda y, z, w: gl.Piecewise((1, gl.Max(y, 0) > 0), (2, True)), 1.5),
+    "all of it at zero or above": (lambda y, z, w: gl.Piecewise((1, gl.Max(y, 0) >= 0), (2, True)), 1.0),
+    "never below zero": (lambda y, z, w: gl.Piecewise((1, gl.Max(y, 0) < 0), (2, True)), 2.0),
+    "half a turn not above": (lambda y, z, w: gl.Piecewise((1, gl.Max(y, 0) <= 0), (3, True)), 2.0),
+    "rectified": (lambda y, z, w: abs(y), 2 / np.pi),
+}  # fmt: skip
+
+
+class Ripple(gl.Component):
+    """A load whose torque depends on a phase that turns three times as fast as the shaft."""
+
+    flange = gp.Flange("shaft")
+    phase0 = gl.Parameter("rad", "where the turn begins", default=0.0)
+    law = gl.Structural("constant")
+    second = gl.Parameter("s", "unit of time", default=1.0)
+    newton_metre = gl.Parameter("N.m", "unit of torque", default=1.0)
+    w = gl.Variable("1", "speed")
+    phase = gl.Variable("rad")
+    y = gl.Variable("1")
+    z = gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.w, self.second * gl.der(self.flange.phi)),
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(-self.y, -gl.sin(self.phase + self.phase0)),
+            gl.Eq(self.z - 1, 2 * self.w * self.y),
+            gl.Eq(self.flange.tau, self.newton_metre * LAWS[self.law][0](self.y, self.z, self.w)),
+        ]
+
+
+class Shaft(gl.Component):
+    phase0 = gl.Parameter("rad", default=0.0)
+
+    def assemble(self) -> list[Any]:
+        self.drive, self.body = gp.Torque(), gp.Inertia(J=1.0)
+        self.load = [Ripple(law=law, phase0=self.phase0) for law in LAWS]
+        return [gl.connect(self.drive.flange, self.body.flange_a, *(load.flange for load in self.load))]
+
+
+@pytest.fixture(scope="module")
+def shaft() -> gl.System:
+    return gl.compile(Shaft())
+
+
+@pytest.mark.parametrize("phase0", [2.0])
+def test_torques_are_means_over_the_turn_wherever_it_begins(shaft: gl.System, phase0: float) -> None:
+    flow = gl.power_flow(shaft, speeds={"body.w": W}, parameters={"phase0": phase0})
+    found = {law: flow[f"load[{k}].flange"].torque for k, law in enumerate(LAWS)}
+    for law, (_, expected) in LAWS.items():
+        assert found[law] == pytest.approx(expected, abs=2e-3), law
+    assert flow["drive.flange"].torque == pytest.approx(-sum(found.values()), rel=1e-12)
+    assert flow["load[3].flange"].speed == W

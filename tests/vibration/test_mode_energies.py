@@ -1,0 +1,74 @@
+"""Energies of components in a mode, from linearised equations made by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gearlib.vibration.mode_energies import Family, energies
+
+
+def family(L: Any, unknown: list[int], given: list[int], *pairs: tuple[int, int, float], copies: int = 1) -> Family:
+    """Equal components; ``L`` by order, rows and columns, unknowns first."""
+    shape = (copies, 1)
+    table = np.repeat(np.asarray(L, float)[:, None], copies, axis=1)
+    return Family(tuple(range(copies)), np.tile(unknown, shape), np.tile(given, shape), table, pairs)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_masses_springs_and_dampers_between_any_number_of_flanges(seed: int) -> None:
+    """Forces ``(M s^2 + C s + K) x`` at the flanges, some of them counted the other way round: mean energies of a swing."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 4))
+    M, C, K = (a @ a.T for a in rng.normal(size=(3, n, n)))
+    C *= 1e-6
+    turned = rng.choice([-1.0, 1.0], n)  # of the forces
+    L = np.zeros((3, n, 2 * n))
+    for order, part in enumerate((K, C, M)):
+        L[order, :, n:] = -turned[:, None] * part
+    L[0, :, :n] = np.eye(n)
+    scale = 10.0 ** rng.uniform(-6, 6, n)  # of the equations
+    L *= scale[:, None]
+    pairs = tuple((i, n + i, float(turned[i])) for i in range(n))
+    amplitude = rng.normal(size=2 * n) + 1j * rng.normal(size=2 * n)
+    x, omega = amplitude[n:], float(rng.uniform(0.5, 20))
+    kinetic, potential, off = energies(family(L, list(range(n)), list(range(n, 2 * n)), *pairs), amplitude, omega)
+    assert kinetic == pytest.approx([omega**2 * (x.conj() @ M @ x).real / 4], rel=1e-9)
+    assert potential == pytest.approx([(x.conj() @ K @ x).real / 4], rel=1e-9)
+    assert off == pytest.approx([0.0], abs=1e-12 * (kinetic[0] + potential[0]))
+
+
+@pytest.mark.parametrize("omega", [0.3, 1.7, 40.0])
+def test_a_mass_behind_a_spring_has_the_energies_of_both(omega: float) -> None:
+    """Inside: force k (x - y) on a mass m. Twice the same component, with other amplitudes."""
+    k, m = 5.0, 0.8
+    L = np.zeros((3, 2, 3))  # unknowns f, y; given x
+    L[0] = [[1.0, k, -k], [0.0, k, -k]]
+    L[2, 1, 1] = m
+    two = family(L, [0, 1], [2], (0, 2, 1.0), copies=2)
+    two = Family(two.instances, two.unknown, np.array([[2], [3]]), two.L, two.pairs)
+    amplitude = np.array([0.0, 0.0, 2.0, 1.0 - 3.0j])
+    kinetic, potential, off = energies(two, amplitude, omega)
+    for i, x in enumerate(amplitude[2:]):
+        y = x / (1 - m * omega**2 / k)
+        assert kinetic[i] == pytest.approx(m * omega**2 * abs(y) ** 2 / 4, rel=1e-9)
+        assert potential[i] == pytest.approx(k * abs(x - y) ** 2 / 4, rel=1e-9)
+        assert off[i] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("omega", [0.01, 2.0, 300.0])
+def test_what_a_spring_and_a_damper_in_series_store_is_known_to_a_bound(omega: float) -> None:
+    """f = c (x - y) = d s y: the spring's true energy differs from the one that is found by no more than the bound says."""
+    c, d = 3.0, 1.5
+    L = np.zeros((3, 2, 3))  # unknowns f, y; given x
+    L[0] = [[1.0, c, -c], [0.0, c, -c]]
+    L[1, 1, 1] = d
+    (kinetic,), (potential,), (off,) = energies(family(L, [0, 1], [2], (0, 2, 1.0)), np.array([0.0, 0.0, 1.0]), omega)
+    s = 1j * omega
+    stored = c * abs(d * s / (c + d * s) - 0) ** 2 / 4 if False else c * abs(1 - c / (c + d * s)) ** 2 / 4
+    assert off > 0
+    assert abs(potential - stored) <= max(off, abs(kinetic)) * 2
+    (still,), (strained,), (none,) = energies(family(L, [0, 1], [2], (0, 2, 1.0)), np.zeros(3), omega)
+    assert (still, strained, none) == (0.0, 0.0, 0.0)
