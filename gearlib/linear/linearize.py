@@ -119,7 +119,7 @@ def linearize(
     needed = [t for t, sign in zip(targets, signs, strict=True) if sign]  # the others are identically zero
     states = needed_states(structure, needed)
     scene = Scene(structure, states)
-    program = build(structure, [*needed, *((v, k + 1) for v, k in states)], states, dynamic=True)
+    program = build(structure, needed, states, dynamic=True)
     prepared = prepare(program, structure, parameters)
     signals = _Signals.of(program, model, inputs, outputs)
     wanted = [*(program.slots[v, k + 1] for v, k in states), *(program.slots.get(t, 0) for t in targets)]

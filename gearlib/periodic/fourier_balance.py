@@ -237,10 +237,8 @@ def _kernel(matrix: Floats) -> Floats:
     """Orthonormal basis of the null space of a matrix."""
     row = np.abs(matrix).max(axis=1)
     matrix = matrix[row > 0] / row[row > 0, None]
-    if not len(matrix):
-        return np.eye(matrix.shape[1])
     _, s, vt = np.linalg.svd(matrix, full_matrices=len(matrix) < matrix.shape[1])
-    rank = int((s > RIGID * s[0]).sum())
+    rank = int((s > RIGID * s.max(initial=0.0)).sum())
     result: Floats = vt[rank:].T.copy()
     return result
 

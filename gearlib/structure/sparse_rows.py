@@ -63,8 +63,6 @@ def eliminate(
     divisor, size = source[column], 0.0 if sizes is None else sizes[pivot]
     rest = [(c, v) for c, v in source.items() if c != column]
     for other in sorted(holders[column].intersection(among)):  # type: ignore[type-var]
-        if other == pivot:
-            continue
         row = rows[other]
         factor = row.pop(column) / divisor
         holders[column].discard(other)

@@ -326,17 +326,25 @@ def test_an_input_that_reaches_equations_through_others_is_not() -> None:
     assert gain == pytest.approx(np.array([[0.25]]))
 
 
-def test_what_the_equations_contain_instead_is_named() -> None:
-    class Left(gl.Component):
-        half = gl.Input("N.m", "bound to nothing below")
+class Left(gl.Component):
+    half = gl.Input("N.m", "bound to nothing below")
 
+    def assemble(self) -> list[Any]:
+        self.inside = Inside(half=1.0)
+        return []
+
+
+@pytest.mark.parametrize(("name", "instead"), [("left.half", r"left\.inside\.half"), ("half", r"left\.inside\.half, beside\.half")])
+def test_what_the_equations_contain_instead_is_named(name: str, instead: str) -> None:
+    """Inputs of the same name inside the component, which equations contain."""
+
+    class Outer(Left):
         def assemble(self) -> list[Any]:
-            self.inside = Inside(half=1.0)
+            self.left, self.beside = Left(), Inside(half=2.0)
             return []
 
-    system = gl.compile(Left())
-    with pytest.warns(
-        gl.InputWarning, match=r"the input half, .*; the equations contain inside\.half, whose values do not come from it"
-    ):
-        model = system.linearize(["half"], ["inside.body.w"])
+    system = gl.compile(Outer())
+    said = rf"the input {name.replace('.', chr(92) + '.')}, .*; the equations contain {instead}, whose values do not come from it$"
+    with pytest.warns(gl.InputWarning, match=said):
+        model = system.linearize([name], ["left.inside.body.w"])
     assert not np.any(model.B)

@@ -42,6 +42,26 @@ def test_changes_of_every_matrix(seed: int, kind: type) -> None:
         assert found[:, :, k] == pytest.approx((response(model, s + h) - response(model, s - h)) / (2 * h), rel=1e-6, abs=1e-7)
 
 
+def test_large_matrices_with_few_entries_change_the_response_as_full_ones_do() -> None:
+    """Eighty-four states: at several frequencies, and at a pole."""
+    rng, n = np.random.default_rng(5), 84
+    A, dA = (np.diag(rng.uniform(-2, -1, n)) + np.diag(rng.normal(size=n - 1), k) for k in (1, -1))
+    others = [[rng.normal(size=shape) for shape in ((n, 2), (3, n), (3, 2))] for _ in range(2)]
+    model, change = (Matrices(sparse.csr_array(m), *more) for m, more in zip((A, dA), others, strict=True))
+    found = response_changes(model, change, S)
+    for k, s in enumerate(S):
+        inverse = np.linalg.inv(s * np.eye(n) - A)
+        x = inverse @ model.B
+        expected = change.D + change.C @ x + model.C @ inverse @ (dA @ x + change.B)
+        assert found[:, :, k] == pytest.approx(expected, rel=1e-9)
+    rate = response_changes(model, frequency_direction(model), S[:1])[:, :, 0]
+    inverse = np.linalg.inv(S[0] * np.eye(n) - A)
+    assert rate == pytest.approx(-model.C @ inverse @ inverse @ model.B, rel=1e-9)
+    still = Matrices(sparse.csr_array(np.diag(np.arange(n) * 1.0)), *others[0])
+    with pytest.raises(ArgumentError, match=r"the model has a pole at 3\+0j rad/s: the response there has no derivative"):
+        response_changes(still, change, [3.0])
+
+
 @pytest.mark.parametrize("kind", [np.asarray, sparse.csr_array])
 def test_a_pole_is_named(kind: type) -> None:
     model = Matrices(kind(np.diag([0.0, -1.0])), np.ones((2, 1)), np.ones((1, 2)), np.zeros((1, 1)))

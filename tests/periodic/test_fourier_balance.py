@@ -93,3 +93,37 @@ def test_the_residual_is_the_rate_of_the_motion_less_that_of_the_equations() -> 
     waves = [1, *(f(k * phase) * 2 for k in (1, 2, 3) for f in (np.cos, np.sin))]
     expected = np.array([(off * wave).mean(axis=1) for wave in waves]) / equations.scale
     assert equations.equations(equations.unknowns(c), omega)[0] == pytest.approx(expected.ravel(), abs=1e-5)
+
+
+class Turning(gl.Component):
+    """A phase that grows by two radians per second, and what it drives: ``v' = cos(p) - v``."""
+
+    p = gl.Variable("rad", state="prefer")
+    v = gl.Variable("1")
+    rate = gl.Parameter("rad/s", default=2.0)
+    tau = gl.Parameter("s", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.p), self.rate), gl.Eq(self.tau * gl.der(self.v), gl.cos(self.p) - self.v)]
+
+
+@pytest.mark.parametrize(("turns", "omega"), [(1.0, 2.0), (-1.0, 2.0), (2.0, 1.0)])
+def test_a_growing_phase_counts_by_its_growth_over_its_scale(turns: float, omega: float) -> None:
+    """Forwards and too far backwards, once and twice in a period; the mean rate off, and the error of the motion."""
+    task = Forced(gl.compile(Turning()).translation, None, {}, {}, HARMONICS, {"p": turns})
+    scene = task.scene(["v"])
+    at = task.driven(scene)
+    p, v = (scene.state_names.index(name) for name in "pv")
+    scale = np.empty(2)
+    scale[p], scale[v] = 0.5, 3.0
+    equations = HarmonicEquations(at, HARMONICS, 32, scale, rigid(0), False)
+    response = np.exp(0.3j) / (1 + 2j)
+    c = np.zeros((2 * HARMONICS + 1, 2))
+    c[0, p] = 0.3
+    k = int(abs(turns))
+    c[2 * k - 1, v], c[2 * k, v] = response.real, -response.imag
+    rest = equations.equations(equations.unknowns(c), omega)[0].reshape(c.shape)
+    assert rest[0, p] == pytest.approx((turns - 2.0 / omega) / 0.5)
+    if turns > 0:
+        assert rest == pytest.approx(np.zeros(c.shape), abs=1e-12)
+        assert max(equations.error(equations.unknowns(c), omega)) < 1e-9

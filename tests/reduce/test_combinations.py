@@ -230,6 +230,11 @@ def test_rows_are_dependent_up_to_rounding(difference: float, count: int) -> Non
     assert len(dependent_rows(np.array([[1.0, 2.0], [3.0, 6.0 * (1 + difference)]]))) == count
 
 
+def test_rows_that_no_sum_needs_have_no_weight() -> None:
+    rows = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [2.0, 0.0, 0.0], [0.0, -4.0, 0.0]])
+    assert [w.tolist() for w in dependent_rows(rows)] == [[0.0, 1.0, 0.0, -0.5, 0.0], [0.0, 0.0, 1.0, 0.0, 0.25]]
+
+
 def test_a_row_without_coefficients_and_a_column_without() -> None:
     assert dependent_rows(np.array([[1.0, 1.0], [0.0, 0.0]])) == [], "nothing is left of such an equation"
     assert [w.tolist() for w in dependent_rows(np.array([[1.0, 0.0], [2.0, 0.0]]))] == [[1.0, -0.5]]

@@ -86,6 +86,32 @@ class Parallel(gl.Component):
         return links
 
 
+class Many(gl.Component):
+    """Layshafts with two meshes each, all between the same two shafts."""
+
+    c = gl.Structural(((4e7, 4e7),))
+
+    def assemble(self) -> list[Any]:
+        self.drive, self.load, self.first, self.last = gp.Torque(), gp.Torque(), gp.Inertia(J=0.01), gp.Inertia(J=0.04)
+        self.front, self.rear = ([gp.ExternalMesh(c=c[k], r_a=0.05, r_b=0.1, d=3e4) for c in self.c] for k in (0, 1))
+        links = [gl.connect(self.drive.flange, self.first.flange_a), gl.connect(self.last.flange_b, self.load.flange)]
+        for front, rear in zip(self.front, self.rear, strict=True):
+            links += [gl.connect(self.first.flange_b, front.flange_a), gl.connect(front.flange_b, rear.flange_a)]
+            links.append(gl.connect(rear.flange_b, self.last.flange_a))
+        return links
+
+
+@pytest.mark.parametrize("count", [8, 9, 12])
+def test_any_number_of_paths_share_by_stiffness(count: int) -> None:
+    """With as many torques open, less one; nine are more than are looked for at first."""
+    c = tuple((1e7 * (1 + k), 3e7 * (count - k)) for k in range(count))
+    flow = gl.compile(Many(c=c)).power_flow(speeds={"last.w": 5.0}, torques={"load.tau": -120.0})
+    k = [stiffness(*path) for path in c]
+    expected = [120.0 * x / sum(k) for x in k]
+    assert [-flow[f"rear[{i}].flange_b"].torque for i in range(count)] == pytest.approx(expected, rel=1e-9)
+    assert flow["drive.flange"].torque == pytest.approx(-30.0, rel=1e-12)
+
+
 def stiffness(c_front: float, c_rear: float) -> float:
     """Of a path as seen at the load, N.m/rad. A torque T there is a force 10 T at the rear pair, T / 2 and so 5 T at the front one."""
     return 1 / (5**2 / c_front + 10**2 / c_rear)

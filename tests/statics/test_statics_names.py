@@ -177,3 +177,47 @@ def test_what_stays_open_is_named_four_at_most(count: int) -> None:
     assert more == ("" if len(names) <= 4 else f"{len(names) - 4} more")
     assert gl.mobility(system) == count
     assert np.isfinite(gl.power_flow(system, speeds={f"body[{k}].w": 1.0 for k in range(count)}).largest)
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 33])
+def test_as_many_speeds_are_independent_as_bodies_turn_freely(count: int) -> None:
+    class Apart(gl.Component):
+        x = gl.Variable("1", "no shaft")
+
+        def assemble(self) -> list[Any]:
+            self.body = [gp.Inertia(J=1.0) for _ in range(count)]
+            return []
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), -self.x)]
+
+    assert gl.mobility(gl.compile(Apart())) == count
+
+
+class Ended(gl.Component):
+    """A gear between a body and the ground, and a body whose other end is free."""
+
+    def assemble(self) -> list[Any]:
+        self.ground, self.body, self.motor = gp.Fixed(), gp.Inertia(J=1.0), gp.Torque()
+        self.set = gp.IdealPlanetary(ratio=2.0)
+        self.out = gp.Inertia(J=1.0)
+        return [
+            gl.connect(self.motor.flange, self.body.flange_a, self.set.sun), gl.connect(self.set.ring, self.ground.flange),
+            gl.connect(self.set.carrier, self.out.flange_a),
+        ]  # fmt: skip
+
+
+def test_what_stands_still_and_what_carries_nothing() -> None:
+    system = gl.compile(Ended())
+    with pytest.raises(gl.GearlibError, match=r"^set\.ring stands still while set\.sun turns: the ratio is infinite$|^set\.ring always"):
+        gl.speed_ratio(system, "set.sun", "set.ring")
+    with pytest.raises(gl.GearlibError, match=r"^set\.ring cannot turn$"):
+        gl.speed_ratio(system, "set.ring", "set.sun")
+    with pytest.raises(gl.GearlibError, match=r"^set\.sun cannot turn with out\.w held$"):
+        gl.speed_ratio(system, "set.sun", "set.ring", held=["out.w"])
+    with pytest.raises(
+        gl.GearlibError, match=r"^out\.flange_b\.tau is always zero; a torque needs a source that is connected, such as gp\.Torque$"
+    ):
+        system.power_flow(speeds={"body.w": 3.0}, torques={"out.flange_b.tau": 5.0})
+    flow = system.power_flow(speeds={"body.w": 3.0}, torques={"out.flange_b.tau": 0.0})
+    assert flow["out.flange_a"].speed == pytest.approx(1.0, rel=1e-12)

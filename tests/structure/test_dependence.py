@@ -29,6 +29,18 @@ def test_an_unknown_is_solved_from_its_equation_and_its_derivative_from_the_deri
             dependence().equation(node)
 
 
+def test_what_hangs_on_the_rate_of_what_is_given_has_no_derivative() -> None:
+    """x' = u', y = x: the equation of y' holds x', which is an unknown of the model, and cannot be computed."""
+    columns = {0: [(0, 1), (9, 1)], 1: [(1, 0), (0, 0)]}
+    solved_by = {(0, 1): (0, 0), (1, 0): (1, 0)}
+    found = Dependence(((0, 0),), solved_by, lambda e, k: [(v, order + k) for v, order in columns[e]], frozenset({9}))
+    assert {node: found.computes(node) for node in [(0, 0), (0, 1), (1, 0), (1, 1), (9, 0), (9, 1)]} == {
+        (0, 0): True, (0, 1): False, (1, 0): True, (1, 1): False, (9, 0): True, (9, 1): False,
+    }  # fmt: skip
+    assert found.needing({(0, 0)}) == {(0, 1)}
+    assert found.with_rates_of_given == {(0, 0)}
+
+
 def test_what_is_computed() -> None:
     found = dependence()
     assert all(found.computes(node) for node in [(0, 0), (0, 1), (1, 0), (1, 1), (9, 0), (2, 0)])

@@ -1,0 +1,188 @@
+"""Equations of a steady motion ``a + b t``: their residuals by hand, their matrix by differences, and the motions that follow."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.flatten.model import FlatModel
+from gearlib.statics.steady_motion import Given, assemble, guesses, motion_from, settled_discrete, solve, speeds_near
+from gearparts.interfaces import Compliant
+
+
+class Hardening(Compliant):
+    """A spring with a cubic part."""
+
+    c = gl.Parameter("N.m/rad", "stiffness", default=7.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.tau, self.c * (self.phi_rel + self.phi_rel**3 / 4))]
+
+
+class Train(gl.Component):
+    """A motor, a gear, a hardening spring, a body, and a load that grows with the square of the speed."""
+
+    def assemble(self) -> list[Any]:
+        self.motor, self.rotor, self.gear = gp.Torque(), gp.Inertia(J=0.5), gp.IdealGear(ratio=-2.0)
+        self.shaft, self.body = Hardening(), gp.Inertia(J=2.0, guess={"w": -3.0})
+        self.load = gp.QuadraticSpeedDependentTorque(tau_nominal=-8.0, w_nominal=10.0, torque_direction=False)
+        return [
+            gl.connect(self.motor.flange, self.rotor.flange_a), gl.connect(self.rotor.flange_b, self.gear.flange_a),
+            gl.connect(self.gear.flange_b, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.body.flange_a),
+            gl.connect(self.body.flange_b, self.load.flange),
+        ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def train() -> tuple[FlatModel, Any]:
+    translation = gl.compile(Train()).translation
+    return translation.model, translation.parameter_values({})
+
+
+def place(model: FlatModel, name: str) -> tuple[int, int]:
+    v = model.variable(name)
+    return int(model.representative[v]), int(model.sign[v])
+
+
+def test_the_matrix_is_the_derivative_of_the_residual(train: tuple[FlatModel, Any]) -> None:
+    """Of the constant parts in all unknowns; the growing parts are linear in the rates, with the same coefficients."""
+    model, numbers = train
+    n, rng = model.n_variables, np.random.default_rng(3)
+    x = rng.uniform(0.5, 2.0, 2 * n)
+    given = [Given("speed", place(model, "body.w")[0], 0, 4.0), Given("rate", place(model, "shaft.phi_rel")[0], 1, 0.25)]
+    discrete = settled_discrete(model, numbers, x[:n], x[n:])
+
+    def rows(at: Any) -> Any:
+        return assemble(model, numbers, given, at[:n], at[n:], discrete)
+
+    found, h = rows(x), 1e-6
+    matrix = found.matrix.toarray()
+    slopes = np.column_stack([(rows(x + h * e).residual - rows(x - h * e).residual) / (2 * h) for e in np.eye(2 * n)])
+    first = 0
+    for g, group in enumerate(model.groups):
+        constant = slice(first, first + len(group))
+        growing = slice(first + len(group), first + 2 * len(group))
+        assert matrix[constant] == pytest.approx(slopes[constant], abs=1e-6), group.template.label
+        assert found.residual[growing] == pytest.approx(matrix[growing] @ x), group.template.label
+        assert matrix[growing, n:] == pytest.approx(matrix[constant, :n]), group.template.label
+        assert not matrix[growing, :n].any()
+        torques = (np.abs(matrix[constant, :n]) > 0) @ model.flow > 0
+        assert found.kinematic[constant].tolist() == (~torques).tolist(), group.template.label
+        assert found.kinematic[growing].all()
+        owners = [model.owner(g, i) for i in range(len(group))]
+        assert [found.owner(r) for r in range(first, first + 2 * len(group))] == owners * 2
+        first += 2 * len(group)
+    flows = sorted({int(r) for r in model.representative[model.flow[model.representative]]})
+    steady = slice(first, first + len(flows))
+    assert found.residual[steady] == pytest.approx(x[n + np.array(flows)])
+    assert matrix[steady] == pytest.approx(np.eye(2 * n)[n + np.array(flows)])
+    assert {found.owner(r) for r in range(first, first + len(flows))} == {"connection"}
+    ends = np.array([given[0].variable, n + given[1].variable])
+    assert found.residual[-2:] == pytest.approx(x[ends] - [4.0, 0.25])
+    assert matrix[-2:] == pytest.approx(np.eye(2 * n)[ends])
+    assert [found.owner(len(matrix) - 2 + k) for k in range(2)] == ["speed", "rate"]
+    assert found.kinematic[-2:].all()
+
+
+def test_a_binding_that_is_replaced_leaves_its_row(train: tuple[FlatModel, Any]) -> None:
+    class Bound(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.two = gp.Torque(tau=3.0 + gl.sin(gl.time)), gp.Torque(tau=5.0)
+            self.body, self.drag, self.wall = gp.Inertia(J=1.0), gp.Damper(d=2.0), gp.Fixed()
+            ends = [self.one.flange, self.two.flange, self.body.flange_a, self.drag.flange_a]
+            return [gl.connect(*ends), gl.connect(self.drag.flange_b, self.wall.flange)]
+
+    translation = gl.compile(Bound()).translation
+    model, numbers = translation.model, translation.parameter_values({})
+    torque = place(model, "two.tau")
+    for given, speed in (([], 2.5), ([Given("two.tau", torque[0], 0, torque[1] * -1.0)], -0.5)):
+        motion = solve(model, numbers, given)  # a function of time counts as zero
+        w, sign = place(model, "body.w")
+        assert sign * motion.constants[w] == pytest.approx(speed, rel=1e-12)
+        phi, sign = place(model, "body.phi")
+        assert sign * motion.rates[phi] == pytest.approx(speed, rel=1e-12)
+        assert motion.residual.max() < 1e-12
+
+
+def test_a_motion_meets_what_is_given_from_the_guess_of_the_model(train: tuple[FlatModel, Any]) -> None:
+    """8 N.m at -10 rad/s behind the gear; the spring carries it: 7 (x + x^3 / 4) = 8."""
+    model, numbers = train
+    motor, sign = place(model, "motor.tau")
+    (guess,) = guesses(model, numbers)
+    w, turned = place(model, "body.w")
+    assert (guess.variable, guess.order, turned * guess.value) == (w, 0, -3.0)
+    given = [Given("motor.tau", motor, 0, sign * 4.0)]
+    motion = solve(model, numbers, given)
+    assert turned * motion.constants[w] == pytest.approx(-10.0, rel=1e-9)
+    deflection, sense = place(model, "shaft.phi_rel")
+    (root,) = [r.real for r in np.roots([7 / 4, 0, 7, -8]) if abs(r.imag) < 1e-9]
+    assert abs(sense * motion.constants[deflection]) == pytest.approx(root, rel=1e-9)
+    assert motion.rates[deflection] == pytest.approx(0.0, abs=1e-12)
+    at = speeds_near(model, numbers, [], [Given("near", w, 0, turned * 5.0)])
+    rotor, forwards = place(model, "rotor.w")
+    assert forwards * at[rotor] == pytest.approx(-10.0, rel=1e-12)
+    same = motion_from(model, numbers, given, np.concatenate([motion.constants, motion.rates]))
+    assert same.constants == pytest.approx(motion.constants, abs=1e-12)
+
+
+class Switches(gl.Component):
+    """Relations at their edges, and discrete variables that follow from each other."""
+
+    x, y, z = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+    one, two, last = gl.Discrete(), gl.Discrete(), gl.Discrete()
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), gl.Piecewise((1, self.y > 0), (2, True))),
+            gl.Eq(gl.der(self.y), gl.Piecewise((1, self.y >= 0), (2, True))),
+            gl.Eq(gl.der(self.z), gl.Piecewise((1, self.y < 0), (2, True)) + gl.Piecewise((1, self.y <= 0), (2, True)) + self.last),
+            gl.Eq(self.one, gl.Piecewise((3, self.x > 1), (1, True))),
+            gl.Eq(self.two, gl.pre(self.one) + 1),
+            gl.Eq(self.last, 2 * gl.pre(self.two) + gl.Piecewise((100, gl.initial()), (0, True))),
+        ]
+
+
+@pytest.mark.parametrize("y", [-1.0, 0.0, 1.0])
+@pytest.mark.parametrize("x", [0.5, 1.5])
+def test_relations_and_discrete_variables_are_settled(x: float, y: float) -> None:
+    translation = gl.compile(Switches()).translation
+    model = translation.model
+    a = np.zeros(model.n_variables)
+    for name, value in (("x", x), ("y", y)):
+        v, sign = place(model, name)
+        a[v] = sign * value
+    found = settled_discrete(model, translation.parameter_values({}), a, np.zeros(len(a)))
+    first, count = model.n_relations, len(model.discretes)
+    one = 3.0 if x > 1 else 1.0
+    now = dict(zip(model.discretes, found[first : first + count].tolist(), strict=True))
+    assert now == {"one": one, "two": one + 1, "last": 2 * (one + 1)}
+    assert found[first + count : first + 2 * count].tolist() == list(now.values())
+    assert found[first + 2 * count] == 0.0
+    for g, group in enumerate(model.groups):
+        for c, relation in enumerate(group.template.relations):
+            holds = {(True, False): y > 0, (False, False): y >= 0, (True, True): y < 0, (False, True): y <= 0}
+            assert found[model.first_relations[g] + c] == holds[relation.strict, relation.negated], group.template.label
+
+
+@pytest.mark.parametrize(("link", "free"), [("gap", 1), ("spring", 1), ("damper", 2), ("clutch", 2)])
+def test_a_gap_is_closed_where_that_joins_more(link: str, free: int) -> None:
+    class Joined(gl.Component):
+        def assemble(self) -> list[Any]:
+            made = {
+                "gap": lambda: gp.ElastoBacklash(c=5.0, d=1.0, b=0.1), "spring": lambda: gp.Spring(c=5.0),
+                "damper": lambda: gp.Damper(d=1.0), "clutch": lambda: gp.Clutch(fn_max=1.0),
+            }  # fmt: skip
+            self.a, self.b, self.link = gp.Inertia(J=1.0), gp.Inertia(J=1.0), made[link]()
+            return [gl.connect(self.a.flange_b, self.link.flange_a), gl.connect(self.link.flange_b, self.b.flange_a)]
+
+    system = gl.compile(Joined())
+    assert gl.mobility(system) == free
+    if free == 1:
+        assert gl.speed_ratio(system, "a.w", "b.w") == pytest.approx(1.0, rel=1e-12)
+    else:
+        with pytest.raises(gl.GearlibError, match=r"^b\.w does not follow from a\.w alone; name the speeds that are held"):
+            gl.speed_ratio(system, "a.w", "b.w")
