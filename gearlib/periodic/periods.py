@@ -74,7 +74,8 @@ class Driven:
     def roots(self, phase: Floats, x: Floats, discrete: Floats) -> Floats:
         """Expressions that the relations compare with zero, by relation number, shape (n_discrete, phases)."""
         relations, prepared = self.scene.relations, self.numbers.relations
-        assert relations is not None and prepared is not None, "something switches"
+        assert relations is not None, "something switches"
+        assert prepared is not None
         result = np.zeros((self.scene.n_discrete, len(phase)))
         t = phase / self.omega
         slots = evaluate(prepared, t, x, self.inputs(phase, self.omega), discrete)

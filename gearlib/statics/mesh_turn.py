@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from gearlib.equations.kernel import Kernel, partial_kernel, relation_kernel, residual_kernel
 from gearlib.equations.template import Template, memoised
+from gearlib.errors import ModelError
 from gearlib.flatten.model import EquationGroup, FlatModel
 
 Floats = NDArray[np.float64]
@@ -144,8 +145,9 @@ def turn(
     open_[[int(model.groups[g].variables[i, _local(model.groups[g].template, c)]) for g, c, i in followers]] = True
     while followers:
         ready = [(g, c, i) for g, c, i in followers if not open_[_others(model.groups[g], c, i)].any()]
-        if not ready:
-            return over  # algebraic loop: their means are used
+        if not ready:  # an algebraic loop: their means will do where they enter linearly
+            _refuse_loops(model, over.place >= 0, open_)
+            return over
         for g, c in dict.fromkeys((g, c) for g, c, _ in ready):
             rows = np.array([i for other, _, i in ready if other == g], np.int64)
             group = model.groups[g]
@@ -159,6 +161,22 @@ def turn(
             open_[v] = False
         followers = [f for f in followers if f not in set(ready)]
     return over
+
+
+def _refuse_loops(model: FlatModel, moved: NDArray[np.bool_], open_: NDArray[np.bool_]) -> None:
+    """Refuse equations whose mean needs the course of variables that determine each other: a product, a square, a condition."""
+    for group in model.groups:
+        template = group.template
+        pairs = [(name, _names(partial_kernel(template, c))) for c, (name, order) in enumerate(template.columns) if not order]
+        pairs += [(name, {name}) for name, _ in template.relation_columns]
+        for name, others in pairs:
+            own = group.variables[:, _place(template, name)]
+            beside = group.variables[:, [_place(template, other) for other in sorted(others)]]
+            for i in np.flatnonzero(open_[own] & (moved | open_)[beside].any(axis=1)).tolist():
+                raise ModelError(
+                    f"{template.label}: its mean over a turn of the mesh is not known, since {model.name(int(own[i]))} follows from "
+                    "equations that have to be solved together at each phase; solve them for it"
+                )
 
 
 def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
@@ -218,12 +236,17 @@ def _place(template: Template, name: str) -> int:
 
 def _depends(kernel: Kernel, group: EquationGroup, over: Turn) -> bool:
     """Whether phase-dependent variables affect a kernel, including through its conditions."""
+    return any(over.moves(group, name) for name in _names(kernel))
+
+
+def _names(kernel: Kernel) -> set[str]:
+    """The locals that a kernel depends on, other than through derivatives."""
     template = kernel.template
     columns = [*template.columns, *template.relation_columns]
     names = {columns[c][0] for c in kernel.columns if columns[c][1] == 0}
     if any(c < len(template.relations) for c in kernel.relations):
         names |= {name for name, _ in template.relation_columns}
-    return any(over.moves(group, name) for name in names)
+    return names
 
 
 def _through(

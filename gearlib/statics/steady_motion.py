@@ -232,11 +232,7 @@ def motion_from(model: FlatModel, parameters: Floats, given: Sequence[Given], x:
 
 def _factors(matrix: Any, last: Factors | None) -> Factors:
     """Factors of a matrix; the previous ones if it is unchanged."""
-    if last is not None and matrix.nnz == last.matrix.nnz and (matrix.data == last.matrix.data).all():
-        same = (matrix.indices == last.matrix.indices).all() and (matrix.indptr == last.matrix.indptr).all()
-        if same:
-            return last
-    return factorise(matrix)
+    return last if last is not None and not (matrix != last.matrix).nnz else factorise(matrix)
 
 
 def kinematics(

@@ -112,9 +112,9 @@ def _rows(
     result: dict[int, list[tuple[int, int, int, float]]] = defaultdict(list)
     for g, group in enumerate(model.groups):
         owners = group.owners.tolist()
-        numbers = [0] * len(group)
-        for i, owner in enumerate(owners):
-            numbers[i] = count[owner]
+        numbers = []
+        for owner in owners:
+            numbers.append(count[owner])
             count[owner] += 1
         if group.template.binds:
             continue

@@ -334,7 +334,9 @@ class Left(gl.Component):
         return []
 
 
-@pytest.mark.parametrize(("name", "instead"), [("left.half", r"left\.inside\.half"), ("half", r"left\.inside\.half, beside\.half")])
+@pytest.mark.parametrize(
+    ("name", "instead"), [("left.half", r"left\.inside\.half"), ("half", r"left\.inside\.half, beside\.half")]
+)
 def test_what_the_equations_contain_instead_is_named(name: str, instead: str) -> None:
     """Inputs of the same name inside the component, which equations contain."""
 
@@ -344,7 +346,9 @@ def test_what_the_equations_contain_instead_is_named(name: str, instead: str) ->
             return []
 
     system = gl.compile(Outer())
-    said = rf"the input {name.replace('.', chr(92) + '.')}, .*; the equations contain {instead}, whose values do not come from it$"
+    said = (
+        rf"the input {name.replace('.', chr(92) + '.')}, .*; the equations contain {instead}, whose values do not come from it$"
+    )
     with pytest.warns(gl.InputWarning, match=said):
         model = system.linearize([name], ["left.inside.body.w"])
     assert not np.any(model.B)

@@ -178,7 +178,8 @@ class Laws(gl.Component):
             "step": RISES, "ramp": gl.Piecewise((b, b > T), (T, True)), "wave": gl.sign(gl.sin(3 * T)), "table": TABLE(T),
             "rectified": abs(gl.sin(3 * T)), "spring": gl.Piecewise((k * (x - b), far), (0, True)), "least": gl.Min(x, 2 * b - x, T),
             "damped": gl.Piecewise((x - b + k * 1e-9 * gl.der(x), far), (0, True)), "small": gl.Piecewise((x, far), (x + 1e-3, True)),
-            "inner": gl.Piecewise((gl.Piecewise((1.0, x > 2 * b), (2.0, True)), far), (2.0, True)), "mode": x + self.on, "inside": gl.Piecewise((gl.Piecewise((x - b, x > b / 2), (5.0, True)), far), (0, True)),
+            "inner": gl.Piecewise((gl.Piecewise((1.0, x > 2 * b), (2.0, True)), far), (2.0, True)), "mode": x + self.on,
+            "inside": gl.Piecewise((gl.Piecewise((x - b, x > b / 2), (5.0, True)), far), (0, True)),
             "parabola": gl.Piecewise(((x - b) ** 2, far), (0, True)), "start": x * gl.Piecewise((2, gl.initial()), (1, True)),
             "fixed": gl.Piecewise((x, k > b), (x + 1, True)), "root": gl.Piecewise((gl.sqrt(x - b), far), (0, True)),
         }  # fmt: skip
@@ -190,7 +191,8 @@ class Laws(gl.Component):
     [
         ("step", True, True), ("ramp", False, True), ("wave", True, True), ("table", True, True), ("rectified", False, True),
         ("spring", False, True), ("least", False, True), ("damped", True, True), ("small", True, True), ("inner", True, True),
-        ("mode", True, True), ("inside", False, True), ("parabola", False, False), ("start", False, False), ("fixed", False, False), ("root", False, True),
+        ("mode", True, True), ("inside", False, True),
+        ("parabola", False, False), ("start", False, False), ("fixed", False, False), ("root", False, True),
     ],
 )  # fmt: skip
 def test_what_may_jump(law: str, first: bool, second: bool) -> None:

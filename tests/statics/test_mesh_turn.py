@@ -10,6 +10,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import ModelError
 
 Law = Callable[[Any, Any, Any], Any]  # of y = sin(phase), z = 1 + 2 w y and w
 
@@ -80,3 +81,43 @@ def test_torques_are_means_over_the_turn_wherever_it_begins(shaft: gl.System, ph
         assert found[law] == pytest.approx(expected, abs=2e-3), law
     assert flow["drive.flange"].torque == pytest.approx(-sum(found.values()), rel=1e-12)
     assert flow["load[3].flange"].speed == W
+
+
+class Coupled(gl.Component):
+    """``u = sin(phase) + v / 2`` and ``v = 0.4 u``, so ``u = 1.25 sin(phase)``; and a torque that depends on them."""
+
+    flange = gp.Flange("shaft")
+    law = gl.Structural("linear")
+    newton_metre = gl.Parameter("N.m", "unit of torque", default=1.0)
+    phase = gl.Variable("rad")
+    u, v = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        laws = {
+            "linear": 2 + self.u + 3 * self.v, "square": 2 + self.u**2, "product": 2 + self.v * gl.cos(self.phase),
+            "condition": gl.Piecewise((1, self.v > 0.5), (2, True)),
+        }  # fmt: skip
+        return [
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(self.u, gl.sin(self.phase) + self.v / 2),
+            gl.Eq(self.v, 0.4 * self.u),
+            gl.Eq(self.flange.tau, self.newton_metre * laws[self.law]),
+        ]
+
+
+@pytest.mark.parametrize("law", ["linear", "square", "product", "condition"])
+def test_variables_that_determine_each_other_have_means_only(law: str) -> None:
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Coupled(law=law)
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    system = gl.compile(Driven())
+    if law == "linear":
+        flow = gl.power_flow(system, speeds={"body.w": W})
+        assert flow["load.flange"].torque == pytest.approx(2.0, abs=1e-9)
+        return
+    with pytest.raises(
+        ModelError, match=r"^Coupled: flange\.tau = .*: its mean .* is not known, since load\.[uv] follows from"
+    ):
+        gl.power_flow(system, speeds={"body.w": W})

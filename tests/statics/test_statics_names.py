@@ -209,14 +209,17 @@ class Ended(gl.Component):
 
 def test_what_stands_still_and_what_carries_nothing() -> None:
     system = gl.compile(Ended())
-    with pytest.raises(gl.GearlibError, match=r"^set\.ring stands still while set\.sun turns: the ratio is infinite$|^set\.ring always"):
+    with pytest.raises(
+        gl.GearlibError, match=r"^set\.ring stands still while set\.sun turns: the ratio is infinite$|^set\.ring always"
+    ):
         gl.speed_ratio(system, "set.sun", "set.ring")
     with pytest.raises(gl.GearlibError, match=r"^set\.ring cannot turn$"):
         gl.speed_ratio(system, "set.ring", "set.sun")
     with pytest.raises(gl.GearlibError, match=r"^set\.sun cannot turn with out\.w held$"):
         gl.speed_ratio(system, "set.sun", "set.ring", held=["out.w"])
     with pytest.raises(
-        gl.GearlibError, match=r"^out\.flange_b\.tau is always zero; a torque needs a source that is connected, such as gp\.Torque$"
+        gl.GearlibError,
+        match=r"^out\.flange_b\.tau is always zero; a torque needs a source that is connected, such as gp\.Torque$",
     ):
         system.power_flow(speeds={"body.w": 3.0}, torques={"out.flange_b.tau": 5.0})
     flow = system.power_flow(speeds={"body.w": 3.0}, torques={"out.flange_b.tau": 0.0})

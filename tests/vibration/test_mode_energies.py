@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import gearlib as gl
+import gearparts as gp
 from gearlib.vibration.mode_energies import Family, energies
 
 
@@ -66,9 +68,31 @@ def test_what_a_spring_and_a_damper_in_series_store_is_known_to_a_bound(omega: f
     L[0] = [[1.0, c, -c], [0.0, c, -c]]
     L[1, 1, 1] = d
     (kinetic,), (potential,), (off,) = energies(family(L, [0, 1], [2], (0, 2, 1.0)), np.array([0.0, 0.0, 1.0]), omega)
-    s = 1j * omega
-    stored = c * abs(d * s / (c + d * s) - 0) ** 2 / 4 if False else c * abs(1 - c / (c + d * s)) ** 2 / 4
+    stored = c * abs(1 - c / (c + 1j * d * omega)) ** 2 / 4
     assert off > 0
-    assert abs(potential - stored) <= max(off, abs(kinetic)) * 2
+    assert abs(potential - stored) <= 2 * max(off, abs(kinetic))
     (still,), (strained,), (none,) = energies(family(L, [0, 1], [2], (0, 2, 1.0)), np.zeros(3), omega)
     assert (still, strained, none) == (0.0, 0.0, 0.0)
+
+
+class Wired(gl.Component):
+    """Two bodies and a spring; the whole and a part without any flange have equations, too, which store nothing."""
+
+    swing = gl.Variable("rad/s", "twice the difference of the speeds")
+
+    def assemble(self) -> list[Any]:
+        self.filter = gp.blocks.FirstOrder(k=1.0, T=0.1, u=self.swing)
+        self.a, self.b, self.shaft = gp.Inertia(J=1.0), gp.Inertia(J=3.0), gp.Spring(c=3.0)
+        return [gl.connect(self.a.flange_b, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.b.flange_a)]
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.swing, 2 * (self.a.w - self.b.w))]
+
+
+def test_what_has_no_flanges_takes_no_part() -> None:
+    found = gl.modes(gl.compile(Wired()))
+    assert found.components == ("a", "b", "shaft")
+    (mode,) = np.flatnonzero(found.frequencies > 0)
+    assert found.frequencies[mode] == pytest.approx(1 / np.pi)
+    assert found.kinetic[mode] == pytest.approx([75.0, 25.0, 0.0])
+    assert found.potential[mode] == pytest.approx([0.0, 0.0, 100.0])
