@@ -90,3 +90,45 @@ def test_what_is_always_zero_takes_no_part_in_a_condition() -> None:
         result = gl.simulate(Driven(), 1.0, samples=2, method="rk", parameters={"late.ts": ts})
         assert result.events == [(ts, result.events[0][1])]
         assert result["body.w"][-1] == pytest.approx(1.0 - ts)
+
+
+class Drives(gl.Component):
+    """Sines of time of several rates, by parameters and numbers, beside conditions on time that are no drive."""
+
+    rate = gl.Parameter("rad/s", default=20.0)
+    other = gl.Parameter("rad/s", default=-70.0)
+    unit = gl.Parameter("1/s", default=1.0)
+    kind = gl.Structural("sines")
+    x = gl.Variable("1")
+
+    def equations(self) -> list[Any]:
+        drive = {
+            "sines": gl.sin(self.rate * gl.time) + gl.cos(self.other * gl.time) + gl.sin(50 * self.unit * gl.time),
+            "numbers": gl.sin(3 * gl.time) - gl.cos(5 * gl.time),
+            "condition": gl.Piecewise((1.0, gl.time < 0.5), (2.0, True)),
+            "none": 1.0, "unknown": gl.sin(3 * gl.time**2), "pulse": gl.exp(-((gl.time - 1) ** 2)),
+        }[self.kind]  # fmt: skip
+        return [gl.Eq(gl.der(self.x), self.unit * drive)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "rate"),
+    [
+        ("sines", {}, 70.0), ("sines", {"other": 3.0}, 50.0), ("sines", {"other": 3.0, "unit": 0.0}, 20.0),
+        ("sines", {"rate": -90.0}, 90.0), ("numbers", {}, 5.0), ("condition", {}, 0.0), ("none", {}, 0.0), ("unknown", {}, 0.0),
+        ("pulse", {}, 2.0**0.5),
+    ],
+)  # fmt: skip
+def test_the_fastest_drive(kind: str, values: dict[str, float], rate: float) -> None:
+    translation = gl.compile(Drives(kind=kind)).translation
+    drive = translation.scene.fastest_drive
+    assert drive(translation.parameter_values(values)) == pytest.approx(rate)
+    assert drive.known == (kind != "unknown")
+
+
+@pytest.mark.parametrize(("first", "last"), [(0.0, 1.0), (0.3, 0.6), (0.2, 0.3), (0.61, 0.61)])
+def test_switches_inside_an_interval_only(first: float, last: float) -> None:
+    """Neither at its ends nor outside; where the slope of a condition is zero nothing switches."""
+    switches = SYSTEM.translation.scene.time_switches
+    found = sorted(t for t, _ in switches(SYSTEM.translation.parameter_values({}), first, last))
+    assert found == pytest.approx([t for t in by_hand(0.3, 10.0) if first < t < last and t not in (first, last)], rel=1e-12)

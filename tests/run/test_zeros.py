@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ModelError, SingularError
+from gearlib.run.zeros import factors, nothing_special, special_values, sums
 
 c = gl.connect
 
@@ -196,3 +197,22 @@ def test_a_run_with_zeros_is_audited(zeros: dict[str, float]) -> None:
     assert result.stats["energy_residual"] < 1e-7
     if "d1" in zeros:
         assert not np.any(balance.heat.get("s", 0.0))
+
+
+def test_values_at_which_a_coefficient_vanishes() -> None:
+    """A factor that is zero; a sum that cancels, with all of its parameters, unless one of them is a zero factor already."""
+    model = gl.compile(Supported()).translation.model
+    multiplied, added = factors(model), sums(model)
+    names, table = list(model.parameters.names), model.parameters.defaults.copy()
+    assert special_values(multiplied, added, table) == frozenset()
+    both = np.stack([table, table], axis=1)
+    place = names.index("gear.ratio")
+    both[place, 1] = 1.0
+    assert special_values(multiplied, added, both[:, 1]) == {(place, 1.0)}
+    assert nothing_special(multiplied, added, both).tolist() == [True, False]
+    zero = int(next(p for p in multiplied if names[p].endswith(".J")))
+    both[zero, 0] = 0.0
+    assert special_values(multiplied, added, both[:, 0]) == {(zero, 0.0)}
+    both[zero, 1] = 0.0
+    assert special_values(multiplied, added, both[:, 1]) == {(zero, 0.0), (place, 1.0)}
+    assert nothing_special(multiplied, added, both).tolist() == [False, False]

@@ -1,0 +1,206 @@
+"""Scenes: names, what variables need, and the data blocks of runs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import NameLookupError, SingularError
+from gearlib.run.scene import (
+    Scene,
+    guess_of,
+    needed_discretes,
+    needed_inputs,
+    needed_states,
+    node_name,
+    relation_names,
+    root_names,
+)
+from gearlib.run.start_values import starts_of_runs
+from tests.program.test_derivatives import Loop
+from tests.program.test_relations import COUNTERS
+
+
+class Two(gl.Component):
+    """A spring between a driven body and a braked one; beside them a body on its own."""
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.other, self.third = gp.Torque(), gp.Torque(), gp.Torque()
+        self.a, self.b, self.alone = gp.Inertia(J=0.5, start={"w": 3.0}), gp.Inertia(J=2.0), gp.Inertia(J=1.0)
+        self.shaft, self.brake, self.ground = gp.SpringDamper(c=8.0, d=0.1), gp.Damper(d=0.3), gp.Fixed()
+        return [
+            gl.connect(self.torque.flange, self.a.flange_a), gl.connect(self.a.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.b.flange_a, self.other.flange), gl.connect(self.b.flange_b, self.brake.flange_a),
+            gl.connect(self.brake.flange_b, self.ground.flange), gl.connect(self.third.flange, self.alone.flange_a),
+        ]  # fmt: skip
+
+
+ALL = gl.compile(Two()).translation
+SOME = gl.compile(Two(), outputs=["shaft.tau", "b.w"]).translation
+
+
+def test_names_of_derivatives() -> None:
+    model, v = ALL.model, ALL.model.variable("a.w")
+    assert [node_name(model, (v, k)) for k in range(3)] == ["a.w", "der(a.w)", "der(der(a.w))"]
+
+
+def test_states_are_those_that_outputs_need() -> None:
+    assert sorted(SOME.scene.state_names) == ["a.w", "b.w", "shaft.phi_rel"]
+    assert set(ALL.scene.state_names) > set(SOME.scene.state_names)
+    assert "alone.w" in ALL.scene.state_names
+    scene, model = SOME.scene, SOME.model
+    assert [scene.place_of[s] for s in scene.states] == list(range(3))
+    assert scene.rates == [(v, k + 1) for v, k in scene.states]
+    w = (model.variable("alone.w"), 0)
+    assert scene.missing(w) == (w,)
+    assert scene.missing((model.variable("shaft.tau"), 0)) == ()
+    phi = scene.named("a.phi")[0]
+    (angle,) = scene.missing(phi)  # of whichever body it stands for
+    assert angle in SOME.structure.angles
+    assert needed_states(SOME.structure, [(model.variable("b.w"), 0)]) == tuple(sorted(scene.states))
+    assert needed_states(SOME.structure, []) == ()
+
+
+def test_inputs_are_those_that_variables_depend_on() -> None:
+    def needed(*names: str) -> tuple[str, ...]:
+        return needed_inputs(ALL.structure, [ALL.scene.named(name)[0] for name in names])
+
+    assert needed("b.w") == ("torque.tau", "other.tau")
+    assert needed("alone.w") == needed("alone.a") == ("third.tau",)
+    assert set(needed("alone.w", "shaft.tau")) == {"torque.tau", "other.tau", "third.tau"}
+    assert needed() == ()
+
+
+def test_discrete_variables_that_follow_each_other() -> None:
+    def needed(name: str) -> list[str]:
+        found = needed_discretes(COUNTERS.structure, [COUNTERS.scene.named(name)[0]])
+        return [COUNTERS.model.discretes[d] for d in found if not COUNTERS.model.discretes[d].startswith("when_")]
+
+    assert needed("der(x)") == ["used", "behind"] or sorted(needed("der(x)")) == ["behind", "used"]
+    assert needed("y") == []
+
+
+def test_variables_by_name_with_their_sign() -> None:
+    node, sign = ALL.scene.named("shaft.flange_a.tau")
+    other, opposite = ALL.scene.named("shaft.flange_b.tau")
+    assert (node, sign) == (other, -opposite)
+    assert ALL.scene.named("alone.flange_b.tau")[1] == 0
+    with pytest.raises(NameLookupError, match=r"a\.ww"):
+        ALL.scene.named("a.ww")
+
+
+def test_states_on_which_others_depend() -> None:
+    """A trace keeps those that states may need that are asked for later; nothing where all are integrated."""
+    scene = SOME.scene
+    assert scene.feeding is not None
+    assert {scene.state_names[i] for i in scene.feeding} == {"b.w"}  # the absolute angle; alone.w follows from its input
+    whole = ALL.with_states(ALL.structure.states)
+    assert whole.feeding is None
+    assert [ALL.structure.states[i] for i in scene.places] == list(scene.states)
+    variables, orders = scene.everything
+    assert list(zip(variables.tolist(), orders.tolist(), strict=True)) == list(ALL.structure.states)
+    own, derivatives = scene.starting
+    assert own.tolist() == [v for v, _ in scene.states]
+    assert derivatives.tolist() == [i for i, (_, k) in enumerate(scene.states) if k]
+
+
+def test_every_slot_has_a_name() -> None:
+    scene = ALL.scene
+    assert len(scene.slot_names) == scene.program.n_slots
+    for slot in scene.program.slots.values():
+        assert scene.slot_names[slot] in {node_name(scene.model, n) for n, s in scene.program.slots.items() if s == slot}
+    named = {*scene.program.slots.values()}
+    assert [scene.slot_names[i] for i in range(scene.program.n_slots) if i not in named] == [
+        f"known_{i}" for i in range(scene.program.n_slots) if i not in named
+    ]
+
+
+def test_names_of_relations_are_those_of_components() -> None:
+    names = relation_names(COUNTERS.structure, COUNTERS.scene.relations)
+    relations = COUNTERS.scene.relations
+    assert relations is not None
+    assert sorted(names) == relations.used.tolist()
+    assert COUNTERS.scene.root_names == root_names(relations, names) == tuple(names[int(k)] for k in relations.searched)
+    assert (relation_names(ALL.structure, None), root_names(None, {})) == ({}, ())
+
+
+def test_variables_computed_together_have_one_program() -> None:
+    scene = Scene(ALL.structure, ALL.scene.states, (), (ALL.scene.named("shaft.tau")[0], ALL.scene.named("brake.tau")[0]))
+    first, second = scene.outputs
+    assert scene.computing(first) is scene.computing(second)
+    assert set(scene.outputs) <= scene.computing(first).slots.keys()
+    third = ALL.scene.named("a.a")[0]
+    alone = scene.computing(third)
+    assert alone is not scene.computing(first)
+    fourth, fifth = ALL.scene.named("b.a")[0], ALL.scene.named("alone.a")[0]
+    scene.compute_together([fourth, fifth, third, first, scene.states[0]])
+    assert scene.computing(fourth) is scene.computing(fifth)
+    assert scene.computing(third) is alone
+    assert scene.states[0] not in scene._computing
+
+
+def test_start_values_of_iterations() -> None:
+    """Of variables, by their slots; derivatives begin at zero."""
+    translation = gl.compile(Loop()).translation
+    program, start = translation.scene.program, np.arange(1.0, 1.0 + translation.model.n_variables)
+    found = guess_of(program, start)
+    for (v, k), slot in program.slots.items():
+        assert found[slot] == (start[v] if k == 0 else 0.0)
+    (unknown,) = translation.scene.iterated
+    assert translation.model.name(unknown) == "b"
+    assert ALL.scene.iterated == ()
+
+
+def test_data_of_a_run() -> None:
+    """Parameters, discrete state and inputs at their places, and the guess in the slots; a second block is a copy with its own numbers."""
+    translation = gl.compile(Loop()).translation
+    scene, native = translation.scene, translation.scene.native
+    start = np.linspace(0.1, 0.9, translation.model.n_variables)
+    for values, u in (({}, 2.0), ({"length": 0.6}, -1.0)):
+        numbers = scene.prepared(translation.parameter_values(values))
+        data = scene.data(native, numbers, np.array([u]), np.zeros(scene.n_discrete), start)
+        assert len(data) == native.size
+        assert data[: len(numbers.parameters)].tolist() == numbers.parameters.tolist()
+        assert data[native.shared.inputs] == u
+        layout = native.rhs.layout
+        assert data[layout.slots :][: scene.program.n_slots].tolist() == guess_of(scene.program, start).tolist()
+        own = np.arange(float(scene.program.n_slots))
+        data = scene.data(native, numbers, np.array([u]), np.zeros(scene.n_discrete), start, own)
+        assert data[layout.slots :][: len(own)].tolist() == own.tolist()
+    solved, none = ALL.scene, (np.zeros(3), np.zeros(0), np.zeros(ALL.model.n_variables))
+    one, other = (solved.prepared(ALL.parameter_values({"a.J": J})) for J in (0.5, 0.7))
+    blocks = [solved.data(solved.native, numbers, *none) for numbers in (one, other, one)]
+    assert blocks[0].tolist() == blocks[2].tolist()
+    assert blocks[0].tolist() != blocks[1].tolist()
+    blocks[0][:] = 7.0
+    assert blocks[2].tolist() != blocks[0].tolist()
+
+
+def test_regular_scenes_and_others() -> None:
+    class Divided(gl.Component):
+        p = gl.Parameter("1", default=2.0)
+        x, y = gl.Variable("1"), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.p * gl.der(self.x), self.y), gl.Eq(self.y, -self.x)]
+
+    scene = gl.compile(Divided()).translation.scene
+    assert scene.can_be_prepared(np.array([2.0]))
+    assert not scene.can_be_prepared(np.array([0.0]))
+    with pytest.raises(SingularError, match="p = 0"):
+        scene.prepared(np.array([0.0]))
+    assert (scene.on_time, scene.searched, COUNTERS.scene.searched) == (False, False, True)
+
+
+def test_starts_of_many_runs() -> None:
+    """Fixed values that contradict each other in a run give no numbers there."""
+    table = np.stack([ALL.parameter_values({})] * 2, axis=1)
+    found = starts_of_runs(ALL.scene, table)
+    assert found is not None
+    assert found.shape == (2, len(ALL.scene.states))
+    assert found[:, ALL.scene.state_names.index("a.w")].tolist() == [3.0, 3.0]
+    assert (ALL.scene.unfixed is not None) == (found is not None)
