@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gearlib.compiler.instructions import LANES
 from gearlib.compiler.object_code import compiled
-from gearlib.compiler.translate import Unsupported
+from gearlib.compiler.translate import Unsupported, intermediate
 from gearlib.native.lane_functions import FUNCTIONS, FURTHEST
 
 Floats = NDArray[np.float64]
@@ -82,3 +82,12 @@ def test_sine_and_cosine_near_multiples_of_a_quarter_turn() -> None:
         assert np.allclose(computed("sin(a)", x), np.sin(x), rtol=4e-16, atol=1e-30)
         assert np.allclose(computed("cos(a)", x), np.cos(x), rtol=4e-16, atol=1e-30)
     assert np.isnan(computed("sin(a)", np.full(LANES, np.inf))).all()
+
+
+def test_lanes_have_a_sine_of_their_own() -> None:
+    """It is called for all lanes at once, and calls the C library's lane by lane itself, for angles far away."""
+    text = intermediate(FUNCTIONS["sin"] + HEAD + "    y[0] = sin(x[0])\n    return 0\n")
+    assert text.count("@sin_of_lanes(") == 2
+    assert text.count("call double @llvm.sin.f64(") == LANES
+    without = intermediate(HEAD + "    y[0] = sin(x[0])\n    return 0\n")
+    assert (without.count("@sin_of_lanes("), without.count("call double @llvm.sin.f64(")) == (0, LANES)

@@ -154,6 +154,19 @@ STATEMENTS = {
         "n = 0\nfor i in range(3):\n    for j in range(4):\n        n += 1\n        if j == index[1]:\n            break\n"
         "    data[i] = n\nreturn n"
     ),
+    "go on in the inner": (
+        "n = 0\nfor i in range(3):\n    for j in range(4):\n        if j == index[1]:\n            continue\n"
+        "        n += 1 + i\n    data[i] = n\nreturn n"
+    ),
+    "go on in the outer, behind an inner": (
+        "n = 0\nfor i in range(4):\n    for j in range(3):\n        if j > i:\n            break\n        n += j\n"
+        "    if i == index[2]:\n        continue\n    data[i] = n\nreturn n"
+    ),
+    "go on and leave in loops of three": (
+        "n = 0\nfor i in range(3):\n    k = 0\n    while k < 5:\n        k += 1\n        if k == 2:\n            continue\n"
+        "        for j in range(3):\n            if j == i:\n                continue\n            if j + k > 4:\n                break\n"
+        "            n += j + 10 * k\n        if n > 200:\n            break\n    data[i] = n\nreturn n"
+    ),
     "value from a loop that is never empty": "for k in range(3):\n    e = data[k]\n    if e > 0.6:\n        break\ndata[0] = e\nreturn 0",
     "a name of two kinds": "y = index[0]\ndata[y] = 1\nfor k in range(2):\n    y = data[k] * 2\n    data[k] = y\nreturn 0",
     "a name of two kinds in turn": (
@@ -178,6 +191,29 @@ STATEMENTS = {
 @pytest.mark.parametrize("data", [[0.25, 0.5, 0.75, 1.0, 1.25, 3.5], [4.0, -3.0, 2.0, -1.0, 0.0, 0.7]], ids=["rising", "mixed"])
 def test_statements(body: str, data: list[float]) -> None:
     check(body, data, [0, 1, 2, 3])
+
+
+CONDITIONS = [
+    "a and b and c", "a or b or c", "a and b or not c and d", "not (a or b) and (c or d or a)", "(a and b and c and d) or not a",
+    "not (a and b and c)", "not a and not b and not c and not d", "a == b and b != c", "not not a", "a and (b or c or (d and a))",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", CONDITIONS)
+def test_conditions_of_several_parts(text: str) -> None:
+    """For all values of their parts: in branches and loops, as values, and where one of two is chosen."""
+    lines = [
+        "for k in range(16):", "    a, b, c, d = k % 2 == 1, k // 2 % 2 == 1, k // 4 % 2 == 1, k // 8 == 1", f"    if {text}:",
+        "        data[k] = 1.0", "    else:", "        data[k] = 2.0", f"    y = {text}", "    data[16 + k] = 3.0 if y else 4.0",
+        f"    data[32 + k] = 5.0 if {text} else 6.0", "    n = 0", f"    while n < 2 and ({text}):", "        n += 1",
+        "    data[48 + k] = n", f"    if not ({text}):", "        n = 7", f"    elif n == 2 and ({text}):", "        n = 8",
+        "    data[64 + k] = n", "return 0",
+    ]  # fmt: skip
+    data = np.zeros(80)
+    assert by_machine(module("\n".join(lines)), "f", 0.0, data) == 0
+    for k in range(16):
+        true = bool(eval(text, {name: bool(k >> i & 1) for i, name in enumerate("abcd")}))
+        assert data[k::16].tolist() == ([1.0, 3.0, 5.0, 2.0, 8.0] if true else [2.0, 4.0, 6.0, 0.0, 7.0]), k
 
 
 EXPRESSIONS = [

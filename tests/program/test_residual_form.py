@@ -14,6 +14,7 @@ from gearlib.program.program import Batch
 from gearlib.program.residual_form import index_reduced_form, torn_form
 
 P, Q = 2.5, 1.5
+U, V = 0.4, -0.9  # values of the inputs
 
 
 class Torn(gl.Component):
@@ -25,11 +26,13 @@ class Torn(gl.Component):
     a = gl.Variable("1")
     b = gl.Variable("1")
     c = gl.Variable("1")
+    u = gl.Input("1")
+    v = gl.Input("1")
 
     def equations(self) -> list[gl.Eq]:
         return [
-            gl.Eq(gl.der(self.a), self.rate * (self.b + self.c)),
-            gl.Eq(self.p * self.c, self.a - self.b),
+            gl.Eq(gl.der(self.a), self.rate * (self.b + self.c + self.v)),
+            gl.Eq(self.p * self.c, self.a - self.b + self.u),
             gl.Eq(self.b**3 + self.b + self.q * self.c, 2 * self.a),
         ]
 
@@ -41,8 +44,8 @@ A, B, C = ((TORN.model.variable(name), 0) for name in "abc")
 def values(form: Any, y: list[float], parameters: Any = None) -> Any:
     """Slots of a form's program at some unknowns (and rates)."""
     table = TORN.model.parameters.values if parameters is None else parameters
-    prepared, none = prepare(form.program, TORN.structure, table), np.zeros((0, 1))
-    return evaluate(prepared, np.zeros(1), np.array(y)[:, None], none, none)[:, 0]
+    prepared, inputs = prepare(form.program, TORN.structure, table), np.array([[U], [V]])
+    return evaluate(prepared, np.zeros(1), np.array(y)[:, None], inputs, np.zeros((0, 1)))[:, 0]
 
 
 def test_a_tear_is_an_unknown_and_its_equation_a_residual() -> None:
@@ -57,8 +60,8 @@ def test_a_tear_is_an_unknown_and_its_equation_a_residual() -> None:
         slots = values(form, [a, z])
         rate, residual = slots[form.program.output_slots]
         b, c = (slots[form.program.slots[node]] for node in (B, C))
-        assert rate == pytest.approx(b + c)
-        left = [P * c - a + b, b**3 + b + Q * c - 2 * a]  # one of them is solved, and the other the residual
+        assert rate == pytest.approx(b + c + V)
+        left = [P * c - a + b - U, b**3 + b + Q * c - 2 * a]  # one of them is solved, and the other the residual
         assert (b if tear == B else c) == z
         assert sorted(np.abs(left)) == pytest.approx([0.0, abs(residual)], abs=1e-14)
 
@@ -81,8 +84,8 @@ def test_every_equation_is_a_residual() -> None:
     assert (program.outputs, program.pivots, len(program.residuals)) == ((), (), 3)
     for a, b, c, rate in ((0.7, 0.3, -0.2, 1.1), (-1.2, 2.0, 0.5, 0.0), (0.0, 0.0, 0.0, 0.3)):
         found = values(form, [a, b, c, rate])[list(program.residuals)]
-        assert abs(found[0]) == pytest.approx(abs(rate - b - c))  # the first is that of the state's rate
-        expected = [abs(P * c - a + b), abs(b**3 + b + Q * c - 2 * a)]
+        assert abs(found[0]) == pytest.approx(abs(rate - b - c - V))  # the first is that of the state's rate
+        expected = [abs(P * c - a + b - U), abs(b**3 + b + Q * c - 2 * a)]
         assert sorted(np.abs(found[1:])) == pytest.approx(sorted(expected))
 
 

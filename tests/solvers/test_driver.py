@@ -231,3 +231,19 @@ def test_ends_of_steps_are_kept_up_to_a_length(steps: int, pieces: int, monkeypa
         assert (np.diff(found.times) > 0).all()
         assert found.states[:, 0] == pytest.approx(np.exp(-found.times), rel=1e-6)
         assert found.rates == pytest.approx(-found.states, rel=1e-12)
+
+
+@pytest.mark.parametrize(("order", "stages"), [(5, 6), (8, 12)])
+def test_steps_and_rejections_are_all_evaluations(order: int, stages: int) -> None:
+    """One right-hand side at the start, one for the first step, and the stages of each attempt; a trace holds the steps that stand."""
+
+    def kinked(t: float, x: Any, dx: Any, data: Any) -> None:
+        dx[0] = 1.0 if x[0] < 0.3 else -50.0 * (x[0] - 0.32)
+
+    found = integrate(driver(problem(kinked, [0.0], traced=np.array([0])), [0.0, 1.0], RungeKutta(order)))
+    stats = found.stats
+    assert stats["rejected"] > 0
+    assert stats["rhs"] == 2 + stages * (stats["steps"] + stats["rejected"])
+    assert found.trace is not None
+    assert len(found.trace.times) == 1 + stats["steps"]
+    assert (stats["method"], stats["order"], stats["events"]) == (f"rk{order}", order, 0)
