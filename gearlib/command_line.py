@@ -277,16 +277,13 @@ def _component(model: str, **values: Any) -> Any:
     """An instance of the class that a model's name denotes."""
     from gearlib.language.component import Component
 
-    place, colon, name = model.rpartition(":")
-    if model.endswith(".mo") or (colon and place.endswith(".mo")):
+    place, _, name = model.rpartition(":")
+    if model.endswith(".mo") or place.endswith(".mo"):
         from gearlib.modelica.reading import read_modelica
 
-        return (
-            read_modelica(Path(place or model), name)(**values)
-            if place.endswith(".mo")
-            else read_modelica(Path(model))(**values)
-        )
-    if not colon or not name:
+        kind = read_modelica(Path(place), name) if place.endswith(".mo") else read_modelica(Path(model))
+        return kind(**values)
+    if not place or not name:
         raise ArgumentError(f"the model is '{model}'; expected {MODEL}")
     try:
         module = _module(place)

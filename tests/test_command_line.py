@@ -9,9 +9,12 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
+from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+import xarray
 
 import gearlib as gl
 from gearlib.command_line import EXAMPLES, main
@@ -145,6 +148,9 @@ def test_models_go_to_modelica_text_and_come_from_it(drive: str, tmp_path: Path,
         (["info", "nowhere.mo"], "nowhere.mo cannot be read: there is no such file"),
         (["info", "{drive}x"], "has no component class Drivex; did you mean 'Drive'?"),
         (["info", "drive"], "the model is 'drive'; expected FILE.py:CLASS"),
+        (["info", ":Drive"], "the model is ':Drive'; expected FILE.py:CLASS"),
+        (["info", "drive.py:"], "the model is 'drive.py:'; expected FILE.py:CLASS"),
+        (["info", "nowhere.mo:Drive"], "nowhere.mo cannot be read: there is no such file"),
         (["info", "nowhere.py:Drive"], "nowhere.py cannot be read: there is no such file"),
         (["info", "no_such_module:Drive"], "no_such_module cannot be loaded: ModuleNotFoundError"),
         (["info", "{folder}/bad.py:Drive"], "bad.py cannot be loaded: ZeroDivisionError: division by zero"),
@@ -242,3 +248,101 @@ def test_fmu_is_written_with_the_parameters_given(drive: str, tmp_path: Path, ca
     assert float(description.defaultExperiment.stopTime) == 2.0
     assert main(["fmu", drive, "--out", str(out), "--set", "load.J=3"]) == 2
     assert "load.J follows from other parameters" in capsys.readouterr().err
+
+
+def test_info_lists_what_a_run_may_be_given(drive: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", drive, "--set", "J_load=1234567"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    listed = lines[lines.index("inputs: torque.tau") :]
+    assert listed == [
+        "inputs: torque.tau",
+        f"states: {', '.join(gl.compile(_drive(drive)).states)}",
+        "parameters:",
+        "  J_load = 1.23457e+06 kg.m2",
+        *listed[4:],
+    ]
+    assert "  shaft.c = 100 N.m/rad" in listed
+    assert "  motor.J = 1 kg.m2" in listed
+    assert main(["info", "gearparts:ZhouCui2022"]) == 0
+    text = capsys.readouterr().out
+    assert "\ninputs: tau_in\n" in text
+    assert "\n  train.coupling.ratio = -1\n" in text, "no unit where there is none"
+
+
+def _drive(drive: str) -> Any:
+    found: dict[str, Any] = {}
+    exec(compile(Path(drive.rpartition(":")[0]).read_text(encoding="utf-8"), "drive.py", "exec"), found)
+    return found["Drive"]()
+
+
+def test_a_model_without_inputs_says_so_and_what_lies_beside_it_is_imported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "beside_a_model.py").write_text("J = 4.0\n", encoding="utf-8")
+    (tmp_path / "model_with_neighbour.py").write_text(
+        textwrap.dedent("""
+            import gearlib as gl
+            import gearparts as gp
+            from beside_a_model import J
+
+            class Spin(gl.Component):
+                def assemble(self):
+                    self.body = gp.Inertia(J=J, start={"w": 2.0})
+                    return []
+            """),
+        encoding="utf-8",
+    )
+    model = f"{tmp_path / 'model_with_neighbour.py'}:Spin"
+    assert [main([name, model]) for name in ("info", "check")] == [0, 0]
+    printed = capsys.readouterr().out.splitlines()
+    assert "inputs: none" in printed
+    assert "  body.J = 4 kg.m2" in printed
+    assert printed[-1] == "Spin: units agree, 1 states, it starts"
+
+
+def test_an_interrupt_ends_with_130(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "interrupted.py").write_text("raise KeyboardInterrupt\n", encoding="utf-8")
+    assert main(["info", f"{tmp_path / 'interrupted.py'}:Drive"]) == 130
+    assert capsys.readouterr() == ("", "")
+
+
+def test_pictures_are_shown_or_saved(
+    drive: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shown: list[list[str]] = []
+    monkeypatch.setattr(plt, "show", lambda: shown.append([ax.get_legend_handles_labels()[1][0] for ax in plt.gcf().axes]))
+    asked = ["run", drive, "--t-end", "1", "--samples", "3", "--input", "torque.tau=1", "--out", str(tmp_path / "r.csv")]
+    assert main([*asked, "--plot", "load.w,shaft.tau"]) == 0
+    assert main([*asked]) == 0
+    assert len(shown) == 1
+    assert main(["plot", str(tmp_path / "r.csv")]) == 0
+    assert main(["plot", str(tmp_path / "r.csv"), "load.w"]) == 0
+    assert len(shown) == 3
+    assert main(["plot", str(tmp_path / "r.csv"), "load.w", "--out", str(tmp_path / "r.xyz")]) == 2
+    assert f"{tmp_path / 'r.xyz'} cannot be written: Format 'xyz' is not supported" in capsys.readouterr().err
+    assert len(shown) == 3
+    plt.close("all")
+
+
+def test_a_sweep_keeps_the_states_unless_told_otherwise(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["sweep", drive, "--t-end", "1", "--samples", "3", "--vary", "J_load=1,2", "--input", "torque.tau=1"]
+    assert main(asked) == 0
+    head, *rows = csv.reader(io.StringIO(capsys.readouterr().out))
+    states = gl.compile(_drive(drive)).states
+    assert head == ["J_load", *states]
+    assert [float(row[0]) for row in rows] == [1.0, 2.0]
+    assert main([*asked, "--out", str(tmp_path / "runs.nc"), "--start", "load.w=5"]) == 0
+    assert capsys.readouterr().out.startswith("<Runs of Drive: 2; ")
+    with xarray.open_dataset(tmp_path / "runs.nc") as found:
+        assert found["load.w"].shape == (2, 3)
+        assert found["load.w"][:, 0].to_numpy().tolist() == [5.0, 5.0]
+        last = found[states[0]][:, -1].to_numpy()
+    assert main([*asked, "--start", "load.w=5"]) == 0
+    again = [float(row[1]) for row in list(csv.reader(io.StringIO(capsys.readouterr().out)))[1:]]
+    assert again == pytest.approx(last.tolist())
+
+
+@pytest.mark.parametrize("text", ["J_load=1:3", "J_load=1:2:3:4", "J_load=", "J_load", "J_load=1:3:x"])
+def test_what_varies_is_listed_or_counted(drive: str, text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sweep", drive, "--t-end", "1", "--vary", text]) == 2
+    assert f"--vary {text}: expected NAME=NUMBER,NUMBER or NAME=FIRST:LAST:COUNT, as in --vary " in capsys.readouterr().err

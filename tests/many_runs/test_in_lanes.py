@@ -12,6 +12,10 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError, BoundError, GearlibWarning
+from gearlib.many_runs.by_exponentials import ExactSweep
+from gearlib.many_runs.in_lanes import LEAST_STEPS, MOST_CORNERS, MOST_OF_LINEAR, PATIENCE, most_steps, why_not_in_lanes
+from gearlib.run.methods.run import LATE
+from gearlib.run.simulate import checked_request
 from gearlib.solvers.lanes.lanes import LaneRuns
 from tests.many_runs.models import Drive, Rattle, peak
 
@@ -241,6 +245,100 @@ def test_a_stiff_run_among_others_is_left_to_auto() -> None:
     assert runs["end"][3] == single["x"][-1]
     stiff = system.sweep({"mu": 3e4, "start(x)": np.linspace(1.5, 2.5, 9)}, 5.0, samples=6, outputs=["x"])
     assert (stiff.stats["lanes"], "stability limits" in stiff.stats["why"]) == (1, True)
+
+
+class Swing(gl.Component):
+    """An undamped oscillator with a rate of 64 in both of its equations, driven by an input."""
+
+    u = gl.Input("1")
+    x = gl.Variable("1", start=1.0)
+    v = gl.Variable("1", start=0.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), 64.0 * self.v), gl.Eq(gl.der(self.v), self.u - 64.0 * self.x)]
+
+
+def most(system: gl.System, t_end: float, **options: Any) -> float | str:
+    """The limit for the steps of a run, or why there are no lanes."""
+    translation, request = checked_request(system.translation, t_end, **options)
+    return most_steps(ExactSweep(translation, request, {}, {}, True, (), False))
+
+
+def test_limit_of_the_steps_of_a_linear_run() -> None:
+    """Three radians are a step, and each corner of a table is the end of one; from 3000 on, exponentials are faster."""
+    swing = gl.compile(Swing())
+    table = gl.Table([0.0, 0.5, 0.75, 9.0], [0.0, 1.0, 3.0, 0.0])
+    for span in (3.0, 30.0):
+        for begin in (0.0, -2.0, 5.0):
+            assert most(swing, begin + span, t_start=begin, inputs={"u": 1.0}) == PATIENCE * 64.0 * span / 3.0 + LEAST_STEPS
+        assert most(swing, span, inputs={"u": table}) == PATIENCE * (4 + 64.0 * span / 3.0) + LEAST_STEPS
+        assert most(swing, span, inputs={"u": table}, method="rk5") == float("inf")
+    longest = 3.0 * MOST_OF_LINEAR / 64.0
+    assert most(swing, longest, inputs={"u": 1.0}) == PATIENCE * MOST_OF_LINEAR + LEAST_STEPS
+    assert most(swing, 2 * longest, inputs={"u": 1.0}) == "the scene is linear: exponentials are faster than some 6000 steps"
+
+
+def test_limit_of_the_steps_of_a_nonlinear_run_is_that_of_the_first(pendulum: gl.System) -> None:
+    steps = pendulum.simulate(1.0, method="rk5").stats["steps"]
+    assert most(pendulum, 1.0) == PATIENCE * steps + LEAST_STEPS
+    assert most(pendulum, 1.0, method="rk") == most(pendulum, 1.0, method="rk5") == float("inf")
+    bursting = gl.compile(Bursting())
+    assert str(most(bursting, 2.0)).startswith("the first run fails: ")
+
+
+class Bursting(gl.Component):
+    """Infinite after a second."""
+
+    x = gl.Variable("1", start=1.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), self.x**2)]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"method": "rk", "rtol": 1e-6}, None),
+        ({"method": "rk", "rtol": 0.99e-6}, "the method is rk; lanes are Runge-Kutta of order 5: method='rk5'"),
+        ({"method": "rk8"}, "the method is rk8; lanes are Runge-Kutta of order 5: method='rk5'"),
+        ({"method": "rk5", "rtol": 1e-9}, None),
+        ({"t_start": LATE - 1.0, "t_end": LATE}, "the runs begin late"),
+        ({"t_start": LATE - 2.0, "t_end": LATE - 1.0}, None),
+        ({"t_start": -LATE, "t_end": 1.0 - LATE}, "the runs begin late"),
+        ({"t_start": 1.0 - LATE, "t_end": 2.0 - LATE}, None),
+        ({"inputs": {"u": lambda t: t}}, "inputs are functions of time"),
+        ({"inputs": {"u": gl.Table([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 0.0, 1.0], interpolation="cubic")}}, "an input is a table of cubics"),
+        ({"inputs": {"u": gl.Table([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 0.0, 1.0])}}, None),
+    ],
+)  # fmt: skip
+def test_what_lanes_need(options: dict[str, Any], said: str | None) -> None:
+    swing = gl.compile(Swing())
+    given_ = {"t_end": 1.0, "inputs": {"u": 0.0}, "method": "auto", **options}
+    assert why_not_in_lanes(*checked_request(swing.translation, **given_)) == said
+
+
+def test_statistics_of_a_run_in_lanes(drive: gl.System) -> None:
+    """Six evaluations in a step, of which the last is the first of the next one; two more give the first step its length."""
+
+    def told(result: gl.Result) -> list[float]:
+        s = result.stats
+        assert (s["method"], s["why"]) == ("rk5", "asked for; 8 runs side by side")
+        return [s["steps"], s["rejected"], s["rhs"], s["order"], s["states"]]
+
+    runs = drive.sweep({"J": J}, 1.0, reduce={"told": told}, **OPTIONS)["told"]
+    assert (runs[:, 2] == 6 * (runs[:, 0] + runs[:, 1]) + 2).all()
+    assert (runs[:, 3:] == [5, len(drive.states)]).all()
+    assert ((runs[:, 0] > 20) & (runs[:, 1] >= 0) & (runs[:, 1] < runs[:, 0])).all()
+    loose = drive.sweep({"J": J}, 1.0, reduce={"told": told}, **OPTIONS | {"rtol": 1e-3})["told"]
+    assert (loose[:, 0] < runs[:, 0]).all()
+
+
+def test_a_table_with_many_corners_is_stepped_through_by_itself(drive: gl.System) -> None:
+    """Up to 2000 points, the tables of the runs are copied for the lanes."""
+    tables = [gl.Table(np.linspace(0.0, 1.0, n), np.arange(n) % 2) for n in (*[5] * 8, MOST_CORNERS, MOST_CORNERS + 1)]
+    why = lambda result: float("side by side" in result.stats["why"])  # noqa: E731
+    runs = drive.sweep({"torque.tau": tables}, 0.01, reduce={"lanes": why}, **{**OPTIONS, "inputs": None})
+    assert runs["lanes"].tolist() == [1.0] * 9 + [0.0]
 
 
 def test_events_and_few_runs_are_carried_out_one_by_one(drive: gl.System) -> None:
