@@ -163,7 +163,8 @@ class ExportedModel:
     @cached_property
     def constants(self) -> dict[int, str]:
         """Parameters that are constant in the FMU, with the reasons."""
-        found = {p: "its value is part of the equations" for p, _ in self.translation.decided_by}
+        decided = frozenset(p for p, _ in self.translation.decided_by)
+        found = dict.fromkeys(self._leading_to(decided), "its value is part of the equations")
         if self.computed_starts is not None:
             for p in self._leading_to(self.computed_starts):
                 found.setdefault(p, "start values are computed from it")
