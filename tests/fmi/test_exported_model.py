@@ -12,6 +12,7 @@ import gearparts as gp
 from gearlib.errors import ArgumentError, NameLookupError
 from gearlib.fmi import exported_model as module
 from gearlib.fmi.exported_model import ExportedModel, exported_model, used_parameters
+from tests.fmi.test_model_source import Timed
 from tests.fmi.test_preparation import Bound
 
 
@@ -184,6 +185,23 @@ def test_what_time_drives() -> None:
     assert bound.relations.on_time is not None
     assert bound.relations.on_time.all()
     assert exported(Two()).relations is None
+
+
+def test_times_that_a_formula_gives_are_not_searched_for() -> None:
+    """An instant and a wave have one; a sine of time has none."""
+
+    class Late(Timed):
+        y = gl.Discrete()
+
+        def equations(self) -> Any:
+            return [gl.When(gl.sin(3 * gl.time) > 0.3, gl.Eq(self.y, 1))]
+
+    found = exported(Late(), ["x", "n", "y"])
+    assert sorted(t.wave is None for t in found.timed) == [False, True]
+    relations = found.relations
+    assert relations is not None
+    assert relations.on_time is not None
+    assert (len(relations.on_time), relations.on_time.sum(), len(relations.searched)) == (3, 2, 1)
 
 
 @pytest.mark.parametrize(

@@ -170,6 +170,15 @@ def test_values_of_a_base_class_of_the_library() -> None:
     assert declared.parameters["k"].default == 4.0
 
 
+def test_modifications_go_to_the_base_that_has_the_element() -> None:
+    """The library's class, the class of the text, or, of what has no counterpart, none."""
+    kind = gl.read_modelica(f"""{AROUND} model Lossy extends Modelica.Blocks.Nonlinear.Limiter(uMax = 3); parameter Real loss = 1;
+      end Lossy; model M extends Lossy(loss = 2, uMin = -4, homotopyType = 3, strict = true); end M; end P;""")
+    assert issubclass(kind, gp.blocks.Limiter)
+    given = gl.compile(kind()).parameters
+    assert {name: given[name] for name in ("y_max", "y_min", "loss")} == {"y_max": 3.0, "y_min": -4.0, "loss": 2.0}
+
+
 def content(text: str) -> None:
     made = read(text)()
     connections_of(made)

@@ -135,6 +135,19 @@ def test_what_modifications_give_to_parts(text: str, expected: Any) -> None:
     assert given(text) == expected
 
 
+GAINS = "Math.Gain c(k = 1, u = b.y); Math.Gain b(k = 2, u = a.y); Math.Gain a(k = 3, u = {}); Math.Gain d(k = 4, u = time);"
+
+
+def test_parts_are_made_after_those_that_their_values_refer_to() -> None:
+    """In rounds; in a loop, one of them refers to a hidden signal."""
+    assert list(parts(GAINS.format("time"))) == ["a", "d", "b", "c"]
+    assert list(parts(GAINS.format("c.y"))) == ["d", "c", "a", "b"]
+    assert {name: values["values"]["u"] for name, values in given(GAINS.format("c.y")).items()} == {
+        "d": "time", "c": "c_u_signal", "a": "c.y", "b": "a.y",
+    }  # fmt: skip
+    assert list(parts("Math.Gain g(k = 1, u = time); Components.Fixed f; Math.Gain h(k = 1, u = g.y);")) == ["g", "f", "h"]
+
+
 REDECLARED = """
 package P
   model A parameter Real k = 1; Real x = 10 + k; end A;
