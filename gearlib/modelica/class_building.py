@@ -17,13 +17,14 @@ from gearlib.modelica.class_content import (
     by_name,
     check_attributes,
     content_of,
+    given_value,
     merged,
 )
 from gearlib.modelica.counterparts import Counterpart
 from gearlib.modelica.element_types import ElementKind, ElementType, connector_class, element_of, kind_of, type_named, unit_of
 from gearlib.modelica.equation_reading import assigned_in_whens, connections_from, equations_from
 from gearlib.modelica.evaluation import Evaluation
-from gearlib.modelica.part_building import STATE_SELECT, PartMaker, chosen
+from gearlib.modelica.part_building import PartMaker, attribute, chosen
 from gearlib.modelica.scopes import ClassScope
 from gearlib.modelica.syntax_tree import (
     ArrayNode,
@@ -163,7 +164,7 @@ class _ClassBuilder:
         unit = unit_of(member.element, member.type)
         match member.kind:
             case "parameter":
-                bounds = {b: self._number(attributes[b]) for b in ("min", "max") if b in attributes}
+                bounds = {b: self._attribute(attributes[b]) for b in ("min", "max") if b in attributes}
                 return Parameter(unit, node.comment, default=self._default(member), **bounds)
             case "structural":
                 return Structural(self._structural(member), node.comment)
@@ -172,9 +173,7 @@ class _ClassBuilder:
             case "variable":
                 return Variable(unit, node.comment, **self._variable(name, node, attributes))
             case "discrete":
-                start = attributes.get("start")
-                value = 0.0 if start is None or start.value is None else float(self.fixed_values.constant(start.value))
-                return Discrete(node.comment, start=value)
+                return Discrete(node.comment, start=self._attribute(attributes["start"]) if "start" in attributes else 0.0)
             case "connector":
                 return self._connector(member)
         return None
@@ -200,27 +199,23 @@ class _ClassBuilder:
 
     def _variable(self, name: str, node: SyntaxNode, attributes: Modifications) -> dict[str, Any]:
         found: dict[str, Any] = {}
-        start, fixed = attributes.get("start"), attributes.get("fixed")
-        held = fixed is not None and fixed.value is not None and bool(self.fixed_values.constant(fixed.value))
-        if start is not None and start.value is not None:
-            if _names_in(start.value) - self._constants().keys() or isinstance(start.value, GivenNode):
-                if held:
-                    given = start.value
-                    self.starting.append((f"{name}_from_start", lambda e: e.value(_reference(node, name)) - e.number(given)))
-            else:
-                value = float(self.fixed_values.constant(start.value))
-                found["start" if held else "guess"] = value
+        start = attributes["start"].value if "start" in attributes else None
+        held = "fixed" in attributes and self._attribute(attributes["fixed"])
+        if start is None:
+            found |= {"start": 0.0} if held else {}
+        elif not (_names_in(start) - self._constants().keys() or isinstance(start, GivenNode)):
+            found["start" if held else "guess"] = self._attribute(attributes["start"])
         elif held:
-            found["start"] = 0.0
+            given = start
+            self.starting.append((f"{name}_from_start", lambda e: e.value(_reference(node, name)) - e.number(given)))
         if "nominal" in attributes and not _names_in(attributes["nominal"].value):
-            found["nominal"] = self._number(attributes["nominal"])
-        if "stateSelect" in attributes and attributes["stateSelect"].value is not None:
-            found["state"] = STATE_SELECT[self.fixed_values.constant(attributes["stateSelect"].value)]
+            found["nominal"] = self._attribute(attributes["nominal"])
+        if "stateSelect" in attributes:
+            found["state"] = self._attribute(attributes["stateSelect"])
         return found
 
-    def _number(self, m: Modification) -> float:
-        assert m.value is not None
-        return float(self.fixed_values.constant(m.value, "a number"))
+    def _attribute(self, m: Modification) -> Any:
+        return attribute(m, self.fixed_values.constant(given_value(m)))
 
     def _connector(self, member: Member) -> Connector:
         node = member.element.node
@@ -274,8 +269,12 @@ class _ClassBuilder:
             scope = stated.scope
 
             def difference(e: Evaluation, node: EqualityNode = node, scope: ClassScope = scope) -> Any:
-                e = replace(e, scope=scope)
-                return e.number(node.left) - e.number(node.right)
+                found = [eq for eq in equations_from(node, replace(e, scope=scope)) if isinstance(eq, Eq)]
+                if len(found) != 1:
+                    raise ModelicaError(
+                        f"{node.at}: an initial equation of arrays is not supported; write one for each variable"
+                    )
+                return found[0].residual
 
             self.starting.append((f"initial_equation_{number + 1}", difference))
 

@@ -185,10 +185,18 @@ def by_name(modifications: Iterable[Modification]) -> Modifications:
 
 
 def check_attributes(modifications: Modifications) -> None:
-    """Refuse what is no attribute of a variable or a parameter."""
+    """Refuse what is no attribute of a variable or a parameter, and what has no value."""
     for name, m in modifications.items():
         if name not in ATTRIBUTES:
             raise ModelicaError(f"{m.at}: '{name}' is not an attribute of a variable; {nearest(name, ATTRIBUTES)}")
+        given_value(m)
+
+
+def given_value(m: Modification) -> SyntaxNode:
+    """The value of a modification that must have one."""
+    if m.value is None:
+        raise ModelicaError(f"{m.at}: '{'.'.join(m.name)}' has no value; expected one, as in {'.'.join(m.name)} = 1")
+    return m.value
 
 
 def merged(inner: Modifications, outer: Modifications) -> Modifications:

@@ -6,10 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from gearlib.arguments import shown
 from gearlib.errors import ModelicaError, nearest
 from gearlib.language.component import Component
 from gearlib.language.declarations import Connector, Declaration, Derivative, Discrete, Input, Parameter, Structural, Variable
-from gearlib.modelica.class_content import Modifications, by_name, check_attributes, content_of, with_classes
+from gearlib.modelica.class_content import Modifications, by_name, check_attributes, content_of, given_value, with_classes
 from gearlib.modelica.counterparts import Counterpart
 from gearlib.modelica.element_types import ElementType, connector_class, kind_of, type_named
 from gearlib.modelica.evaluation import Evaluation
@@ -65,13 +66,15 @@ class PartMaker:
         return given.made(self._own(kind.scope, modifications, given), at)
 
     def _value(self, m: Modification, of: Callable[[SyntaxNode], Any]) -> Any:
-        assert m.value is not None
-        found = of(m.value)
+        found = of(given_value(m))
         if self.number is not None and not m.each and isinstance(found, tuple):
             if not self.number < len(found):
                 raise ModelicaError(f"{m.at}: {len(found)} values; the array has more elements")
             return found[self.number]
         return found
+
+    def _attribute(self, m: Modification) -> Any:
+        return attribute(m, self._value(m, self.evaluation.constant))
 
     def _evaluation(self, of_parameters: bool) -> Evaluation:
         return self.evaluation.constants_only() if of_parameters else self.evaluation
@@ -97,9 +100,9 @@ class PartMaker:
             elif name in counterpart.starts:
                 given.start[counterpart.starts[name]] = self._value(m, evaluation.number)
             elif name in counterpart.nominals:
-                given.nominal[counterpart.nominals[name]] = self._value(m, evaluation.constant)
+                given.nominal[counterpart.nominals[name]] = self._attribute(m)
             elif name == "stateSelect" and counterpart.states:
-                wanted = STATE_SELECT[self._value(m, evaluation.constant)]
+                wanted = self._attribute(m)
                 given.state.update(dict.fromkeys(counterpart.states, wanted))
             else:
                 self._declared(kind, counterpart, name, m, given)
@@ -131,7 +134,7 @@ class PartMaker:
                 self.attributes(f"{path}.{name}", declared.variables.get(name), further, given)
             return
         check_attributes(inner)
-        fixed = "fixed" in inner and self._value(inner["fixed"], self.evaluation.constant)
+        fixed = "fixed" in inner and self._attribute(inner["fixed"])
         if "start" in inner:
             value = self._value(inner["start"], self.evaluation.constants_only().number)
             if fixed or isinstance(declared, Discrete):
@@ -144,9 +147,9 @@ class PartMaker:
             raise ModelicaError(f"{m.at}: '{path}' is a derivative, whose start value cannot be fixed; use InitializeFlange")
         for name, further in inner.items():
             if name == "nominal":
-                given.nominal[path] = float(self._value(further, self.evaluation.constant))
+                given.nominal[path] = self._attribute(further)
             elif name == "stateSelect":
-                given.state[path] = STATE_SELECT[self._value(further, self.evaluation.constant)]
+                given.state[path] = self._attribute(further)
 
     # ------------------------------------------------------------ classes of the text
 
@@ -255,6 +258,22 @@ class PartMaker:
         assert isinstance(new, ComponentNode)
         further = self._within(path, type_named(new.type, self.evaluation.scope, new), by_name(new.modifications), given)
         return replace(m, redeclared=replace(new, modifications=tuple(further.values())))
+
+
+def attribute(m: Modification, value: Any) -> Any:
+    """An attribute of a variable, from its constant value: whether it is ``fixed``, the wish of ``stateSelect``, or a number."""
+    name, expected = ".".join(m.name), "a number"
+    if name == "fixed":
+        if isinstance(value, bool):
+            return value
+        expected = "true or false"
+    elif name == "stateSelect":
+        if value in STATE_SELECT:
+            return STATE_SELECT[value]
+        expected = f"one of {', '.join(STATE_SELECT)}"
+    elif isinstance(value, (int, float)):
+        return float(value)
+    raise ModelicaError(f"{m.at}: '{name}' is {shown(value)}; expected {expected}")
 
 
 def chosen(counterpart: Counterpart, name: str, value: Any, m: Modification) -> Any:

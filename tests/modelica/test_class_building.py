@@ -103,6 +103,7 @@ def test_connectors() -> None:
         ("Real x = 3; Real y = 2 * x;", ["x = 3", "y = 2.0*x"]),
         ("parameter Real k = 2; Real x(start = k, fixed = true); equation der(x) = 1;", ["x_from_start = -k + x", "der(x) = 1"]),
         ("parameter Real k = 2; Real x(start = k); equation der(x) = 1;", ["der(x) = 1"]),
+        ("Real x; initial equation {x} = {3}; equation der(x) = 1;", ["initial_equation_1 = x - 3", "der(x) = 1"]),
         ("Real x; initial equation x = 3; equation der(x) = 1;", ["initial_equation_1 = x - 3", "der(x) = 1"]),
         ("Real x, y; initial equation x = 3; x = 2 * y; equation x = y; y = 1;",
          ["initial_equation_1 = x - 3", "initial_equation_2 = x - 2.0*y", "x = y", "y = 1"]),
@@ -201,6 +202,11 @@ BEGIN += "Valid names: displayUnit, fixed, max, min, nominal, quantity, start, s
         ("Real x; Pin p if x;", "the condition of a connector is read as the name of a Boolean parameter only"),
         ("Real x; initial equation der(x);", "expected an equation of variables, such as w = w_start"),
         ("discrete Real x; initial equation pre(x) = 1;", "expected an equation of variables, such as w = w_start"),
+        ("Real x, y; initial equation {x, y} = {1, 2};",
+         "an initial equation of arrays is not supported; write one for each variable"),
+        ("Real x; initial equation x = {1};", "the two sides are arrays of different sizes"),
+        ("Real x; Components.Inertia i(J = 1); initial equation i.flange_a = x;",
+         "this is not a variable; a connector's variables are equated, or connectors connected"),
         ("String s;", "'s' is a string that may vary; only parameters are read"),
         ("Level s;", "'s' is a string that may vary; only parameters are read"),
         ("type Long Real x; end Long; Long y;",
@@ -236,7 +242,18 @@ BEGIN += "Valid names: displayUnit, fixed, max, min, nominal, quantity, start, s
         ("connector Bad Real n(begin = 2); end Bad; Bad b;", BEGIN),
         ("type Bad = Real(begin = 2); Bad b;", BEGIN),
         ("parameter Integer n = 1.5; Components.Fixed f[n];", "the size of 'f' is 1.5; expected a whole number"),
-        ("parameter Real x(min = time) = 2;", "this has to be a number, known when the model is built; it depends on time"),
+        ("parameter Real x(min = time) = 2;", "this has to be a constant, known when the model is built; it depends on time"),
+        *((f"Real x({name}(a = 1));", f"'{name}' has no value; expected one, as in {name} = 1")
+          for name in ("start", "fixed", "nominal", "stateSelect", "min", "unit")),
+        ("discrete Real d(start(a = 1)); equation when time > 1 then d = 1; end when;",
+         "'start' has no value; expected one, as in start = 1"),
+        *((f"{kind} Real x({name} = {value});", f"'{name}' is {said}; expected a number")
+          for kind, name in (("parameter", "min"), ("parameter", "max"), ("", "start"), ("", "nominal"), ("discrete", "start"))
+          for value, said in (("{1}", "(1,)"), ('"a"', "'a'"))),
+        *((f"Real x(fixed = {value});", f"'fixed' is {said}; expected true or false")
+          for value, said in (("{true}", "(True,)"), ("1", "1"), ('"true"', "'true'"))),
+        *((f"Real x(stateSelect = {value});", f"'stateSelect' is {said}; expected one of never, avoid, default, prefer, always")
+          for value, said in (("StateSelect.no", "'no'"), ("{1}", "(1,)"), ("true", "True"))),
     ],
 )  # fmt: skip
 def test_what_is_refused_of_classes(text: str, said: str | None) -> None:
