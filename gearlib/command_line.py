@@ -91,13 +91,8 @@ def _parser() -> argparse.ArgumentParser:
         each.add_argument("--method", default="auto", help="auto, exact, ida, rk, rk5, rk8 or taylor")
         each.add_argument("--rtol", type=float, default=1e-6, help="relative tolerance (1e-6)")
         each.add_argument("--start", action="append", default=[], metavar="NAME=NUMBER", help="a start value")
-        each.add_argument(
-            "--input",
-            action="append",
-            default=[],
-            metavar="NAME=VALUE",
-            help="an input: a number, or FILE:TIME,COLUMN for a table",
-        )
+        text = "an input: a number, or FILE:TIME,COLUMN for a table"
+        each.add_argument("--input", action="append", default=[], metavar="NAME=VALUE", help=text)
     sweep.add_argument(
         "--vary", action="append", required=True, metavar="NAME=VALUES",
         help="a parameter's values: 1,2,5 or FIRST:LAST:COUNT; all combinations are run",
@@ -105,14 +100,10 @@ def _parser() -> argparse.ArgumentParser:
     sweep.add_argument("--outputs", metavar="NAME,NAME", help="variables whose last values are kept (the states)")
     sweep.add_argument("--out", metavar="FILE", help=".csv, or - for CSV on the screen; .nc or .zarr keep whole histories")
     modelica.add_argument("--flat", action="store_true", help="one model without parts")
-    modelica.add_argument(
-        "--own", action="store_true", help="with all classes written out, without the Modelica Standard Library"
-    )
+    modelica.add_argument("--own", action="store_true", help="all classes written out, without the Modelica Standard Library")
     modelica.add_argument("--out", metavar="FILE", help="the file to write: .mo; else on the screen")
     run.add_argument("--outputs", metavar="NAME,NAME", help="variables to compute and save (all)")
-    run.add_argument(
-        "--out", metavar="FILE", help="save the result: .mat, .csv, .nc, .zarr or .parquet; - for CSV on the screen"
-    )
+    run.add_argument("--out", metavar="FILE", help="the result: .mat, .csv, .nc, .zarr or .parquet; - for CSV on the screen")
     run.add_argument("--plot", metavar="NAME,NAME", help="show these variables")
     fmu.add_argument("--out", required=True, metavar="FILE", help="the file to write: .fmu")
     fmu.add_argument("--version", default="3.0", help="of FMI: 3.0 or 2.0 (3.0)")
@@ -136,15 +127,16 @@ def _info(args: argparse.Namespace) -> None:
     from gearlib.system import compile
 
     system = compile(_component(args.model))
+    values = system.translation.parameter_values(_parameters(args)).tolist()
     print(system.summary())
     for title, names in (("inputs", system.inputs), ("states", system.states)):
         print(f"{title}: {', '.join(names) or 'none'}")
     print("parameters:")
-    values, units = system.parameters | _parameters(args), system.parameter_units
-    table = system.translation.model.parameters
-    for name in (name for name in values if table.index.get(name) not in table.written):
-        unit = units.get(name, "")
-        print(f"  {name} = {values[name]:.6g}{'' if unit in ('', '1') else ' ' + unit}")
+    table, units = system.translation.model.parameters, system.parameter_units
+    for k, value in enumerate(values):
+        if k not in table.written:
+            unit = units.get(table.names[k], "")
+            print(f"  {table.names[k]} = {value:.6g}{'' if unit in ('', '1') else ' ' + unit}")
 
 
 def _run(args: argparse.Namespace) -> None:
@@ -182,7 +174,10 @@ def _sweep(args: argparse.Namespace) -> None:
     names = None if args.outputs is None else args.outputs.split(",")
     system = compile(_component(args.model), names)
     names = list(system.states) if names is None else names
-    varied = grid({**_parameters(args), **dict(_varied(text) for text in args.vary)})
+    along = [_varied(text) for text in args.vary]
+    if len(dict(along)) < len(along):
+        raise ArgumentError(f"--vary {' --vary '.join(args.vary)}: one name is given twice; give all of its values at once")
+    varied = grid({**_parameters(args), **dict(along)})
     options: dict[str, Any] = {
         "samples": args.samples, "method": args.method, "rtol": args.rtol, "inputs": _inputs(args.input),
         "start": dict(_assigned("--start", text) for text in args.start) or None,
@@ -192,10 +187,8 @@ def _sweep(args: argparse.Namespace) -> None:
         return
     last = {name: lambda result, name=name: result[name][-1] for name in names}
     runs = system.sweep(varied, args.t_end, reduce=last, **options)
-    rows = [[name for name, _ in map(_varied, args.vary)] + names]
-    for place in np.ndindex(runs.shape):
-        values = [runs[name][place] for name in rows[0]]
-        rows.append([repr(float(value)) for value in values])
+    rows = [[*dict(along), *names]]
+    rows += [[repr(float(runs[name][place])) for name in rows[0]] for place in np.ndindex(runs.shape)]
     text = "".join(",".join(row) + "\n" for row in rows)
     if args.out in (None, "-"):
         sys.stdout.write(text)
@@ -332,9 +325,10 @@ def _varied(text: str) -> tuple[str, list[float]]:
     try:
         if values.count(":") == 2:
             first, last, count = values.split(":")
-            return name.strip(), np.linspace(float(first), float(last), int(count)).tolist()
+            with np.errstate(invalid="ignore"):  # of infinite ends, which are refused as values
+                return name.strip(), np.linspace(float(first), float(last), int(count)).tolist()
         return name.strip(), [float(value) for value in values.split(",")]
-    except ValueError:
+    except (ValueError, MemoryError):
         example = "--vary load.J=1,2,5 or --vary load.J=1:5:9"
         raise ArgumentError(f"--vary {text}: expected NAME=NUMBER,NUMBER or NAME=FIRST:LAST:COUNT, as in {example}") from None
 

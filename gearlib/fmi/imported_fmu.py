@@ -42,12 +42,8 @@ class ImportedFmu:
     """
 
     def __init__(
-        self,
-        path: str | os.PathLike[str],
-        inputs: Sequence[str],
-        outputs: Sequence[str],
-        values: Mapping[str, float] | None = None,
-    ) -> None:
+        self, path: str | os.PathLike[str], inputs: Sequence[str], outputs: Sequence[str], values: Mapping[str, float] | None = None
+    ) -> None:  # fmt: skip
         self.path = as_path("FMU", path, "engine.fmu")
         if not self.path.is_file():
             raise FileError(f"{self.path} cannot be read: there is no such file")

@@ -73,10 +73,8 @@ def most_steps(sweep: SideBySide) -> float | str:
         return float("inf")
     forms = sweep.linear
     if isinstance(forms, LinearForms):
-        steps = (
-            len(breakpoints(request.signals))
-            + balanced_norm(forms.matrix) * (request.times[-1] - request.t_start) / REACH_OF_A_STEP
-        )
+        span = request.times[-1] - request.t_start
+        steps = len(breakpoints(request.signals)) + balanced_norm(forms.matrix) * span / REACH_OF_A_STEP
         if steps > MOST_OF_LINEAR:
             return f"the scene is linear: exponentials are faster than some {steps:.0f} steps"
         return PATIENCE * float(steps) + LEAST_STEPS

@@ -101,9 +101,8 @@ class _ClassBuilder:
         for name, element in self.content.elements.items():
             kind = type_named(element.node.type, element.scope, element.node)
             self.members[name] = Member(element, kind, kind_of(element.node, kind, assigned))
-        self.starting: list[
-            tuple[str, Callable[[Evaluation], Any]]
-        ] = []  # hidden variables that start at 0, and the expressions that they equal
+        # hidden variables that start at 0, and the expressions that they equal
+        self.starting: list[tuple[str, Callable[[Evaluation], Any]]] = []
         self.parts, self.signals = _in_order_of_use(self.members)
 
     # ------------------------------------------------------------ the class
@@ -230,10 +229,8 @@ class _ClassBuilder:
             kind = self.classes.connector_of(member.type.scope)
         when = None
         if node.condition is not None:
-            if (
-                not isinstance(node.condition, ReferenceNode)
-                or self.members.get(str(node.condition), member).kind != "structural"
-            ):
+            named = self.members.get(str(node.condition), member)
+            if not isinstance(node.condition, ReferenceNode) or named.kind != "structural":
                 raise ModelicaError(
                     f"{node.condition.at}: the condition of a connector is read as the name of a Boolean parameter only"
                 )

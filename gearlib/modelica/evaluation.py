@@ -357,11 +357,8 @@ class Evaluation:
             path = ".".join(full)
             if (conversion := conversion_named(path)) is not None:
                 (x,) = self._arguments(node, 1)
-                return (
-                    _arithmetic("+", [_arithmetic("*", [x, conversion[0]]), conversion[1]])
-                    if conversion[1]
-                    else x * conversion[0]
-                )
+                factor, offset = conversion
+                return x * factor + offset if offset else x * factor
             name = path.removeprefix("Modelica.Math.")
         if node.named:
             raise ModelicaError(f"{node.at}: {node.function}: arguments by name are not supported")

@@ -31,6 +31,9 @@ _TOKEN = re.compile(
     |(?P<symbol>:=|==|<>|<=|>=|\.\*|\./|\.\+|\.-|\.\^|[-+*/^=<>()\[\]{},;:.])""",
     re.VERBOSE | re.DOTALL,
 )
+_KINDS: dict[str, TokenKind] = {
+    "string": "string", "quoted": "identifier", "identifier": "identifier", "number": "number", "symbol": "symbol",
+}  # fmt: skip
 _ESCAPED = {"n": "\n", "t": "\t", "r": "\r", "a": "\a", "b": "\b", "f": "\f", "v": "\v"}
 
 
@@ -93,15 +96,8 @@ def tokens(text: str, source: str = "the text") -> list[Token]:
             raise ModelicaError(f"{at}: a {'comment' if words == '/*' else 'string'} that does not end")
         if kind == "string":
             words = re.sub(r"\\(.)", lambda m: _ESCAPED.get(m[1], m[1]), words[1:-1], flags=re.DOTALL)
-            found.append(Token("string", words, at))
-        elif kind == "quoted":
-            found.append(Token("identifier", words, at))
-        elif kind == "identifier":
-            found.append(Token("keyword" if words in KEYWORDS else "identifier", words, at))
-        elif kind == "number":
-            found.append(Token("number", words, at))
-        elif kind == "symbol":
-            found.append(Token("symbol", words, at))
+        if kind != "blank":
+            found.append(Token("keyword" if kind == "identifier" and words in KEYWORDS else _KINDS[str(kind)], words, at))
         newlines = match.group().count("\n")
         if newlines:
             line += newlines

@@ -178,9 +178,8 @@ class PartMaker:
             if element is None:
                 self._of_base(path, scope, name, m, given, kept)
                 continue
-            kind = type_named(
-                element.node.type, with_classes(element.scope, modifications, self.evaluation.scope), element.node
-            )
+            around = with_classes(element.scope, modifications, self.evaluation.scope)
+            kind = type_named(element.node.type, around, element.node)
             here = kind_of(element.node, kind, frozenset())
             if here == "constant":
                 raise ModelicaError(f"{m.at}: '{name}' is a constant, and cannot be modified")
@@ -209,14 +208,8 @@ class PartMaker:
         return kept
 
     def _of_base(
-        self,
-        path: tuple[str, ...],
-        scope: ClassScope,
-        name: str,
-        m: Modification,
-        given: PartValues,
-        kept: dict[str, Modification],
-    ) -> None:
+        self, path: tuple[str, ...], scope: ClassScope, name: str, m: Modification, given: PartValues, kept: dict[str, Modification],
+    ) -> None:  # fmt: skip
         content = content_of(scope, {})
         for counterpart, _ in content.library_bases:
             if not path:
