@@ -11,7 +11,6 @@ from typing import Any
 import networkx as nx
 import sympy as sp
 from sympy.polys.matrices import DomainMatrix
-from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
 
 __all__ = ["solved_by_blocks"]
 
@@ -62,7 +61,4 @@ def _is_singular(matrix: Any) -> bool:
     if not matrix.free_symbols:
         size = abs(sp.Matrix(matrix).evalf())
         return bool(abs(sp.Matrix(matrix).evalf().det()) <= 1e-12 * sp.prod(max(size[i, :]) for i in range(size.rows)))
-    try:
-        return bool(DomainMatrix.from_Matrix(matrix).to_field().det() == 0)
-    except DMNonInvertibleMatrixError:
-        return True
+    return bool(DomainMatrix.from_Matrix(matrix).to_field().det() == 0)

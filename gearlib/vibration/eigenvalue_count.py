@@ -36,7 +36,8 @@ def missing_inside(S: Any, radius: float, values: Complexes, at_zero: int) -> in
         turned = _follow(phase, 0.5 / (len(values) + 10))
     except RuntimeError:  # z is exactly an eigenvalue
         return None
-    return None if turned is None else round(turned / np.pi)
+    count = np.nan if turned is None else turned / np.pi
+    return round(count) if abs(count - np.round(count)) < 0.1 else None  # half a turn is missing where it ends on an eigenvalue
 
 
 def _cycles(permutation: Any) -> int:

@@ -6,6 +6,7 @@ import control
 import numpy as np
 import pytest
 
+from gearlib.errors import SolverError
 from gearlib.feedback.feedback_loop import as_loop
 from gearlib.feedback.nyquist import NyquistCount, contour, nyquist_count
 
@@ -89,3 +90,27 @@ def test_a_count_is_that_of_the_roots(name: str) -> None:
     assert found.closed_right == (roots.real > 1e-7).sum()
     assert found.open_right == 0
     assert bool(found.through) == bool((np.abs(roots.real) < 1e-7).any())
+
+
+def test_turns_that_are_no_whole_number_are_refused() -> None:
+    """The root of ``1 + L`` turns half as far: a curve that comes too close to -1 looks like that."""
+    loop = as_loop(control.tf(*LOOPS["no pole on the axis"]))
+    unstable = as_loop(control.tf([20.0], [1, 3, 3, 1]))
+    assert nyquist_count(unstable).clockwise == 2
+
+    class Half(type(unstable)):  # type: ignore[misc]
+        def response(self, s: np.ndarray) -> np.ndarray:
+            f = 1 + super().response(s)
+            return np.abs(f) ** 0.25 * np.exp(0.25j * np.unwrap(np.angle(f))) - 1
+
+    for whole, count in ((loop, "0"), (unstable, "0.500")):
+        half = Half(
+            **{name: getattr(whole, name) for name in whole.__dataclass_fields__ if whole.__dataclass_fields__[name].init}
+        )
+        if count == "0":
+            assert nyquist_count(half).clockwise == 0
+        else:
+            with pytest.raises(
+                SolverError, match=rf"^the curve of .* passes -1 closer than rounding can tell \(count {count}\)$"
+            ):
+                nyquist_count(half)

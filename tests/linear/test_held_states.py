@@ -97,6 +97,29 @@ def test_angle_of_a_locked_coupling_is_held_and_that_of_the_train_is_not() -> No
     assert np.asarray(model.C)[1:].any(axis=1).all()
 
 
+@pytest.mark.parametrize("kind", ["clutch", "brake", "wall"])
+def test_large_models_are_reduced_as_small_ones_are(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sparse matrices in place of full ones: the states that are left, the response, and its derivatives."""
+    system = gl.compile(Line(element=kind))
+    outputs = ["c.w", "c.phi", "a.phi", "shaft.tau"]
+
+    def model() -> Any:
+        return system.linearize(["torque.tau"], outputs, sparse=True)
+
+    full = model()
+    small = [full, *full.changes(["drag", "shaft.c"])]
+    monkeypatch.setattr("gearlib.program.derivatives.MOST_DENSE", 0)
+    monkeypatch.setattr("gearlib.linear.linearized_program.MOST_DENSE", 0)
+    large = model()
+    assert hasattr(large.A, "tocsr")
+    assert large.states == full.states
+    for mine, other in zip([large, *large.changes(["drag", "shaft.c"])], small, strict=True):
+        for name in "ABCD":
+            matrix = getattr(mine, name)
+            found = matrix.toarray() if hasattr(matrix, "toarray") else matrix
+            assert found == pytest.approx(np.asarray(getattr(other, name)), rel=1e-12, abs=1e-14), name
+
+
 def test_angle_of_a_braked_shaft_is_held() -> None:
     system = gl.compile(Line(element="brake"))
     model = system.linearize(["torque.tau"], ["element_.phi", "c.phi"], sparse=True)

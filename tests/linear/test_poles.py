@@ -122,6 +122,21 @@ def test_verdicts_follow_from_the_blocks(blocks: list[Any], verdict: str, chains
     assert ratio[moving] == pytest.approx(-found.values[moving].real / sizes[moving], abs=1e-12)
 
 
+@pytest.mark.parametrize("w", [0.02, 0.7, 40.0])
+def test_chains_on_the_axis_are_found_at_any_frequency(w: float) -> None:
+    """Twice the same swing, coupled or not; and two coupled pairs of different frequencies."""
+
+    def chain(w: float) -> np.ndarray:
+        return np.block([[swing(w), w * np.eye(2)], [np.zeros((2, 2)), swing(w)]])
+
+    assert poles(similar([swing(w), swing(w), w * DECAY])).chained == ()
+    assert poles(similar([chain(w), w * DECAY])).chained == pytest.approx((w,), rel=1e-6)
+    both = poles(similar([chain(w), chain(3 * w), swing(2 * w)]))
+    assert sorted(both.chained) == pytest.approx([w, 3 * w], rel=1e-6)
+    assert both.on_axis == pytest.approx([w, 2 * w, 3 * w], rel=1e-6)
+    assert both.verdict == "drifting"
+
+
 def test_conjugates_stand_side_by_side_and_the_slower_first() -> None:
     values = poles(similar([swing(5.0, 1.0), swing(2.0, 1.0), np.array([[-3.0]])])).values
     assert values.imag == pytest.approx([-np.sqrt(3.75), np.sqrt(3.75), 0.0, -np.sqrt(24.75), np.sqrt(24.75)])

@@ -160,6 +160,25 @@ def test_where_decays_take_the_places_all_eigenvalues_are_computed_or_an_error_s
         gl.modes(system, 20, parameters={"d": d})
 
 
+@pytest.mark.parametrize(("n", "count", "damping"), [(60, 5, 0.0), (60, 5, 2.0)])
+def test_what_the_first_search_misses_is_searched_for(
+    n: int, count: int, damping: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A free shaft of equal bodies, with too few dimensions for the first search; against all eigenvalues."""
+    monkeypatch.setattr("gearlib.vibration.lowest_eigenvalues.FULL", 20)
+    twist = np.zeros((n - 1, n))
+    twist[np.arange(n - 1), np.arange(n - 1)], twist[np.arange(n - 1), np.arange(1, n)] = 1.0, -1.0
+    A = np.block([[np.zeros((n - 1, n - 1)), twist], [-9.0 * twist.T, -damping / 2 * twist.T @ twist]])
+    values = eig(A, right=False)
+    expected = np.sort(np.abs(values[values.imag > 1e-6]))
+    found = lowest(sparse.csc_matrix(A), count, 1)
+    assert found is not None
+    ringing = found.values[found.values.imag > 1e-5 * np.abs(found.values)]
+    assert len(ringing) >= count
+    assert np.abs(ringing) == pytest.approx(expected[: len(ringing)], rel=1e-8)
+    assert A @ found.vectors == pytest.approx(found.vectors * found.values, abs=1e-6)
+
+
 def test_random_trains_of_springs_and_bodies() -> None:
     rng = np.random.default_rng(3)
     n = 260

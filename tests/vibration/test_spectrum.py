@@ -164,4 +164,6 @@ def test_a_count_on_the_edge_is_not_known() -> None:
     assert missing_inside(A, 5.0, np.empty(0, complex), 0) is None
     assert missing_inside(A, 5.0 + 1e-12, np.empty(0, complex), 0) is None
     assert missing_inside(A, 5.01, np.empty(0, complex), 0) == 10
+    real = sparse.csc_matrix(np.diag([-1.0, 5.0, 7.0, -9.0]))
+    assert [missing_inside(real, radius, np.empty(0, complex), 0) for radius in (4.9, 5.0, 7.1, 9.0)] == [1, None, 3, None]
     assert missing_inside(A, 0.5, np.empty(0, complex), 0) == 0

@@ -1,0 +1,125 @@
+"""State equations in symbols: what has no explicit form, dependent storage with laws of its own, and how terms are printed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+import sympy as sp
+
+from gearlib.bondgraph import TF, BondGraph, C, I, One, R, RunTime, Se, Sf, Zero, assign_causality, state_equations
+from gearlib.bondgraph.completion import can_be_completed
+from gearlib.bondgraph.elements import Element
+from gearlib.errors import DeclarationError, GearlibError, SingularError
+
+
+def at_one_flow(*parts: Element, source: Element | None = None) -> BondGraph:
+    v = One("v")
+    return BondGraph((1, source or Se(), v), *((k, v, part) for k, part in enumerate(parts, 2)), name="graph")
+
+
+def tied(part: Element) -> BondGraph:
+    """Two resistances on one effort, in series with a part: a loop."""
+    v, z = One("v"), Zero("z")
+    return BondGraph((1, Se(), v), (2, v, part), (3, v, z), (4, z, R()), (5, z, R()), name="graph")
+
+
+def lines(graph: BondGraph, **how: Any) -> list[str]:
+    return [line.removesuffix(" \\\\") for line in state_equations(graph).latex(**how).splitlines()[1:-1]]
+
+
+@pytest.mark.parametrize(
+    ("graph", "expected"),
+    [
+        (BondGraph((1, Sf(0), (z := Zero())), (2, z, C())), [r"\dot{q}_{2} &= 0"]),
+        (BondGraph((1, Sf(3), (z := Zero())), (2, z, C())), [r"\dot{q}_{2} &= 3"]),
+        (BondGraph((1, Sf(-1), (z := Zero())), (2, z, C())), [r"\dot{q}_{2} &= - 1"]),
+        (at_one_flow(I(1), R(), R()), [r"\dot{p}_{2} &= - \left(R_{3} + R_{4}\right) p_{2} + Se_{1}"]),
+        (at_one_flow(I(2), R(), R()), [r"\dot{p}_{2} &= - \frac{R_{3} + R_{4}}{2} p_{2} + Se_{1}"]),
+        (at_one_flow(I(1), C(1), source=Se("a")), [r"\dot{p}_{2} &= - q_{3} + a", r"\dot{q}_{3} &= p_{2}"]),
+        (at_one_flow(I(), source=Se(sp.Symbol("a", real=True) + 2)), [r"\dot{p}_{2} &= a + 2"]),
+    ],
+)  # fmt: skip
+def test_terms_are_printed_with_their_signs(graph: BondGraph, expected: list[str]) -> None:
+    assert lines(graph) == expected
+
+
+def test_derivatives_of_dependent_quantities_and_of_inputs_are_printed_with_dots() -> None:
+    """Two inertias on one shaft; a source of flow on an inertia."""
+    assert lines(at_one_flow(I(), I())) == [r"\dot{p}_{2} &= Se_{1} - \dot{p}_{3}"]
+    equations = state_equations(at_one_flow(I(5), C(), source=Sf()))
+    assert [str(x) for x in equations.dependent] == ["p_2"]
+    assert str(equations.efforts[1]) in {"-dp_2 - q_3/C_3", "dp_2 + q_3/C_3"}
+    run = RunTime(equations)
+    assert run.bond_variables(0.0, [4.0], [3.0], [0.5], [7.0])[2] == pytest.approx((35.0, 3.0))
+
+
+@pytest.mark.parametrize(
+    ("graph", "said"),
+    [
+        (at_one_flow(I(1), I(-1)), "graph: the mass matrix has no inverse"),
+        (
+            tied(R(law=lambda f: f**3 + f)),
+            "graph: a loop with a nonlinear resistance has no solution in symbols",
+        ),
+    ],
+)  # fmt: skip
+def test_what_has_no_explicit_form_is_refused(graph: BondGraph, said: str) -> None:
+    equations = state_equations(graph)
+    with pytest.raises(SingularError) as refused:
+        equations.explicit()
+    assert str(refused.value) == said
+
+
+@pytest.mark.parametrize(
+    ("kind", "law", "factor"), [(I, lambda p: p / 3, 3.0), (I, lambda p: (p - 1) / 4, 4.0), (C, lambda q: 2 * q, 0.5)]
+)
+def test_a_law_is_inverted_where_storage_depends(kind: Any, law: Any, factor: float) -> None:
+    """The first one is a state, the second one follows: ``p = factor f + constant``."""
+    if kind is I:
+        graph = at_one_flow(I(2), I(law=law))
+    else:
+        graph = BondGraph((1, Sf(), (z := Zero())), (2, z, C(0.25)), (3, z, C(law=law)), name="graph")
+    (variable, value), *_ = state_equations(graph).dependent_values.items()
+    (state,) = state_equations(graph).states
+    own = 2.0 if kind is I else 0.25
+    assert float(sp.diff(value, state)) == pytest.approx(factor / own)
+    assert str(variable) == ("p_3" if kind is I else "q_3")
+
+
+def test_a_law_that_cannot_be_inverted_is_to_be_stated() -> None:
+    with pytest.raises(DeclarationError) as refused:
+        state_equations(at_one_flow(I(), I(law=lambda p: p**2)))
+    assert (
+        str(refused.value) == "graph: I on bond 3 is needed in the other direction than its law gives: state its `inverse`, too"
+    )
+    for given, need in (({"law": lambda f: f**2}, "conductance"), ({"conductance": lambda e: e**2}, "law")):
+        z, v = Zero("z"), One("v")
+        graph = BondGraph((1, Se(), z), (2, z, R(**given)), name="graph") if need == "conductance" else None
+        graph = graph or BondGraph((1, Sf(), v), (2, v, R(**given)), name="graph")
+        with pytest.raises(DeclarationError, match=rf"^graph: R on bond 2 is needed in the other .*: state its `{need}`, too$"):
+            state_equations(graph)
+
+
+@dataclass(frozen=True, eq=False)
+class Odd(Element):
+    """An element that has no law."""
+
+
+def test_an_element_without_a_law_is_named() -> None:
+    with pytest.raises(GearlibError, match="Odd"):
+        state_equations(at_one_flow(I(), Odd()))
+
+
+def test_a_ring_of_transformers_leaves_nothing_to_assign() -> None:
+    one, other = TF(2), TF(3)
+    assert can_be_completed(BondGraph((1, one, other), (2, other, one)), {})
+
+
+@pytest.mark.parametrize(("prefer", "integral"), [([], (2,)), ([3], (3,)), ([3, 2], (3,)), ([2, 3], (2,))])
+def test_the_preferred_storage_is_the_state(prefer: list[int], integral: tuple[int, ...]) -> None:
+    found = assign_causality(at_one_flow(I(), I()), prefer)
+    assert found.integral == integral
+    assert found.derivative == tuple({2, 3} - {*integral})
+    assert found.report().splitlines()[0] == f"integral causality: {integral[0]}"
