@@ -222,16 +222,16 @@ def _check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None
     phase = 2 * np.pi * np.arange(16) / 16 + 0.1234567  # irregular points, at which nothing is likely to switch
     x = means[:, None] + driven.growth[:, None] * phase
     once, slopes = driven.linear_rates(phase, x, driven.discrete(phase, x))
+    names = driven.scene.state_names
+    if not np.isfinite(once).all():
+        bad = names[int(np.flatnonzero(~np.isfinite(once).all(axis=1))[0])]
+        raise ArgumentError(f"der({bad}) is not finite at the start values; give a guess of the means")
     terms = np.abs(slopes).max(axis=0) @ np.abs(x).max(axis=1)  # balanced forces leave rounding errors
     x = x + 2 * np.pi * driven.growth[:, None]
     again = driven.rates(phase + 2 * np.pi, x, driven.discrete(phase + 2 * np.pi, x))
     size = np.abs(once).max(axis=1)
     nominal = driven.scene.nominal
     size = np.maximum(size, 1e-9 * nominal * float((size / nominal).max()) + 1e-300)  # tolerance for rounding
-    names = driven.scene.state_names
-    if not np.isfinite(once).all():
-        bad = names[int(np.flatnonzero(~np.isfinite(once).all(axis=1))[0])]
-        raise ArgumentError(f"der({bad}) is not finite at the start values; give a guess of the means")
     off = np.maximum(np.abs(again - once).max(axis=1) - ROUNDING * terms, 0.0) / size
     if (off > 1e-6).any():
         worst = names[int(np.argmax(off))]

@@ -189,3 +189,14 @@ def test_how_they_move_is_printed_with_units() -> None:
     assert str(alone).splitlines()[0] == "Change with k = 2"
     assert len(str(alone).splitlines()) == 4
     assert np.isnan([alone.gain_margin, alone.phase_margin, alone.delay_margin, alone.modulus_margin]).all()
+
+
+def test_of_an_all_pass_the_phase_margin_is_that_of_the_point_nearest_to_minus_one() -> None:
+    """|L| is 1 everywhere; L turns once, past -1 at 2 rad/s."""
+    loop = as_loop(control.tf([1, -1, 4], [1, 1, 4]))
+    (crossing,) = margins(loop).gain_crossings
+    assert crossing.omega in loop.frequencies()
+    assert crossing.omega == pytest.approx(2.0, rel=0.2)
+    expected = np.degrees(np.angle(-complex(loop.response(1j * crossing.omega))))
+    assert crossing.phase_margin == pytest.approx(expected, abs=1e-9)
+    assert abs(expected) < 90

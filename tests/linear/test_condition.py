@@ -209,3 +209,56 @@ def test_friction_is_open_stuck_or_sliding(part: str, state: str, pressed: float
     found = gl.frequency_response(system, [1.0, 2.0], ["t.tau"], ["a.w", "z.w"], at=at, parameters=values)
     assert found.conditions == (said,)
     assert f"Operating point: {said}." in str(found)
+
+
+class Valve(gl.Component):
+    """Open or shut by a state of its own; said of it is whatever is declared."""
+
+    x = gl.Variable("1", start=1.0)
+    y = gl.Variable("1", start=0.0)
+    shut = gl.Variable("1", words={0: "open: valve {}", 1: "shut: valve {}"})
+    level = gl.Variable("1", words={2: "high: {}"})
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.shut, gl.Piecewise((1, self.x < 0.5), (0, True))),
+            gl.Eq(self.level, 2 * self.shut),
+            gl.Eq(gl.der(self.x), -self.x),
+            gl.Eq(gl.der(self.y), (1 - self.shut) * self.x - self.y),
+        ]
+
+
+class Plant(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.one, self.two, self.three = Valve(), Valve(start={"x": 0.2}), Valve()
+        return []
+
+
+@pytest.mark.parametrize(
+    ("outputs", "said"),
+    [
+        (["one.y"], ("open: valve one",)),
+        (["two.y"], ("shut: valve two", "high: two")),
+        (["one.y", "two.y"], ("open: valve one", "shut: valve two", "high: two")),
+        (["three.y", "one.y"], ("open: valve one, three",)),
+    ],
+)
+def test_only_what_the_outputs_need_is_said(outputs: list[str], said: tuple[str, ...]) -> None:
+    """In the order of the model, for several together."""
+    assert gl.compile(Plant()).linearize([], outputs, sparse=True).conditions == said
+
+
+def test_nothing_is_said_of_what_is_not_needed() -> None:
+    class Beside(gl.Component):
+        z = gl.Variable("1", start=1.0)
+
+        def assemble(self) -> list[Any]:
+            self.valve = Valve()
+            return []
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.z), -self.z)]
+
+    system = gl.compile(Beside())
+    assert system.linearize([], ["z"], sparse=True).conditions == ()
+    assert gl.compile(Valve()).linearize([], ["y"], sparse=True).conditions == ("open: valve Valve",)

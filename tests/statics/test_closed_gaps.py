@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError
+from gearlib.statics.closed_gaps import drifting, refuse_drift
+from gearlib.statics.steady_motion import Given, motion_from, settled_discrete
 
 C, D, B = 1e4, 10.0, 0.01
 COUPLINGS: dict[str, Callable[[], Any]] = {
@@ -99,3 +103,45 @@ def test_sides_of_a_gap_at_two_speeds_are_refused(first: str, second: str) -> No
     with pytest.raises(ArgumentError, match="a gap is open between sides that turn at different speeds") as refused:
         gl.power_flow(system, speeds={"rotor.w": 100.0, "middle.w": 50.0, "body.w": 50.0}, torques={"taker.tau": 0.0})
     assert "one" in str(refused.value).partition("taker.tau: in ")[2].partition(" a gap")[0]
+
+
+class Coupling(gl.Component):
+    """Two bodies with a gap of 0.2 rad between them."""
+
+    def assemble(self) -> list[Any]:
+        self.a, self.b, self.gap = gp.Inertia(J=1.0), gp.Inertia(J=2.0), gp.ElastoBacklash(c=C, d=D, b=0.2)
+        return [gl.connect(self.a.flange_b, self.gap.flange_a), gl.connect(self.gap.flange_b, self.b.flange_a)]
+
+
+@pytest.mark.parametrize(
+    ("twist", "rate", "drifts"),
+    [
+        (0.0, 1.0, True), (0.0, -1.0, True), (0.05, -3.0, True), (0.0, 0.0, False), (0.0, 1e-10, False),  # of the speed: rounding
+        (0.15, 1.0, False), (0.15, -1.0, True), (0.15, 0.0, False), (-0.15, 1.0, True), (-0.15, -1.0, False),
+    ],
+)  # fmt: skip
+def test_a_gap_that_turns_open_or_shut_does_not_last(twist: float, rate: float, drifts: bool) -> None:
+    """Inside the gap any relative speed changes something; in contact one that leads away from it."""
+    translation = compiled_coupling().translation
+    model, numbers = translation.model, translation.parameter_values({})
+    still = motion_from(model, numbers, [], np.zeros(2 * model.n_variables))
+    constants, rates = np.zeros(model.n_variables), np.zeros(model.n_variables)
+    v = model.variable("gap.phi_rel")
+    rep, sign = int(model.representative[v]), int(model.sign[v])
+    constants[rep], rates[rep] = sign * twist, sign * rate
+    rates[int(model.representative[model.variable("a.phi")])] = 1.0
+    discrete = settled_discrete(model, numbers, constants, rates)
+    motion = replace(still, constants=constants, rates=rates, discrete=discrete)
+    assert drifting(model, numbers, motion) == (["gap"] if drifts else [])
+    if drifts:
+        said = "^no steady motion has the given a.w, b.w: in gap a gap is open between sides that turn at different speeds, or another"
+        with pytest.raises(ArgumentError, match=said):
+            refuse_drift(model, numbers, motion, [Given("a.w", 0, 0, 1.0), Given("b.w", 0, 0, 1.0)])
+    else:
+        refuse_drift(model, numbers, motion, [])
+        assert drifting(model, numbers, replace(motion, rates=np.zeros(len(rates)))) == []
+
+
+@cache
+def compiled_coupling() -> gl.System:
+    return gl.compile(Coupling())

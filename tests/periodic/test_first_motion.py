@@ -1,0 +1,188 @@
+"""What a branch of periodic motions begins with: forcing, the states that repeat, the first motion, and what is refused."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import GearlibError
+from gearlib.periodic.first_motion import Forced
+
+ZETA = 0.05
+
+
+class Forced1(gl.Component):
+    """``x'' + 2 zeta x' + x = F + A cos(w t) + B cos(2 pi f t)``, beside it what depends on x and what depends on nothing."""
+
+    w = gl.Parameter("rad/s", default=0.5)
+    f = gl.Parameter("Hz", default=0.1)
+    A, B, k = gl.Parameter("1", default=0.0), gl.Parameter("1", default=0.0), gl.Parameter("1", default=1.0)
+    F, G = gl.Input("1"), gl.Input("1")
+    x, v = gl.Variable("1", start=0.25), gl.Variable("1")
+    y, clock, p = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        force = self.F + 3 * self.G + self.A * gl.cos(self.w * gl.time) + self.B * gl.cos(2 * gl.pi * self.f * gl.time)
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), force - 2 * ZETA * self.v - self.k * self.x),
+            gl.Eq(self.y, 2 * self.x),
+            gl.Eq(self.clock, gl.sin(gl.time)),
+            gl.Eq(gl.der(self.p), self.v**2),
+        ]
+
+
+@cache
+def system() -> gl.System:
+    return gl.compile(Forced1())
+
+
+def forced(
+    frequency: str | None = None, harmonics: int = 2, turning: Any = None, parameters: Any = None, **inputs: Any
+) -> Forced:
+    return Forced(system().translation, frequency, parameters or {}, inputs, harmonics, turning or {})
+
+
+def response(omega: float) -> complex:
+    return complex(1 / (1 - omega**2 + 2j * ZETA * omega))
+
+
+def test_a_frequency_is_set_in_the_unit_of_its_parameter() -> None:
+    assert forced(parameters={"A": 2.0}).values(0.7) == {"A": 2.0}
+    assert forced("w", parameters={"A": 2.0}).values(0.7) == {"A": 2.0, "w": 0.7}
+    assert forced("f").values(0.7) == {"f": pytest.approx(0.7 / (2 * np.pi))}
+
+    class Box(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.inside = Forced1()
+            return []
+
+    for name, value in (("inside.w", 0.7), ("inside.f", 0.7 / (2 * np.pi))):
+        task = Forced(gl.compile(Box()).translation, name, {}, {}, 2, {})
+        assert task.values(0.7) == {name: pytest.approx(value)}
+
+
+def test_integrals_on_which_nothing_depends_do_not_repeat() -> None:
+    assert forced().repeating() == ("x", "v")
+    assert forced(turning={"v": 1.0}).repeating() == ("x",)
+
+    class Chain(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.shaft = gp.Inertia(J=1.0), gp.Inertia(J=1.0), gp.SpringDamper(c=1.0, d=0.1)
+            return [gl.connect(self.a.flange_b, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.b.flange_a)]
+
+    chain = gl.compile(Chain(), outputs=["a.w", "b.w", "shaft.phi_rel", "a.phi"])
+    assert set(Forced(chain.translation, None, {}, {}, 2, {}).repeating()) == {"a.w", "b.w", "shaft.phi_rel"}
+
+
+@pytest.mark.parametrize(
+    ("turning", "expected"), [({}, [0.0, 0.0]), ({"x": 2.0}, [2.0, 0.0]), ({"v": -1, "x": 0.5}, [0.5, -1.0])]
+)
+def test_growth_is_given_by_state(turning: Any, expected: list[float]) -> None:
+    task = forced(turning=turning)
+    scene = task.scene(["x"])
+    found = dict(zip(scene.state_names, task.growth(scene).tolist(), strict=True))
+    assert [found["x"], found["v"]] == expected
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: forced().scene([]), r"^outputs is \[\]; expected a list of names, such as \['mesh\.q'\]$"),
+        (lambda: forced().scene(["clock"]), "^clock depend on no states, so there is nothing to balance$"),
+        (lambda: forced(turning={"q": 1.0}).growth(forced().scene(["x"])), r"^the system has no state 'q'; "),
+        (lambda: forced(turning={"x": "once"}).growth(forced().scene(["x"])), r"^turning\['x'\] is 'once'; expected the periods of 2 pi"),
+        (lambda: forced(turning={"x": 0}).growth(forced().scene(["x"])), r"^turning\['x'\] is 0; expected"),
+        (lambda: forced(H=1.0).driven(forced().scene(["x"])), "'H'"),
+    ],
+)  # fmt: skip
+def test_what_is_no_forcing_is_refused_by_name(call: Any, said: str) -> None:
+    with pytest.raises(GearlibError, match=said):
+        call()
+
+
+def test_inputs_are_numbers_or_functions_of_phase_and_frequency() -> None:
+    task = forced(F=lambda phase, w: phase + 10 * w, G=4.0)
+    at = task.driven(task.scene(["x"]))
+    phase = np.array([0.0, 1.0, 2 * np.pi + 1.0, -0.5])
+    found = at(0.7).inputs(phase, 0.7)
+    assert found == pytest.approx(np.array([[7.0, 8.0, 8.0, 2 * np.pi - 0.5 + 7.0], [4.0] * 4]))
+    assert at(0.7).omega == 0.7
+    swept = forced("w").driven(forced().scene(["x"]))
+    assert swept(0.7) is swept(0.7)
+    assert swept(0.7).omega == 0.7
+
+
+def first(task: Forced, omega: float, **how: Any) -> Any:
+    scene = task.scene(["x"])
+    found = task.first(scene, omega, 16, how.get("guess"), how.get("known"))
+    return found, dict(zip(scene.state_names, found.balance.coefficients(found.z).T, strict=True)), scene
+
+
+@pytest.mark.parametrize(("frequency", "omega"), [(None, 0.7), ("w", 0.4), ("f", 0.6)])
+def test_the_first_motion_of_a_linear_train_is_its_response(frequency: str | None, omega: float) -> None:
+    """Forced by an input or by a function of time; each state is scaled by its vibration."""
+    amplitude = 0.5
+    given = {"w": {"A": amplitude}, "f": {"B": amplitude}}.get(frequency or "", {})
+    drive = {} if frequency else {"F": lambda phase, w: 2.0 + amplitude * np.cos(phase)}
+    found, c, scene = first(forced(frequency, parameters=given, **drive), omega)
+    wave = amplitude * response(omega)
+    assert c["x"] == pytest.approx([0.0 if frequency else 2.0, wave.real, -wave.imag, 0.0, 0.0], abs=1e-9)
+    assert c["v"] == pytest.approx([0.0, -omega * wave.imag, -omega * wave.real, 0.0, 0.0], abs=1e-9)
+    spread = {name: np.abs(value[1:]).max() for name, value in c.items()}
+    assert dict(zip(scene.state_names, found.balance.scale.tolist(), strict=True)) == pytest.approx(spread)
+    assert found.balance.varies
+    assert found.balance.harmonics == 2
+    again, same, _ = first(forced(frequency, parameters=given, **drive), omega, known=found.balance.coefficients(found.z)[:3])
+    assert same["x"] == pytest.approx(c["x"], abs=1e-9)
+    assert again.z == pytest.approx(found.z, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("task", "said"),
+    [
+        (lambda: forced(), "^nothing varies over the period: bind an input to a function of the phase, give frequency"),
+        (lambda: forced(F=lambda phase, w: 0.0 * phase + 3.0), "^nothing varies over the period"),
+        (lambda: forced(parameters={"A": 1.0}), r"^der\(v\) does not repeat after 2 pi / 0\.7 rad/s; name the parameter that is"),
+        (lambda: forced("w", parameters={"A": 1.0, "B": 1.0}),
+         r"^der\(v\) does not repeat after 2 pi / 0\.7 rad/s; w was set to that frequency, and something varies with time otherwise"),
+        (lambda: forced(F=lambda phase, w: np.inf), "the input F returned"),
+        (lambda: forced(F=lambda phase, w: np.cos(phase), G=1e309), "G"),
+    ],
+)  # fmt: skip
+def test_a_forcing_varies_and_repeats(task: Any, said: str) -> None:
+    with pytest.raises(GearlibError, match=said):
+        first(task(), 0.7)
+
+
+class Bent(gl.Component):
+    """A force that is infinite at the start, or that vanishes; a mode that is kept."""
+
+    F = gl.Input("1")
+    kind = gl.Structural("pole")
+    x = gl.Variable("1")
+    kept = gl.Discrete(start=1.0)
+
+    def equations(self) -> list[Any]:
+        rate = {"pole": self.F / self.x, "idle": -self.x * (1 + self.F), "kept": self.F - self.x * self.kept}[self.kind]
+        mode = gl.Piecewise((1 - gl.pre(self.kept), self.x > 5), (gl.pre(self.kept), True)) if self.kind == "kept" else 1.0
+        return [gl.Eq(gl.der(self.x), rate), gl.Eq(self.kept, mode)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("pole", r"^der\(x\) is not finite at the start values; give a guess of the means$"),
+        ("idle", "^nothing varies over the period"),
+        ("kept", r"^the system has a memory \(kept\), which harmonic balance cannot take; simulate it$"),
+    ],
+)
+def test_motions_that_cannot_begin_are_refused(kind: str, said: str) -> None:
+    task = Forced(gl.compile(Bent(kind=kind)).translation, None, {}, {"F": lambda phase, w: np.cos(phase)}, 2, {})
+    with pytest.raises(GearlibError, match=said):
+        task.first(task.scene(["x"]), 0.7, 16, None, None)
