@@ -11,6 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError, ConnectionError, DeclarationError
+from gearlib.language.expressions import real_symbol
 from gearlib.language.outline import outline
 
 B = gp.blocks
@@ -86,6 +87,11 @@ def test_a_sensor_is_a_source_and_the_diagram_shows_signals() -> None:
         (lambda m: [c(m.k, m.a.u)], ConnectionError, r"is given the parameter k; a parameter is not a signal"),
         (lambda m: [c(gl.time, m.a.u)], ConnectionError, r"is given time; bind the input"),
         (lambda m: [c(gl.der(m.load.w), m.a.u)], ConnectionError, r"is given der\(load\.w\); bind the input"),
+        (
+            lambda m: [c(real_symbol("a.foo"), m.b.u)],
+            ConnectionError,
+            r"^Model: connect\(\) is given a\.foo, which is not a signal here; .*u, y$",
+        ),
         (lambda m: [c(m.ramp.y)], ConnectionError, r"needs two signals, got only ramp\.y"),
         (lambda m: [c(m.a.u, m.a.u)], ConnectionError, r"a\.u is connected to itself"),
         (
@@ -101,6 +107,18 @@ def test_a_sensor_is_a_source_and_the_diagram_shows_signals() -> None:
 def test_signals_that_are_refused(join: Any, kind: type[Exception], message: str) -> None:
     with pytest.raises(kind, match=message):
         gl.compile(model(join))
+
+
+def test_what_nothing_gives_a_value_is_named() -> None:
+    class Outputs(gl.Component):
+        y, z = gl.Variable("1"), gl.Variable("1")
+
+        def assemble(self) -> list[gl.Connection]:
+            self.gain = B.Gain(k=1.0)
+            return [c(self.y, self.z)]
+
+    with pytest.raises(ConnectionError, match=r"^Outputs: nothing gives y a value; connect it to a variable of a part$"):
+        gl.compile(Outputs())
 
 
 def test_an_input_is_not_bound_and_connected() -> None:

@@ -164,3 +164,59 @@ def test_a_choice_that_the_default_of_a_parameter_asks_for_counts_where_the_para
         gl.compile(Sized(bodies=3))
     with pytest.raises(BindingError, match=r"Sized: bodies=3 has no effect"):
         gl.compile(Sized(heavy=True, bodies=3, m=2.0))
+
+
+class Broken(gl.Component):
+    """Reads a number in a kind whose equations are wrong."""
+
+    kind = gl.Structural("sound", choices=("sound", "wrong"))
+    bodies = gl.Structural(1)
+    x = gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), 1.0)] if self.kind == "sound" else [gl.Eq(self.missing, self.bodies)]
+
+
+class Made(gl.Component):
+    """Needs more than its parameters to be made, so that no other choice can be tried."""
+
+    heavy = gl.Structural(False)
+    m = gl.Parameter("kg", default=1.0)
+    x = gl.Variable("1")
+
+    def __init__(self, size: int, **values: Any) -> None:
+        super().__init__(**values)
+        self.size = size
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.m if self.heavy else self.size)]
+
+
+def test_advice_is_what_other_choices_show() -> None:
+    """Where they fail, what was read before that counts; where none can be tried, there is none."""
+    with pytest.raises(BindingError) as refused:
+        gl.compile(Broken(bodies=2))
+    assert str(refused.value) == "Broken: bodies=2 has no effect with kind='sound'; leave it out"
+    with pytest.raises(BindingError) as refused:
+        gl.compile(Made(3, m=2.0))
+    assert str(refused.value) == "Made: m=2.0 has no effect with heavy=False; leave it out"
+
+
+@pytest.mark.parametrize("length", [58, 59])
+def test_long_values_are_cut(length: int) -> None:
+    """A text of up to 60 letters, with its quotes, is shown whole."""
+    value = "x" * length
+    with pytest.raises(BindingError) as refused:
+        gl.compile(
+            type(
+                "Named",
+                (Own,),
+                {
+                    "note": gl.Structural(
+                        "",
+                    )
+                },
+            )(note=value)
+        )
+    shown = repr(value) if length == 58 else f"{repr(value)[:55]} ..."
+    assert f"note={shown} has no effect" in str(refused.value)

@@ -9,9 +9,9 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import ModelError, NameLookupError
+from gearlib.errors import LoopError, ModelError, NameLookupError
 from gearlib.flatten.flatten import flatten
-from gearlib.reduce.reduction import analyse, choose_again, decisive_nodes, discrete_nodes, integrals
+from gearlib.reduce.reduction import analyse, choose_again, confirm, decisive_nodes, discrete_nodes, integrals
 from gearlib.run.translation import Translation
 
 
@@ -102,6 +102,33 @@ def test_positions_are_what_plain_rates_belong_to() -> None:
 
     model = flatten(Rates())
     assert integrals(model) == {int(model.representative[model.variable(n)]) for n in "xy"}
+
+
+def test_what_followed_from_others_has_to_go_on_doing_so() -> None:
+    """Two planetary sets on the same three shafts: with other ratios they turn as a block only."""
+
+    class Twice(gl.Component):
+        k = gl.Parameter("1", default=2.0)
+
+        def assemble(self) -> list[Any]:
+            self.one, self.two = gp.IdealPlanetary(ratio=2.0), gp.IdealPlanetary(ratio=self.k)
+            self.body = [gp.Inertia(J=1.0) for _ in range(3)]
+            shafts = ("sun", "ring", "carrier")
+            return [
+                gl.connect(b.flange_a, getattr(self.one, s), getattr(self.two, s))
+                for b, s in zip(self.body, shafts, strict=True)
+            ]
+
+    model = flatten(Twice())
+    table = model.parameters
+    structure = analyse(model, table.defaults)
+    assert len(structure.redundant) == 1
+    confirm(structure, table.defaults)
+    said = f"^the model was compiled with equations of {structure.redundant[0]} that followed from the others, and with these parameters"
+    with pytest.raises(LoopError, match=said):
+        confirm(structure, table.evaluate({table.index["k"]: 3.0}))
+    alone = flatten(gp.Inertia(J=1.0))
+    confirm(analyse(alone, alone.parameters.defaults), alone.parameters.defaults)
 
 
 def test_names_of_nodes_and_what_cannot_be_computed() -> None:

@@ -145,3 +145,36 @@ def test_the_number_of_modes_can_be_chosen(system: gl.System, count: int) -> Non
     found = gl.modes(system, count, parameters={"brake.d": 0.0})
     assert len(found) == 1 + min(count, 2)
     assert found.free == 1
+
+
+class Pushing(gl.Component):
+    """A spring that pushes away."""
+
+    flange_a, flange_b = gp.Flange("one side"), gp.Flange("other side")
+    k = gl.Parameter("N.m/rad", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        push = self.k * (self.flange_a.phi - self.flange_b.phi)
+        return [gl.Eq(self.flange_b.tau, push), gl.Eq(self.flange_a.tau, -push)]
+
+
+def test_a_mode_with_a_negative_energy_has_no_shares() -> None:
+    """The free motion has; together with 3 N.m/rad there are 2 left."""
+
+    class Weakened(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.spring, self.push = gp.Inertia(J=1.0), gp.Inertia(J=3.0), gp.Spring(c=3.0), Pushing()
+            return [
+                gl.connect(self.a.flange_b, self.spring.flange_a, self.push.flange_a),
+                gl.connect(self.spring.flange_b, self.b.flange_a, self.push.flange_b),
+            ]
+
+    found = gl.modes(gl.compile(Weakened()))
+    assert found.omega == pytest.approx([0.0, np.sqrt(2.0 * 4 / 3)])
+    assert found.not_given == {1: "the potential energy of push is negative: its stiffness pushes away"}
+    assert found.kinetic[0, :2] == pytest.approx([25.0, 75.0])
+    assert np.isnan(found.kinetic[1]).all()
+    assert np.isnan(found.potential[1]).all()
+    stiff = gl.modes(gl.compile(Weakened()), parameters={"push.k": -1.0})  # another spring beside
+    assert stiff.not_given == {}
+    assert stiff.potential[1, 2:] == pytest.approx([75.0, 25.0])
