@@ -69,8 +69,8 @@ def examine(
             continue
         pending.remove(r)
         if not row:
-            most = max(map(abs, combos[r].values()))
-            involved = tuple(i for i in sorted(combos[r]) if abs(combos[r][i]) > TOLERANCE * most)
+            terms = {i: abs(c) * sizes[i] for i, c in combos[r].items()}
+            involved = tuple(i for i in sorted(terms) if terms[i] > TOLERANCE * max(terms.values()))
             found = Combination(involved, tuple(combos[r][i] for i in involved), constant=rhs[r], last=r)
             vanishes = abs(rhs[r]) <= TOLERANCE * max(1.0, *(abs(constants[i]) for i in combos[r]))
             (redundant if vanishes else contradictory).append(found)

@@ -60,17 +60,17 @@ def eliminate(
     ([(1, 0.5)], {9: 3.0}, [0])
     """
     source = rows[pivot]
-    divisor, size = source[column], 0.0 if sizes is None else sizes[pivot]
+    divisor = source[column]
     rest = [(c, v) for c, v in source.items() if c != column]
     for other in sorted(holders[column].intersection(among)):  # type: ignore[type-var]
         row = rows[other]
         factor = row.pop(column) / divisor
         holders[column].discard(other)
-        least = 0.0 if sizes is None else rounding * max(sizes[other], abs(factor) * size)
+        least = None if sizes is None else rounding * max(sizes[other], abs(factor) * sizes[pivot])
         for c, v in rest:
             old, term = row.get(c, 0.0), factor * v
             value = old - term
-            if abs(value) <= (least if sizes is not None else rounding * max(abs(old), abs(term))):
+            if abs(value) <= (rounding * max(abs(old), abs(term)) if least is None else least):
                 if row.pop(c, None) is not None:
                     holders[c].discard(other)
             else:

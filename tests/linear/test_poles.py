@@ -122,6 +122,19 @@ def test_verdicts_follow_from_the_blocks(blocks: list[Any], verdict: str, chains
     assert ratio[moving] == pytest.approx(-found.values[moving].real / sizes[moving], abs=1e-12)
 
 
+@pytest.mark.parametrize("factor", [1e-9, 1e-3, 1e7])
+@pytest.mark.parametrize(("blocks", "verdict", "chains", "axis"), CASES)
+def test_a_faster_clock_makes_all_poles_slower(
+    blocks: list[Any], verdict: str, chains: tuple[int, ...], axis: list[float], factor: float
+) -> None:
+    found, slow = poles(similar(blocks)), poles(factor * similar(blocks))
+    assert (slow.verdict, slow.chains) == (verdict, chains)
+    assert np.sort_complex(np.round(slow.values / factor, 4)) == pytest.approx(
+        np.sort_complex(np.round(found.values, 4)), abs=3e-4
+    )
+    assert slow.on_axis == pytest.approx(factor * np.array(axis), abs=1e-6 * factor)
+
+
 @pytest.mark.parametrize("w", [0.02, 0.7, 40.0])
 def test_chains_on_the_axis_are_found_at_any_frequency(w: float) -> None:
     """Twice the same swing, coupled or not; and two coupled pairs of different frequencies."""

@@ -78,6 +78,41 @@ def test_the_springs_may_be_nonlinear() -> None:
         assert [result["a.w"][-1], result["b.w"][-1]] == pytest.approx(two_bodies(torque), rel=1e-6)
 
 
+class Stiffening(Compliant):
+    """A spring that is twice as stiff beyond -0.1 rad; half as stiff after 1 s."""
+
+    c = gl.Parameter("N.m/rad", "stiffness")
+    soft = gl.Discrete("factor", start=1.0)
+
+    def equations(self) -> list[Any]:
+        beyond = gl.Piecewise((self.phi_rel + 0.1, self.phi_rel < -0.1), (0, True))
+        return [
+            gl.Eq(self.tau, self.c * self.soft * (self.phi_rel + beyond)),
+            gl.Eq(self.soft, gl.Piecewise((0.5, gl.time > 1.0), (1, True))),
+        ]
+
+
+def test_the_sum_may_hold_relations_and_discrete_variables() -> None:
+    """The two springs in series: 22 N.m/rad, 44 beyond 0.1 rad, half of that after a second; and 10 N.m/rad."""
+
+    def torque(q: float, factor: float) -> float:
+        first, second = 22 * factor, 44 * factor
+        p = 10 * q / (first + 10)
+        return 10 * (q - (p if p <= 0.1 else (10 * q + 0.1 * first) / (second + 10)))
+
+    def rates(t: float, x: Any, factor: float) -> Any:
+        between = torque(x[0] - x[2], factor)
+        return [x[1], (3.0 - between) / 2.0, x[3], between]
+
+    state = [0.0, 1.0, 0.0, 0.0]
+    for span, factor in (((0.0, 1.0), 1.0), ((1.0, 2.0), 0.5)):
+        found = solve_ivp(rates, span, state, args=(factor,), method="DOP853", rtol=1e-10, atol=1e-12, max_step=0.01)
+        state = found.y[:, -1].tolist()
+    system = gl.compile(Block(spring=Stiffening))
+    result = system.simulate(2.0, samples=3, rtol=1e-9, method="ida")
+    assert [result["a.w"][-1], result["b.w"][-1]] == pytest.approx([state[1], state[3]], rel=1e-6)
+
+
 def test_linear_analyses_know_the_constraint() -> None:
     system = gl.compile(Block(), ["a.w"])
     found = gl.modes(system)

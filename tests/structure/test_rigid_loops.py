@@ -203,3 +203,22 @@ def test_a_loop_of_planetary_sets_that_locks_is_named() -> None:
         LoopError, match=r"the rigid loop through (one|other|gear), (one|other|gear), (one|other|gear) cannot turn"
     ):
         gl.compile(Locked())
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_loops_are_found_whatever_the_sizes_of_rows_and_coefficients(seed: int) -> None:
+    """As many redundant rows as the rank says, which are combinations of those that they name."""
+    rng = np.random.default_rng(seed)
+    n, rank = 8, int(rng.integers(2, 6))
+    base = rng.normal(size=(rank, n)) * 10.0 ** rng.uniform(-3, 0, (rank, n))
+    mixed = np.vstack([base, rng.integers(-3, 4, (4, rank)) @ base])
+    mixed = mixed[np.abs(mixed).max(axis=1) > 0][rng.permutation((np.abs(mixed).max(axis=1) > 0).sum())]
+    mixed *= 10.0 ** rng.uniform(-7, 7, (len(mixed), 1))
+    rows = [dict(enumerate(row.tolist())) for row in mixed]
+    redundant, contradictory = examine(rows, [0.0] * len(rows), frozenset())
+    assert len(redundant) == len(rows) - np.linalg.matrix_rank(mixed / np.abs(mixed).max(axis=1, keepdims=True))
+    assert contradictory == []
+    for found in redundant:
+        terms = np.array(found.multipliers)[:, None] * mixed[list(found.rows)]
+        assert np.abs(terms.sum(axis=0)).max() < 1e-8 * np.abs(terms).max()
+        assert found.last in found.rows
