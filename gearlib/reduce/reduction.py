@@ -149,7 +149,7 @@ def choose_again(structure: Structure, parameters: Floats, t: float, known: Floa
     for badness in (by_declaration, {}):
         eliminated, failed = select_columns(lower, badness, varying, ranks=model.ranks)
         if failed:
-            continue
+            return None
         other = replace(structure, states=_states(result, eliminated), solved_by=matched(result, lower, eliminated))
         other = _without_jumps(other, lower, badness, parameters)
         if other.is_state >= {(v, 0) for v in _reinitialised(model)} and other.is_state != structure.is_state:
@@ -180,9 +180,7 @@ def _without_jumps(
     found, last = structure, dict.fromkeys(((v, 0) for v in _reinitialised(model)), (-1.0,))
     while new := dict.fromkeys(unfit(found, steep) - last.keys(), (LAST,)):
         last |= new
-        eliminated, failed = select_columns(lower, {**badness, **last}, _varying(model, result), ranks=model.ranks)
-        if failed:
-            return structure
+        eliminated, _ = select_columns(lower, {**badness, **last}, _varying(model, result), ranks=model.ranks)
         found = replace(found, states=_states(result, eliminated), solved_by=matched(result, lower, eliminated))
     return min(structure, found, key=lambda s: len(unfit(s, steep)))
 

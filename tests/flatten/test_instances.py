@@ -12,6 +12,7 @@ import gearparts as gp
 from gearlib.errors import BindingError, BoundError, ModelError
 from gearlib.flatten.flatten import flatten
 from gearlib.flatten.model import FlatModel
+from gearlib.language.expressions import real_symbol
 
 
 def starts(model: FlatModel) -> dict[str, tuple[float, bool]]:
@@ -198,3 +199,14 @@ def test_ports_that_are_loose_and_ports_with_something_inside() -> None:
 
     assert named(model.inner_ports) == {"case.flange"}
     assert named(model.loose_ports) == {"case.spare", "case.body.flange_b", "other.flange_b"}
+
+
+@pytest.mark.parametrize("name", ["body.nothing", "ghost.w", "body"])
+def test_an_input_is_bound_to_variables_that_exist(name: str) -> None:
+    class Driven(gl.Component):
+        def assemble(self) -> Any:
+            self.body, self.torque = gp.Inertia(J=1.0), gp.Torque(tau=real_symbol(name))
+            return [gl.connect(self.torque.flange, self.body.flange_a)]
+
+    with pytest.raises(BindingError, match=rf"^torque\.tau: '{name}' is not a variable here$"):
+        flatten(Driven())

@@ -57,6 +57,11 @@ def test_the_larger_pivot_decides_which_coordinate_is_a_state(pendulum: Translat
     assert coordinate((structure if again is None else again).states) == state
 
 
+def test_where_no_choice_of_states_exists_there_is_no_other(pendulum: Translation) -> None:
+    structure, model = pendulum.scene.structure, pendulum.scene.model
+    assert choose_again(structure, pendulum.parameter_values({}), 0.0, np.zeros((3, model.n_variables))) is None
+
+
 class Modes(gl.Component):
     """Discrete variables that depend on each other, and equations that hold them or compare."""
 
