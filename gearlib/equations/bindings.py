@@ -119,7 +119,7 @@ def bind_input(
             return sympy.Pow(lift(e.base), e.exp)
         if e.is_Piecewise:
             return sympy.Piecewise(*((lift(value), condition) for value, condition in e.args))
-        if not e.args or isinstance(e, sympy.logic.boolalg.Boolean):
+        if not e.args:
             return e
         return e.func(*(lift(a) for a in e.args))
 

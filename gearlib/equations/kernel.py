@@ -109,8 +109,8 @@ def array_function(symbols: Sequence[Any], *expressions: Any) -> Callable[..., A
     places = {symbol: sympy.Symbol(f"a{i}", real=True) for i, symbol in enumerate(symbols)}
     printer = NumPyPrinter({"fully_qualified_modules": False})
     texts = [printer.doprint(_without_cases(expression.xreplace(places))) for expression in expressions]
-    value = texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
-    function: Callable[..., Any] = eval(f"lambda {', '.join(s.name for s in places.values())}: {value}", dict(_NAMES))
+    arguments = ", ".join(s.name for s in places.values())
+    function: Callable[..., Any] = eval(f"lambda {arguments}: ({', '.join(texts)})", dict(_NAMES))
     return function
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gearlib as gl
@@ -71,6 +72,55 @@ def test_records_are_shared_within_a_compilation_and_between() -> None:
     assert len(met) == 1
     assert class_record(gp.Inertia(J=2.0), {}) is one
     assert class_record(gp.IdealGear(ratio=2.0, use_support=True)) is not class_record(gp.IdealGear(ratio=2.0))
+
+
+class Scaled(gl.Component):
+    """Its equation holds a number that is neither a parameter nor a structural choice."""
+
+    x, y = gl.Variable("1"), gl.Variable("1")
+
+    def __init__(self, gain: Any) -> None:
+        super().__init__()
+        self.gain = gain
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(self.y, float(np.sum(self.gain)) * self.x)]
+
+
+def test_attributes_of_an_instance_tell_its_equations() -> None:
+    """Within one compilation, too; those that cannot be compared are analysed one by one."""
+    met: dict[Any, Any] = {}
+    gains: list[Any] = [2.0, 3.0, 2.0, np.array([1.0, 4.0]), [1.0, 5.0], True]
+    found = [class_record(Scaled(gain), met).templates[0].label for gain in gains]
+    assert found == [f"Scaled: y = {gain}*x" for gain in ("2.0", "3.0", "2.0", "5.0", "6.0", "1.0")]
+    assert class_record(Scaled(2.0), met) is class_record(Scaled(2.0), met)
+
+
+def test_equations_are_analysed_again_for_other_parts() -> None:
+    """What a name stands for follows from the part: a variable of one class may be a parameter of another."""
+    varying = type("Varying", (gl.Component,), {"x": gl.Variable("1")})
+    given = type("Given", (gl.Component,), {"x": gl.Parameter("1", default=2.0)})
+    parts = [varying]
+
+    class Whole(gl.Component):
+        y = gl.Variable("1")
+
+        def assemble(self) -> list[Any]:
+            self.part = parts[-1]()
+            return []
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(self.y, self.part.x)]
+
+    def names() -> tuple[tuple[str, ...], tuple[str, ...]]:
+        whole = Whole()
+        connections_of(whole)
+        (template,) = class_record(whole).templates
+        return template.locals, template.parameters
+
+    assert names() == (("part.x", "y"), ())
+    parts.append(given)
+    assert names() == (("y",), ("part.x",))
 
 
 @pytest.mark.parametrize(

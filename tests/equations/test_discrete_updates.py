@@ -49,6 +49,7 @@ def test_what_becomes_true_at_the_start_is_false_before() -> None:
         ([gl.When(x > 1, gl.Eq(x, 1))], r"in When: expected gl\.Eq\(discrete variable, \.\.\.\) or gl\.reinit"),
         ([gl.When(p > 1, gl.Eq(n, 1))], r"the condition holds parameters only, and never becomes true"),
         ([gl.When(gl.initial(), gl.reinit(x, 1))], r"reinit in a When of gl\.initial\(\)"),
+        ([gl.When(gl.sample(x, m), gl.Eq(n, 1))], r"gl\.sample\(x, m\) depends on m; its instants"),
         ([gl.When(gl.sample(x), gl.Eq(n, 1))], r"depends on x; its instants are given by numbers and parameters"),
     ],
 )  # fmt: skip

@@ -114,6 +114,18 @@ def test_residual_without_columns() -> None:
     assert residual_kernel(make(p * x + y), frozenset(range(2))).is_zero
 
 
+def test_a_kernel_takes_what_stands_in_it() -> None:
+    """A variable that stands in a relation only comes after those of the equation."""
+    template = make(gl.Piecewise((p * y, x > q * gl.time), (y, x > z), (z, True)))
+    names = [name for name, _ in (*template.columns, *template.relation_columns)]
+    assert names == ["y", "z", "x", "z"]
+    assert (template.parameters, len(template.relations)) == (("p", "q"), 2)
+    value, (one, other) = residual_kernel(template), (relation_kernel(template, k) for k in (0, 1))
+    assert (value.columns, value.parameters, value.relations) == ((0, 1), (0,), (0, 1))
+    assert {(k.columns, k.parameters, k.relations) for k in (one, other)} == {((2,), (1,), ()), ((1, 2), (), ())}
+    assert not value.on_time
+
+
 def test_relation_and_derivatives_are_made_once() -> None:
     template = make(gl.Piecewise((x, x > q), (0, True)))
     assert relation_kernel(template, 0) is relation_kernel(template, 0)
@@ -181,6 +193,7 @@ def test_conditions_that_are_cases_are_printed_as_they_are(monkeypatch: pytest.M
         (1 / p, []), (x * y + gl.sin(x), []), (1 / (gl.time - p), [gl.time - p]), (gl.sqrt(x), []),
         (1 / gl.sqrt(x), [x / gl.sqrt(abs(x))]),
         (x**p, [gl.Piecewise((x * abs(x) ** (-1 - p), p < 0), (0, True))]), (gl.exp(1 / x) + 1 / (x * y), [x, y]),
+        (gl.Piecewise((1 / (x - z), y > 0), (2 / (z - x), True)), [x - z]),
     ],
 )  # fmt: skip
 def test_divisors_change_sign_where_the_kernel_has_a_pole(expression: Any, divisors: list[Any]) -> None:

@@ -138,6 +138,7 @@ EXPRESSIONS = [
     x + sympy.Mul(-1, y + z, evaluate=False), 5 - x, 0.1 + x,
 ]  # fmt: skip
 TEXTS = [
+    (sympy.pi, "3.141592653589793"), (sympy.E, "2.718281828459045"), (sympy.Integer(-3), "-3"), (sympy.Rational(-3, 2), "-3/2"),
     (x + sympy.Rational(1, 2), "x + 1/2"), (x - sympy.Rational(1, 2), "x - 1/2"), (x * sympy.Rational(1, 2), "x/2"),
     (sympy.Rational(1, 2) ** x, "(1/2)^x"), (sympy.Float(0.5) ** x, "0.5^x"), (sympy.Float(-0.5) ** x, "(-0.5)^x"),
     (sympy.Integer(0) ** x, "0^x"), (sympy.Float(0.0) ** x, "0.0^x"), (sympy.Integer(2) ** x, "2^x"), (sympy.Integer(-1) ** x, "(-1)^x"),

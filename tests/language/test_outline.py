@@ -94,6 +94,8 @@ def test_levels_are_opened_down_to_a_depth() -> None:
     assert names >= {"flange", "body.flange_b"}, "a port of a part's part that is connected from outside"
     inside = [pins(n) for n in part(two, "stage").nets if n.domain == "rotation"]
     assert {"body.flange_b", "flange"} <= set().union(*inside)
+    own, out = Pin("body", "flange_b"), Pin(OWN, "body.flange_b")
+    assert [set(net.pins) for net in part(two, "stage").nets if out in net.pins] == [{own, out, Pin(OWN, "flange")}]
     assert [p.name for p in outline(Plant(), 1).parts] == ["stage", "load", "mass", "sensor"]
     assert {t.name: t.domain for t in part(one, "mass").ports} == {"flange_r": "rotation", "flange_t": "translation"}
 

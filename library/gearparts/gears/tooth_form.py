@@ -107,17 +107,19 @@ class ToothForm:
         if self.ring:
             radii = _squared(self.tip_radius, self.root_radius, self.base_radius)
             return radii, np.array([self.half_angle(r) for r in radii])
-        fillet_radii, fillet_angles = self._fillet()
-        radii = _squared(max(self.base_radius, self.root_radius), self.tip_radius, self.base_radius)
-        angles = np.array([self.half_angle(r) for r in radii])
-        # where the rack's corner cuts deeper than the flank (undercut), or leaves off above the base circle, the narrower one counts
-        cut = np.interp(radii, fillet_radii, fillet_angles, right=np.inf)
-        outer = angles <= cut
-        start = radii[outer][0] if outer.any() else self.tip_radius
-        below = fillet_radii < start
-        return np.concatenate([fillet_radii[below], radii[outer]]), np.concatenate([fillet_angles[below], angles[outer]])
+        fillet_radii, fillet_angles = self._fillet(POINTS)
+        start, sin = float(fillet_radii[-1]), math.sin(self.alpha)
+        # from the tangent point of the line of action to where the rack's straight flank ends; before that point the corner cuts under
+        along = self.pitch_radius * sin - (self.h_fP - self.x - self.rho * (1 - sin)) * self.m / sin
+        if along < 0:
+            close = zip(*(ends.tolist() for ends in self._fillet(50 * POINTS)), strict=True)
+            start = next((r for r, half in close if r > self.base_radius and half >= self.half_angle(r)), start)
+        start = min(start, self.tip_radius)
+        radii, below = _squared(start, self.tip_radius, self.base_radius), fillet_radii < start
+        angles = [self.half_angle(r) for r in radii]
+        return np.concatenate([fillet_radii[below], radii]), np.concatenate([fillet_angles[below], angles])
 
-    def _fillet(self) -> tuple[Floats, Floats]:
+    def _fillet(self, points: int) -> tuple[Floats, Floats]:
         """Radii and half angles of what the rack's rounded corner cuts.
 
         The common normal of corner and gear passes the pitch point P. Where it is inclined by ``beta`` to the pitch line, the corner's
@@ -128,7 +130,7 @@ class ToothForm:
         d = (self.h_fP - self.x) * m - rho
         from_datum = self.h_fP * m - rho
         corner = min(math.pi * m / 4 + from_datum * math.tan(self.alpha) + rho / math.cos(self.alpha), math.pi * m / 2)
-        beta = np.linspace(math.pi / 2, self.alpha, POINTS)
+        beta = np.linspace(math.pi / 2, self.alpha, points)
         reach = d / np.sin(beta) + rho
         x, y = -reach * np.cos(beta), r - reach * np.sin(beta)
         moved = -d / np.tan(beta) - corner

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 from contextlib import suppress
@@ -263,6 +264,16 @@ def test_a_drawn_pair_has_the_tips_and_roots_of_its_racks() -> None:
         assert gears.wheels[1].orbit == pair.centre_distance
 
 
+@pytest.mark.parametrize(("h_aP", "h_fP", "rho"), [(1.0, 1.25, 0.38), (0.3, 0.35, 0.315), (0.4, 0.422, 0.3798)])
+def test_teeth_of_a_drawn_pair_have_the_rounded_feet_of_their_rack(h_aP: float, h_fP: float, rho: float) -> None:
+    """0.38 normal modules round, or nine tenths of a smaller dedendum; the rack's lengths across are transverse ones."""
+    pair = gp.GearPair(25, 70, 2e-3, 0.02, beta=0.3, h_aP=h_aP, h_fP=h_fP)
+    across = math.pi / 4 / math.cos(0.3) + (h_fP - rho) * math.tan(pair.alpha_t) + rho / math.cos(pair.alpha_t)
+    for wheel, z in zip(pair.drawn_gears().wheels, (25, 70), strict=True):
+        x, y = wheel.outline[0]
+        assert math.atan2(-y, x) * z / 2 / math.cos(0.3) == pytest.approx(across, rel=1e-12)
+
+
 def test_too_few_samples_are_refused() -> None:
     with pytest.raises(ArgumentError, match="samples is 4"):
         gp.cai_stiffness(DIN, 4)
@@ -302,3 +313,15 @@ def test_positive_profile_shift_moves_teeth_towards_their_tips() -> None:
         for gear, outwards in ((0, 1), (1, sense)):
             assert shifted.tip_radii[gear] - plain.tip_radii[gear] == pytest.approx(outwards * 0.2 * 2e-3)
     assert "ring's towards its axis" in str(gp.GearPair.__doc__)
+
+
+def test_pairs_of_all_sizes_are_alike() -> None:
+    """Lengths grow with the module, ratios and the stiffness per width stay; both hands of a helix are the same."""
+    for pair in some_pairs():
+        larger = dataclasses.replace(pair, m_n=3 * pair.m_n, width=3 * pair.width)
+        for other, size in ((larger, 3.0), (dataclasses.replace(pair, beta=-pair.beta), 1.0)):
+            for name in ("contact_ratio", "alpha_wt", "loss_factor", "overlap_ratio", "single_stiffness", "approach", "recess"):
+                assert getattr(other, name) == pytest.approx(getattr(pair, name), rel=1e-12), name
+            for name in ("centre_distance", "base_pitch", "base_radii", "tip_radii"):
+                assert np.divide(getattr(other, name), getattr(pair, name)) == pytest.approx(size, rel=1e-12), name
+            assert gp.cai_pair_stiffness(other, 0.3) == pytest.approx(size * gp.cai_pair_stiffness(pair, 0.3), rel=1e-12)

@@ -22,7 +22,7 @@ def test_flanks_are_involutes_of_the_base_circle(form, ring):
     unrolled = np.sqrt((radii / form.base_radius) ** 2 - 1)  # length of the thread over the base radius
     if not ring:  # below the flank there is the fillet
         flank = half <= [form.half_angle(r) + 1e-15 for r in radii]
-        flank &= radii > form._fillet()[0].max() + 1e-12
+        flank &= radii > form._fillet(9)[0].max() + 1e-12
         half, unrolled = half[flank], unrolled[flank]
     assert len(half) > 5
     assert half + unrolled - np.arctan(unrolled) == pytest.approx(half[0] + unrolled[0] - np.arctan(unrolled[0]), abs=1e-14)
@@ -40,7 +40,7 @@ def test_thickness_at_the_reference_circle(x, ring):
 @pytest.mark.parametrize(("z", "x"), [(20, 0.0), (30, 0.3), (60, -0.4)])
 def test_the_fillet_ends_on_the_flank_where_nothing_is_cut_under(z, x):
     form = ToothForm(z, 1.0, x=x)
-    radii, angles = form._fillet()
+    radii, angles = form._fillet(9)
     assert radii[0] == pytest.approx(form.root_radius, rel=1e-14)
     assert angles[-1] == pytest.approx(form.half_angle(radii[-1]), abs=1e-14)
     # where a rack's straight flank ends, on the line of action: (h_fP - rho (1 - sin(alpha)) - x) m below the pitch point
@@ -49,13 +49,39 @@ def test_the_fillet_ends_on_the_flank_where_nothing_is_cut_under(z, x):
     assert radii[-1] == pytest.approx(math.hypot(form.base_radius, along), rel=1e-14)
 
 
+def cut_by_rack(form, radius, angle):
+    """Whether a rack that rolls on the pitch circle takes away a point, at an angle from the middle of a tooth."""
+    m, tan, deep, rho = form.m, math.tan(form.alpha), form.h_fP * form.m, form.rho * form.m
+    turn = np.linspace(-1.2, 1.2, 20001)
+    x, depth = radius * np.sin(angle + turn), form.pitch_radius + form.x * m - radius * np.cos(angle + turn)
+    straight = math.pi * m / 4 - depth * tan
+    middle = math.pi * m / 4 - (deep - rho) * tan - rho / math.cos(form.alpha)  # of the corner's circle
+    with np.errstate(invalid="ignore"):
+        corner = middle + np.sqrt(rho**2 - (depth - deep + rho) ** 2)
+    half = np.where(depth < deep - rho * (1 - math.sin(form.alpha)), straight, np.where(depth < deep, corner, -np.inf))
+    return bool((np.abs(x - form.pitch_radius * turn - math.pi * m / 2) < half).any())
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{"z": 9}, {"z": 12}, {"z": 17}, {"z": 25}, {"z": 40, "x": 0.4}, {"z": 70, "x": -0.2}, {"z": 30, "h_aP": 0.4, "h_fP": 0.6}],
+)
+def test_teeth_are_what_a_rack_leaves(given):
+    """Flanks, fillets and undercut: a little farther out is cut away, a little farther in is not."""
+    form = ToothForm(m=1.0, **given)
+    radii, half = form.flank()
+    for radius, angle in zip(radii[1:], half[1:], strict=True):  # at the root itself the bottom of the space begins
+        assert not cut_by_rack(form, radius, angle - 2e-3 / radius), radius
+        assert cut_by_rack(form, radius, angle + 2e-3 / radius), radius
+
+
 def test_few_teeth_are_cut_under():
     form = ToothForm(9, 1.0)
     radii, half = form.flank()
     assert (np.diff(radii) > 0).all()
     waist = half * radii
     assert waist.min() < waist[radii > form.base_radius * 1.05].max() - 0.1  # narrower below than further out
-    assert half[0] == pytest.approx(form._fillet()[1][0])
+    assert half[0] == pytest.approx(form._fillet(9)[1][0])
 
 
 def test_pointed_teeth_end_where_their_flanks_meet():
@@ -182,3 +208,19 @@ def test_an_outline_is_a_whole_gear():
     x, y = outline.T
     area = 0.5 * abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
     assert math.pi * form.root_radius**2 < area < math.pi * form.tip_radius**2
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{"z": 20}, {"z": 9}, {"z": 24, "rho": 0.7}, {"z": 12, "x": 0.9},
+     {"z": 40, "x": -0.3, "ring": True}, {"z": 30, "h_aP": 0.8, "h_fP": 1.4}],
+)  # fmt: skip
+def test_teeth_of_all_modules_are_alike(given):
+    """Radii grow with the module, angles stay: undercut, pointed, with wide corners, of a ring."""
+    (radii, half), unit = ToothForm(m=1.0, **given).flank(), ToothForm(m=1.0, **given)
+    for m in (2e-3, 7.0):
+        form = ToothForm(m=m, **given)
+        assert form.flank()[0] / m == pytest.approx(radii, rel=1e-11)
+        assert form.flank()[1] == pytest.approx(half, abs=1e-11)
+        assert np.abs(form.outline() / m - unit.outline()).max() < 1e-10
+        assert [form.tip_radius / m, form.root_radius / m] == pytest.approx([unit.tip_radius, unit.root_radius], rel=1e-11)

@@ -58,7 +58,11 @@ def test_the_sense_and_the_positions() -> None:
     at = [0.0, 2 * math.pi * 33 / 100, 2 * math.pi * 67 / 100]
     uneven = gp.planet_phasing(19, 31, 81, 3, positions=at)
     assert uneven.sun == pytest.approx((0.0, 0.27, 0.73), abs=1e-12)
+
+
+def test_a_phase_between_ring_and_sun_may_be_given() -> None:
     assert gp.planet_phasing(19, 31, 81, 5, ring_to_sun=0.25).ring_to_sun == 0.25
+    assert [gp.planet_phasing(20, Z_p, 80, 5).ring_to_sun for Z_p in (30, 31)] == [0.5, 0.0]
 
 
 @pytest.mark.parametrize("ring_to_sun", [math.nan, math.inf, "0.5"])
