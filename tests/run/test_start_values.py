@@ -10,6 +10,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError, NameLookupError, StartError
+from gearlib.run.start_values import fixed_values
 
 c = gl.connect
 
@@ -245,3 +246,24 @@ def test_free_states_do_not_depend_on_the_order_of_declaration() -> None:
     one, other = ordered(("motor", "load")), ordered(("load", "motor"))
     assert one.states == other.states
     assert start(one, "motor.phi", "load.phi") == start(other, "motor.phi", "load.phi")
+
+
+@pytest.mark.parametrize(("nominal", "agree"), [(1e6, True), (1.0, False)])
+def test_what_counts_as_zero_is_relative_to_the_size_of_a_variable(nominal: float, agree: bool) -> None:
+    """Two bodies on one shaft, fixed at speeds of 0 and 5e-6: the same up to rounding if speeds of a million are usual."""
+
+    class Shaft(gl.Component):
+        def assemble(self) -> list[Any]:
+            sizes = {"w": nominal}
+            self.a = gp.Inertia(J=1.0, start={"w": 0.0}, nominal=sizes)
+            self.b = gp.Inertia(J=1.0, start={"w": 5e-6}, nominal=sizes)
+            return [gl.connect(self.a.flange_b, self.b.flange_a)]
+
+    translation = gl.compile(Shaft()).translation
+    parameters = translation.parameter_values({})
+    if agree:
+        found = fixed_values(translation.model, parameters, {})
+        assert [value for value, _ in found.values()] == [pytest.approx(0.0, abs=1e-5)]
+    else:
+        with pytest.raises(StartError, match=r"start values contradict each other: a.w and b.w are one variable"):
+            fixed_values(translation.model, parameters, {})
