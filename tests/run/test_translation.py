@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,45 +15,50 @@ from gearlib.linear.operating_point import operating_point
 from gearlib.run.translation import asked_scene, output_nodes, translate
 from tests.program.test_derivatives import Bound
 
-BOUND = gl.compile(Bound()).translation
+
+@cache
+def bound() -> Any:
+    return gl.compile(Bound()).translation
 
 
 def test_parameters_follow_from_each_other_unless_given() -> None:
     """a.J = density width size^4, and b.J = 2 a.J + 5 density size^5."""
-    names = BOUND.model.parameters.index
-    found = BOUND.parameter_values({"size": 0.5})
+    names = bound().model.parameters.index
+    found = bound().parameter_values({"size": 0.5})
     J = 7800.0 * 0.05 * 0.5**4
     assert found[names["a.J"]] == pytest.approx(J)
     assert found[names["b.J"]] == pytest.approx(2 * J + 5 * 7800.0 * 0.5**5)
-    found = BOUND.parameter_values({"a.J": 3.0})
+    found = bound().parameter_values({"a.J": 3.0})
     assert found[names["a.J"]] == 3.0
     assert found[names["b.J"]] == pytest.approx(6.0 + 5 * 7800.0 * 0.2**5)
     assert (
-        BOUND.parameter_values(None).tolist() == BOUND.parameter_values({}).tolist() == BOUND.model.parameters.defaults.tolist()
+        bound().parameter_values(None).tolist()
+        == bound().parameter_values({}).tolist()
+        == bound().model.parameters.defaults.tolist()
     )
     for number in (1, np.int64(1), np.float32(1.0), 1.0):
-        assert BOUND.parameter_values({"size": number})[names["size"]] == 1.0
+        assert bound().parameter_values({"size": number})[names["size"]] == 1.0
 
 
 @pytest.mark.parametrize("value", [True, "1", None, [1.0], 1j, np.timedelta64(1, "s")])
 def test_what_is_no_number_is_refused(value: Any) -> None:
     with pytest.raises(ArgumentError, match=r"^parameter size is .*; expected a number$"):
-        BOUND.parameter_values({"size": value})
+        bound().parameter_values({"size": value})
 
 
 def test_derivatives_of_parameters_by_others() -> None:
     """Through two levels of bindings; not of those that were given."""
-    names, numbers = BOUND.model.parameters.names, BOUND.parameter_values({})
+    names, numbers = bound().model.parameters.names, bound().parameter_values({})
     h = 1e-6
     for given in ([], ["a.J"]):
-        fixed = {name: float(numbers[BOUND.model.parameters.index[name]]) for name in given}
+        fixed = {name: float(numbers[bound().model.parameters.index[name]]) for name in given}
         changes = np.zeros((len(names), 2))
-        for p, k, weight in BOUND.parameter_changes(["size", "density"], numbers, given):
+        for p, k, weight in bound().parameter_changes(["size", "density"], numbers, given):
             changes[p, k] += weight
         for k, (name, value) in enumerate((("size", 0.2), ("density", 7800.0))):
-            up, down = (BOUND.parameter_values({**fixed, name: value * (1 + s * h)}) for s in (1, -1))
+            up, down = (bound().parameter_values({**fixed, name: value * (1 + s * h)}) for s in (1, -1))
             assert changes[:, k] == pytest.approx((up - down) / (2 * h * value), rel=1e-6, abs=1e-9)
-    assert changes[BOUND.model.parameters.index["a.J"]].tolist() == [0.0, 0.0]
+    assert changes[bound().model.parameters.index["a.J"]].tolist() == [0.0, 0.0]
 
 
 def by_differences(J: float, size: float = 0.2) -> float:
@@ -81,8 +87,8 @@ def test_parameters_given_to_a_run_stay_given_at_its_moments() -> None:
     first = system.simulate(1.0, times=[0.0, 1.0], parameters={"a.J": 3.0})
     later = system.simulate(2.0, start=first)
     assert (first.request.given, later.request.given) == (("a.J",), ("a.J",))  # type: ignore[attr-defined]
-    own = BOUND.parameter_changes(["size"], first.request.parameters, ["a.J"])  # type: ignore[attr-defined]
-    changed = {BOUND.model.parameters.names[p] for p, _, weight in own if weight}
+    own = bound().parameter_changes(["size"], first.request.parameters, ["a.J"])  # type: ignore[attr-defined]
+    changed = {bound().model.parameters.names[p] for p, _, weight in own if weight}
     assert {"b.J", "rim.J"} <= changed
     assert "a.J" not in changed
     for result, t in ((first, 1.0), (later, 2.0)):
@@ -93,8 +99,8 @@ def test_parameters_given_to_a_run_stay_given_at_its_moments() -> None:
 
 
 def test_units_of_variables_derivatives_and_parameters() -> None:
-    assert [BOUND.unit(name) for name in ("a.w", "der(a.w)", "torque.tau")] == ["rad/s", "rad/s/s", "N.m"]
-    assert {name: BOUND.parameter_units[name] for name in ("size", "a.J", "gear.ratio")} == {
+    assert [bound().unit(name) for name in ("a.w", "der(a.w)", "torque.tau")] == ["rad/s", "rad/s/s", "N.m"]
+    assert {name: bound().parameter_units[name] for name in ("size", "a.J", "gear.ratio")} == {
         "size": "m",
         "a.J": "kg.m2",
         "gear.ratio": "1",

@@ -11,19 +11,19 @@ import pytest
 
 import gearlib as gl
 from gearlib.run.methods.closed_form import FEW_CORNERS, exponential, too_many_corners
-from tests.run.methods.test_native_problem import PLAIN, run
-from tests.run.test_linear_form import TRAIN
+from tests.run.methods.test_native_problem import plain, run
+from tests.run.test_linear_form import train
 
 
 def with_corners(corners: int, **more: Any) -> Any:
     """A run of one second with a table of so many corners."""
     table = gl.Table(np.linspace(0.0, 1.0, corners), np.zeros(corners))
-    return replace(run(TRAIN, signals=(table,)), **more)
+    return replace(run(train(), signals=(table,)), **more)
 
 
 def stepper(exact: float, rate: float = 0.0, cuts: bool = True) -> Any:
     """A stand-in whose exponentials take an estimated time (s); of a system of twice the size twice that."""
-    n = len(TRAIN.scene.states)
+    n = len(train().scene.states)
     costs = lambda states, inputs, rate: (exact * states / n, 2.0 * exact * states / n)  # noqa: E731
     return SimpleNamespace(cuts=SimpleNamespace(costs=costs) if cuts else None, cornered=(0,), rate=lambda: rate)
 
@@ -36,7 +36,7 @@ def test_few_corners_are_crossed_in_any_case() -> None:
 @pytest.mark.parametrize("rate", [0.0, 3e4])
 def test_the_faster_of_both_is_taken(rate: float) -> None:
     """A step for each corner, and for three radians of the fastest motion, of 1.5 us and 30 ns for each slot; exponentials at a tie."""
-    seconds = (1000 + rate / 3.0) * (1.5e-6 + 3e-8 * TRAIN.scene.program.n_slots)
+    seconds = (1000 + rate / 3.0) * (1.5e-6 + 3e-8 * train().scene.program.n_slots)
     assert too_many_corners(with_corners(1000), stepper(1.19 * seconds, rate)) is None
     reason = too_many_corners(with_corners(1000), stepper(1.21 * seconds, rate))
     assert reason == (
@@ -47,7 +47,7 @@ def test_the_faster_of_both_is_taken(rate: float) -> None:
 
 def test_many_states_take_long_for_each_corner() -> None:
     """Where no intervals are cut, 0.3 ms."""
-    seconds = 1000 * (1.5e-6 + 3e-8 * TRAIN.scene.program.n_slots)
+    seconds = 1000 * (1.5e-6 + 3e-8 * train().scene.program.n_slots)
     reason = too_many_corners(with_corners(1000), stepper(0.0, cuts=False))
     assert (reason is not None) == (1.2 * seconds < 0.3)
     assert reason is not None
@@ -56,7 +56,7 @@ def test_many_states_take_long_for_each_corner() -> None:
 
 def test_tangents_cost_both_of_them() -> None:
     """Runge-Kutta a right-hand side each, exponentials a system of twice the size each."""
-    seconds = 1000 * (1.5e-6 + 3e-8 * TRAIN.scene.program.n_slots)
+    seconds = 1000 * (1.5e-6 + 3e-8 * train().scene.program.n_slots)
     own = with_corners(1000, tangents=SimpleNamespace(directions=[0, 1, 2]))
     limit = 1.2 * 4 * seconds / 6
     assert too_many_corners(own, stepper(0.99 * limit)) is None
@@ -64,11 +64,11 @@ def test_tangents_cost_both_of_them() -> None:
 
 
 def test_a_stepper_is_kept_for_the_same_times_and_tolerance() -> None:
-    own = run(TRAIN)
+    own = run(train())
     first = exponential(own)
     assert not isinstance(first, str)
     assert exponential(own) is first
     assert exponential(replace(own, rtol=1e-9)) is not first
     again = exponential(replace(own, rtol=1e-9))
     assert exponential(replace(own, rtol=1e-9, times=own.times * 2.0)) is not again
-    assert exponential(run(PLAIN)) == "the equations are not linear with constant coefficients"
+    assert exponential(run(plain())) == "the equations are not linear with constant coefficients"
