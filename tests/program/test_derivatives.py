@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import SolverError
 from gearlib.native.scene_functions import compile_scene
 from gearlib.program.derivative_plan import TIME, derivative_plan, discrete_entry, state_plan
 from gearlib.program.derivatives import At, dense, derivatives, entries, pulled_back
@@ -355,3 +356,50 @@ def test_a_large_block_is_differentiated_by_its_parameters(monkeypatch: pytest.M
     """Factorised as a sparse matrix, as blocks of hundreds of unknowns are."""
     monkeypatch.setattr("gearlib.program.interpret.MOST_DENSE", 1)
     check(gl.compile(Bound()), {}, 4, 30)
+
+
+@pytest.mark.parametrize("model", [Bound(), Loop()], ids=["linear", "iterated"])
+def test_large_matrices_are_sparse(model: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same entries, for chosen slots, seeds and perturbations; dense up to a number of entries."""
+    translation = gl.compile(model).translation
+    scene = translation.scene
+    numbers, program = scene.numbers(translation.parameter_values({})), scene.program
+    n, m = len(program.states), len(program.inputs)
+    x = np.full((n, 1), 0.4)
+    slots = evaluate(
+        numbers, np.zeros(1), x, np.full((m, 1), 0.2), np.zeros((scene.n_discrete, 1)), np.full(program.n_slots, 0.3)
+    )
+    last = int(program.output_slots[-1])
+    for added in ((), ((last, 0, 2.0), (last, 1, -1.0))):
+        given = numbers, 0.0, slots[:, 0], np.zeros(scene.n_discrete), range(n + m), added, program.output_slots
+        size = program.n_slots * (n + m + (2 if added else 0))
+        found = {}
+        for most in (size, size - 1):
+            monkeypatch.setattr("gearlib.program.derivatives.MOST_DENSE", most)
+            found[most] = derivatives(*given)
+        assert isinstance(found[size], np.ndarray)
+        assert not isinstance(found[size - 1], np.ndarray)
+        assert found[size - 1].toarray().tolist() == found[size].tolist()
+        assert found[size].shape == (len(program.output_slots), n + m + (2 if added else 0))
+        if added:
+            assert found[size][-1, -2:].tolist() == [2.0, -1.0]
+
+
+class Root(gl.Component):
+    """The cubic root of a state: nothing follows from the slope of its cube at zero."""
+
+    rate = gl.Parameter("1/s", default=1.0)
+    x = gl.Variable("1")
+    y = gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.rate * self.y), gl.Eq(self.y**3, self.x)]
+
+
+def test_points_without_a_linear_model_are_refused() -> None:
+    translation = gl.compile(Root()).translation
+    scene, numbers = translation.scene, translation.scene.numbers(translation.parameter_values({}))
+    slots, none = np.zeros(scene.program.n_slots), np.zeros(0)
+    text = "1 equation that is solved by iteration cannot be solved"
+    with pytest.raises(SolverError, match=rf"^there is no linear model at this point: {text}"):
+        derivatives(numbers, 0.0, slots, none, [0])
