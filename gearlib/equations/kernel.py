@@ -219,7 +219,7 @@ def terms_of_parameters(kernel: Kernel) -> tuple[Kernel, Kernel]:
 
 def difference_kernel(label: str) -> Kernel:
     """One column minus another: the equation between two aliases."""
-    one, other = column_symbol(("one", 0)), column_symbol(("other", 0))
+    one, other = (sympy.Symbol(name, real=True) for name in ("one", "other"))
     template = Template(label, one - other, (("one", 0), ("other", 0)), ())
     return _kernel(template, template.residual)
 

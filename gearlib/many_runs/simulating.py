@@ -62,9 +62,8 @@ class Simulating(Work):
     def row(self, given: Mapping[str, Any]) -> Row:
         request, own, coordinates = self.request, self.translation, self._coordinates
         parameters, start, inputs = self._by_kind(given)
-        values = {**self.parameters, **parameters}
-        translation, numbers = own.fitted(values)
-        changed: dict[str, Any] = {"parameters": numbers, "given": tuple(values)}
+        translation, numbers = own.fitted({**self.parameters, **parameters})
+        changed: dict[str, Any] = {"parameters": numbers}
         if start:
             changed["start"] = {**(request.start or {}), **start}
         if inputs:

@@ -49,8 +49,8 @@ def _columns_with_time(columns: Any) -> tuple[int, ...]:
 
 def _one_for_all(offsets: Any) -> Any:
     """The offset of all columns; Modelica's is an array of one value for all, or one for each."""
-    first = offsets[0] if isinstance(offsets, tuple) and offsets else offsets
-    if isinstance(offsets, tuple) and any(each != first for each in offsets):
+    first, *others = offsets if isinstance(offsets, tuple) and offsets else (offsets,)
+    if any(each != first for each in others):
         raise ModelicaError(f"the offsets of the columns differ: {shown(offsets)}; expected one for all")
     return first
 

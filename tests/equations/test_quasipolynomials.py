@@ -140,3 +140,10 @@ def test_limits_of_powers_and_of_the_number_of_rates() -> None:
 def test_reasons(expression: Any, reason: str) -> None:
     with pytest.raises(OutsideClassError, match=reason):
         parse(expression, 0.0)
+
+
+def test_a_gap_between_branches_is_told_by_its_time() -> None:
+    gap = sympy.Piecewise((1, t < 1), (2, t > 2))
+    assert [parse(gap, 0.5, s) for s in (0.25, 2.0)] == [{0j: [1.0]}, {0j: [2.0]}]
+    with pytest.raises(OutsideClassError, match=r"has no value at time = 1\.75$"):
+        parse(gap, 0.5, 1.25)

@@ -73,7 +73,8 @@ def errors(left: Any, right: Any) -> list[str]:
         (lambda s: gl.der(s.n) * s.L, lambda s: s.v), (lambda s: s.x / s.L**3, lambda s: (s.L * s.x) ** -1),
         (lambda s: s.x, lambda s: s.L * s.n**s.n),
         (lambda s: s.flange.phi, lambda s: s.phi * gl.cos(2 * gl.time)), (lambda s: s.x, lambda s: s.v * gl.time**2 / gl.time),
-        (lambda s: s.x, lambda s: gl.no_event(s.L)),
+        (lambda s: s.x, lambda s: gl.no_event(s.L)), (lambda s: s.x, lambda s: s.v * (1 + gl.time)),
+        (lambda s: s.x, lambda s: s.L * gl.exp(-gl.time) * gl.sin(gl.time)),
     ],
 )  # fmt: skip
 def test_sides_that_fit(left: Any, right: Any) -> None:
@@ -102,6 +103,7 @@ def test_sides_that_fit(left: Any, right: Any) -> None:
          "Leaf: L is in m, v is in m.s-1, together in {0} (in x = {0})"),
         (lambda s: s.v, lambda s: gl.der(gl.der(s.x)), "Leaf: v is in m.s-1, der(der(x)) is in m.s-2"),
         (lambda s: s.m, lambda s: s.flange.tau, "Leaf: m is in kg, flange.tau is in kg.m2.s-2"),
+        (lambda s: s.x, lambda s: s.v * gl.sin(3 * gl.time), "Leaf: x is in m, v*sin(3*time) is in m.s-1"),
         (lambda s: s.x, lambda s: s.L * gl.time**2, "Leaf: x is in m, L*time**2 is in m.s2"),
     ],
 )  # fmt: skip

@@ -70,7 +70,7 @@ def palmgren_friction(
 
     def free(w: float) -> float:
         flow = 1e6 * viscosity * w * 30 / math.pi
-        return 1e-3 * f_0 * (d * d * d) * (160e-7 if flow < 2000 else 1e-7 * flow ** (2 / 3))
+        return 1e-3 * f_0 * (d * d * d) * (160e-7 if w < corner else 1e-7 * flow ** (2 / 3))
 
     table = tuple((w, loaded + free(w)) for w in speeds)
     if not all(map(is_real, (number for row in table for number in row))):

@@ -132,6 +132,13 @@ def test_palmgren_s_table_has_the_rows_that_were_asked_for(rows: int) -> None:
     assert [tau for _, tau in slow] == pytest.approx([level] * rows, rel=1e-12)
 
 
+def test_the_row_at_the_corner_of_palmgren_s_law_is_that_of_the_faster_side() -> None:
+    """Whatever the rounding of the corner's speed; the law falls by 0.8 % there."""
+    for viscosity in np.linspace(10e-6, 90e-6, 50).tolist():
+        (_, slow), (_, corner), *_ = gp.palmgren_friction(0.06, f_0=2.0, viscosity=viscosity)
+        assert corner / slow == pytest.approx(2000 ** (2 / 3) / 160, rel=1e-9)
+
+
 def test_palmgren_s_friction_worked_by_hand() -> None:
     # 60 mm, f_0 = 2, 30 mm2/s: at 1500 1/min nu n = 45000, M_0 = 1e-7 * 2 * 45000**(2/3) * 216000 = 54.66 N.mm; M_1 = 60 N.mm
     w = 1500 * math.pi / 30

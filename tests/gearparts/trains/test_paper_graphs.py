@@ -300,3 +300,17 @@ def crossing(one: Any, other: Any) -> bool:
 
     (a, b), (c, d) = one, other
     return side(a, b, c) != side(a, b, d) and side(c, d, a) != side(c, d, b)
+
+
+def test_each_ratio_of_the_paper_stands_in_one_transformer() -> None:
+    """Radii at the meshes (m_1 to m_4, m_20, m_21) turn forces into torques: there the flow is divided; m_22 reverses the motion.
+
+    There is no m_7.
+    """
+    found = [element.modulus for element in single_loop_train().graph.elements if isinstance(element, TF)]
+    expected = (
+        {1 / named("m", k) for k in (1, 2, 3, 4, 20, 21)}
+        | {named("m", k) for k in range(5, 20) if k != 7}
+        | {-1 / named("m", 22)}
+    )
+    assert (len(found), set(found)) == (21, expected)
