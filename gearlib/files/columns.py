@@ -71,10 +71,15 @@ def _text_columns(path: Path, names: tuple[str, ...]) -> dict[str, list[float]]:
         raise FileError(f"{path} is empty; expected a line of names and lines of numbers")
     separator = next((s for s in SEPARATORS if s in lines[0][1]), " ")
     rows = csv.reader(io.StringIO("\n".join(line for _, line in lines)), delimiter=separator, skipinitialspace=True)
-    head, *body = ([field.strip() for field in row] for row in rows)
-    places = {name: head.index(name) for name in _present(path, names, head)}
+    try:
+        head, *body = (
+            (lines[rows.line_num - 1], [field.strip() for field in row]) for row in rows
+        )  # a row may have several lines
+    except csv.Error as problem:
+        raise FileError(f"{path} cannot be read: {problem}") from None
+    places = {name: head[1].index(name) for name in _present(path, names, head[1])}
     columns: dict[str, list[float]] = {name: [] for name in names}
-    for (number, line), row in zip(lines[1:], body, strict=True):
+    for (number, line), row in body:
         for name, place in places.items():
             field = row[place] if place < len(row) else ""
             try:

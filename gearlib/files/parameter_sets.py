@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from gearlib.arguments import as_path, by_name, is_real, one_name, shown
-from gearlib.errors import ArgumentError, DeclarationError, FileError
+from gearlib.errors import ArgumentError, DeclarationError, FileError, GearlibError
 from gearlib.files.contents import by_suffix
 from gearlib.files.replacing import replacing
 from gearlib.language.units import BASE, dimension
@@ -98,8 +98,14 @@ def load_parameters(path: str | os.PathLike[str]) -> dict[str, float]:
         raise FileError(f"{source} cannot be read: {problem.strerror or problem}") from None
     except UnicodeDecodeError:
         raise FileError(f"{source} is not UTF-8 text") from None
+    try:
+        triples = list(read(text, source))
+    except GearlibError:
+        raise
+    except (ArithmeticError, ValueError, RecursionError, csv.Error) as problem:  # of a number or a nesting beyond all measure
+        raise FileError(f"{source} cannot be read: {problem}") from None
     found: dict[str, float] = {}
-    for name, value, unit in read(text, source):
+    for name, value, unit in triples:
         if name in found:
             raise FileError(f"{source} names the parameter {name} twice")
         if unit:

@@ -23,6 +23,7 @@ from gearlib.files.columns import read_columns
         "# made by a test, with signs; \t\n t,w x,n\n0,1.5,7\n  # between\n1,-2e3,8\n",
         "t,other,w x,n\n0,what,1.5,7\n1,ever,-2e3,8\n",
         "t,w x,n,other\n0,1.5,7\n1,-2e3,8\n",
+        't,w x,n,other\n0,1.5,7,"of two\nlines"\n1,-2e3,8,"of\nthree\nlines"\n',
     ],
 )
 def test_text_of_any_form_holds_the_same_numbers(text: str, tmp_path: Path) -> None:
@@ -43,6 +44,7 @@ def test_text_of_any_form_holds_the_same_numbers(text: str, tmp_path: Path) -> N
         ("t,w\n0,\n", ", line 2: nothing in the column w; expected a number: 0,"),
         ("t,w\n0,1 5\n", ", line 2: '1 5' in the column w; expected a number: 0,1 5"),
         ("t\tw\n0\t1,5\n", ", line 2: '1,5' in the column w; expected a number: 0\t1,5"),
+        ('t,why,w\n0,"first\nday",1\n1,"second\nday",x\n', ", line 5: 'x' in the column w; expected a number: day\",x"),
         ("t,w\n0,x" + 100 * "y", ", line 2: 'x" + 100 * "y" + "' in the column w; expected a number: 0,x" + 77 * "y"),
     ],
 )
@@ -61,6 +63,9 @@ def test_columns_and_files_that_are_not_there(tmp_path: Path) -> None:
     path.write_text("time,w\n0,1\n", encoding="utf-8")
     with pytest.raises(NameLookupError, match=r"measured\.csv has no column 'ww'; did you mean 'w'\? Valid names: time, w"):
         read_columns(path, ("time", "ww"))
+    path.write_text('time,w\n0,"' + 200_000 * "x", encoding="utf-8")
+    with pytest.raises(FileError, match=r"measured\.csv cannot be read: field larger than field limit \(131072\)"):
+        read_columns(path, ("w",))
     path.write_bytes(b"t,\xff\n")
     with pytest.raises(FileError, match=r"measured\.csv is not UTF-8 text"):
         read_columns(path, ("t",))

@@ -81,7 +81,9 @@ def test_units_that_an_ssv_file_defines_are_converted(tmp_path: Path) -> None:
     assert gl.load_parameters(tmp_path / "p.ssv") == pytest.approx({"w": 2 * math.pi, "T": 293.15, "n": 3.0})
 
 
-SSV = '<ParameterSet xmlns="http://ssp-standard.org/SSP1/SystemStructureParameterValues"><Parameters>{}</Parameters></ParameterSet>'
+NAMESPACE = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+UNITS = "http://ssp-standard.org/SSP1/SystemStructureCommon"
+SSV = f'<ParameterSet xmlns="{NAMESPACE}"><Parameters>{{}}</Parameters></ParameterSet>'
 
 
 @pytest.mark.parametrize(
@@ -105,6 +107,11 @@ SSV = '<ParameterSet xmlns="http://ssp-standard.org/SSP1/SystemStructureParamete
         ),
         ("p.ssv", SSV.format('<Parameter name="a"><Real value="x"/></Parameter>'), "parameter a is 'x'; expected a number"),
         ("p.ssv", SSV.format('<Parameter name="a"><Real value="1" unit="rpm"/></Parameter>'), "parameter a: the unit 'rpm'"),
+        (
+            "p.ssv",
+            f'<ParameterSet xmlns="{NAMESPACE}" xmlns:c="{UNITS}"><c:Unit name="u"><c:BaseUnit factor="x"/></c:Unit></ParameterSet>',
+            r"p\.ssv cannot be read: could not convert string to float: 'x'",
+        ),
         ("p.yaml", "", r"suffix '\.yaml'; expected \.toml, \.csv, \.ssv"),
     ],
 )
@@ -112,6 +119,18 @@ def test_other_files_are_refused(name: str, text: str, message: str, tmp_path: P
     (tmp_path / name).write_text(text, encoding="utf-8")
     with pytest.raises((FileError, ArgumentError), match=message):
         gl.load_parameters(tmp_path / name)
+
+
+def test_what_is_beyond_all_measure_is_refused(tmp_path: Path) -> None:
+    for name, text, message in (
+        ("p.toml", f"a = 1{'0' * 400}", "int too large to convert to float"),
+        ("p.toml", f"a = 1{'0' * 5000}", "Exceeds the limit"),
+        ("p.toml", f"a = {'[' * 3000}", "maximum recursion depth exceeded"),
+        ("p.csv", f'name,value\n"{"x" * 200_000}', "field larger than field limit"),
+    ):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        with pytest.raises(FileError, match=f"{name} cannot be read: {message}"):
+            gl.load_parameters(tmp_path / name)
 
 
 def test_what_cannot_be_read_or_written(tmp_path: Path) -> None:
