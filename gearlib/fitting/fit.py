@@ -245,7 +245,7 @@ def _sizes(series: Sequence[MeasuredSeries], given: Mapping[str, float]) -> tupl
     sizes = []
     for s, size in zip(series, noise, strict=True):
         numbers = s.numbers
-        spread = float(np.std(numbers)) or float(np.abs(numbers).max(initial=0.0)) or 1.0
+        spread = float(np.std(numbers)) or float(np.abs(numbers).max()) or 1.0
         sizes.append(np.full(len(numbers), spread if size is None else size))
     return np.concatenate(sizes), all(known)
 

@@ -146,8 +146,13 @@ class MeasuredHistories(Measured):
         self.time = increasing("time", columns.pop(TIME), 2, ", s")
         self.columns: dict[str, Floats] = {}
         for name, values in columns.items():
-            found = np.asarray(values)
+            try:
+                found = np.asarray(values)
+            except Exception:  # rows of different lengths; a user's object
+                raise ArgumentError(f"data['{name}'] is {shown(values)}; expected a history of numbers") from None
             missing = np.isnan(found) if found.dtype.kind == "f" else np.zeros(found.shape, bool)
+            if missing.all():
+                raise ArgumentError(f"data['{name}'] holds no number; expected a history of numbers")
             found = reals(f"data['{name}']", np.where(missing, 0.0, found) if missing.any() else found, "a history of numbers")
             if found.shape != self.time.shape:
                 raise ArgumentError(
@@ -229,9 +234,9 @@ class MeasuredResponse(Measured):
         parameters: Mapping[str, float] | None = None, noise: float | None = None,
     ) -> None:  # fmt: skip
         self.omega = np.atleast_1d(reals("omega", omega, "angular frequencies, rad/s"))
-        expected = f"{len(self.omega)} finite complex numbers, one for each frequency in omega"
+        expected = f"{len(self.omega) or 'some'} finite complex numbers, one for each frequency in omega"
         self.values = complexes("values", values, expected)
-        if self.values.shape != self.omega.shape or self.omega.ndim != 1:
+        if self.values.shape != self.omega.shape or self.omega.ndim != 1 or not len(self.omega):
             raise ArgumentError(f"values is {shown(values)}; expected {expected}")
         self.input, self.output = one_name("input", input, "torque.tau"), one_name("output", output, "load.w")
         self.at, self.parameters = at, by_name("parameters", parameters, "a mapping of paths to numbers")

@@ -270,6 +270,15 @@ def test_evaluations_that_run_out() -> None:
         ({"data": {"load.w": [1.0, 2.0]}}, "data has no column 'time'"),
         ({"data": {"time": [0.0, 1.0]}}, "data has no column but the time"),
         ({"data": {"time": [0.0, 1.0], "load.w": [0.0]}}, r"has the shape \(1,\); expected \(2,\)"),
+        (
+            {"data": {"time": [0.0, 1.0], "load.w": [np.nan, np.nan]}},
+            r"data\['load\.w'\] holds no number; expected a history of numbers",
+        ),
+        (
+            {"data": {"time": [0.0, 1.0], "load.w": [[1.0], [2.0, 3.0]]}},
+            r"data\['load\.w'\] is \[\[1\.0\], .*; expected a history of numbers",
+        ),
+        ({"data": {"time": [0.0, 1.0], "load.w": ["1", "2"]}}, r"data\['load\.w'\] is .*; expected a history of numbers"),
         ({"data": {"time": [0.0, 1.0], "load.x": [0.0, 1.0]}}, r"load\.x"),
         (
             {"data": {"time": [1.0, 1.0], "load.w": [0.0, 1.0]}},
@@ -316,6 +325,14 @@ def test_values_that_are_no_complex_numbers(values: Any) -> None:
         ArgumentError, match=r"values is .*; expected 2 finite complex numbers, one for each frequency in omega"
     ):
         gl.MeasuredResponse([1.0, 2.0], values, "a", "b")
+
+
+def test_a_response_has_at_least_one_frequency() -> None:
+    with pytest.raises(
+        ArgumentError, match=r"^values is \[\]; expected some finite complex numbers, one for each frequency in omega$"
+    ):
+        gl.MeasuredResponse([], [], "a", "b")
+    assert gl.MeasuredResponse(2.0, [1j], "a", "b").omega.tolist() == [2.0]
 
 
 def test_values_may_be_numbers_of_any_kind() -> None:

@@ -92,6 +92,19 @@ def test_parameters_that_are_zero_in_some_runs_translate_the_model_again(drive: 
     assert runs["load.w"][0].tobytes() == runs["load.w"][2].tobytes()
 
 
+def test_start_values_that_all_runs_share(drive: gl.System) -> None:
+    """Among the parameters as a single number; they complete those of ``start``."""
+    runs = drive.sweep(
+        {"J": [1.0, 2.0], "start(load.w)": 3.0}, 1.0, samples=5, outputs=["load.w"], start={"motor.w": 2.0}, inputs=TORQUE
+    )
+    single = drive.simulate(1.0, samples=5, parameters={"J": 2.0}, start={"motor.w": 2.0, "load.w": 3.0}, inputs=TORQUE)
+    assert runs["load.w"][1].tobytes() == single["load.w"].tobytes()
+    assert runs.parameters["start(load.w)"] == 3.0
+    with pytest.raises(ArgumentError) as said:
+        drive.sweep({"J": [1.0, 2.0], "start(load.w)": 3.0}, 1.0, start="steady", inputs=TORQUE)
+    assert str(said.value) == "parameters give load.w a start value, and start='steady' gives all of them"
+
+
 def test_runs_go_on_from_another_run(drive: gl.System) -> None:
     first = drive.simulate(1.0, inputs=TORQUE)
     runs = drive.sweep({"J": [1.0, 2.0]}, 2.0, start=first, samples=5, outputs=["load.w"])
