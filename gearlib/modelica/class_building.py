@@ -34,6 +34,7 @@ from gearlib.modelica.syntax_tree import (
     EqualityNode,
     GivenNode,
     Modification,
+    OperationNode,
     ReferenceNode,
     SyntaxNode,
 )
@@ -206,7 +207,9 @@ class _ClassBuilder:
             found["start" if held else "guess"] = self._attribute(attributes["start"])
         elif held:
             given = start
-            self.starting.append((f"{name}_from_start", lambda e: e.value(_reference(node, name)) - e.number(given)))
+            self.starting.append(
+                (f"{name}_from_start", lambda e: e.number(OperationNode(node.at, "-", (_reference(node, name), given))))
+            )
         if "nominal" in attributes and not _names_in(attributes["nominal"].value):
             found["nominal"] = self._attribute(attributes["nominal"])
         if "stateSelect" in attributes:

@@ -53,8 +53,11 @@ _RELATIONS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": opera
 _LOGICAL = ("and", "or", "not")
 
 
-class Absent(Exception):
-    """A component or connector whose condition is false."""
+class Absent(ModelicaError):
+    """A component or connector whose condition is false: what is connected to it is left out, all else that names it is refused."""
+
+    def __init__(self, node: ReferenceNode) -> None:
+        super().__init__(f"{node.at}: {node} is absent, since its condition is false; only connections may name it")
 
 
 def _size(x: Any, k: int) -> int:
@@ -114,7 +117,7 @@ class Evaluation:
         try:
             with node.at.in_refusals():
                 return self._value(node)
-        except (GearlibError, Absent, RecursionError):
+        except (GearlibError, RecursionError):
             raise
         except ZeroDivisionError:
             raise ModelicaError(f"{node.at}: a division by zero") from None
@@ -160,7 +163,7 @@ class Evaluation:
         if node.first is None or node.last is None:
             raise ModelicaError(f"{node.at}: a bare colon is not supported here; give both ends")
         ends = [self.constant(n, "a whole number") for n in (node.first, node.step or NumberNode(node.at, 1), node.last)]
-        first, step, last = (int(e) if isinstance(e, (int, float)) and e == int(e) else None for e in ends)
+        first, step, last = (int(e) if isinstance(e, (int, float)) and float(e).is_integer() else None for e in ends)
         if first is None or step is None or last is None or step == 0:
             raise ModelicaError(f"{node.at}: expected whole numbers, as in 1:n")
         return tuple(range(first, last + (1 if step > 0 else -1), step))
@@ -184,7 +187,7 @@ class Evaluation:
                 raise ModelicaError(f"{node.at}: {node} has no value")
             return found
         if first in self.conditional:
-            raise Absent
+            raise Absent(node)
         if first in self.constants:
             return self._subscripted(replace(self, indices={}).value(self.constants[first]), node.subscripts[0], node)
         return self._constant_of_class(node)
@@ -224,7 +227,7 @@ class Evaluation:
             local = name_within(owner, name)
             declared = getattr(type(owner), local, None)
             if isinstance(declared, Connector) and local not in declared_by(owner).connectors:
-                raise Absent
+                raise Absent(node)
             try:
                 found = getattr(owner, local)
             except AttributeNameError as problem:

@@ -95,6 +95,7 @@ def test_functions_of_numbers(text: str, expected: Any) -> None:
         ('2 + "a"', "'a' is a string; expected a number"),
         ("1:2.5", "expected whole numbers, as in 1:n"),
         ("0.5:2", "expected whole numbers, as in 1:n"),
+        ("1:1e400", "expected whole numbers, as in 1:n"),
         ("1:0:3", "expected whole numbers, as in 1:n"),
         ("1:0.5:3", "expected whole numbers, as in 1:n"),
         ("1:time", "this has to be a whole number, known when the model is built; it depends on time"),

@@ -17,6 +17,7 @@ import gearparts as gp
 from gearlib import bondgraph as bg
 from tests.stress.misuse import ANSWERED, NOT_FINITE, RAW, REFUSED, UNNAMED, WRONG, Call, Hostile, misuses, outcome
 from tests.stress.misused_calls import GROUPS, run, system
+from tests.stress.modelica_texts import GOOD, READ, REFUSED_TEXT, judged, variants
 
 NO_ARGUMENTS = {"GearlibError", "GearlibWarning", "InputWarning", "pi", "time"}  # an exception, warnings and two symbols
 MADE_BY_ANALYSES = {
@@ -204,6 +205,18 @@ def test_choices_of_parts_are_refused_by_name(name: str, place: str, kinds: tupl
     call = next(call for call in all_calls("components") if call.name == name)
     short = [str(o) for kind in kinds if (o := outcome(call, {place: WRONG[kind]}, f"{place} = {kind}", usual=False)).short]
     assert not short, "\n".join(short)
+
+
+def test_any_text_of_modelica_is_read_or_refused() -> None:
+    """With words left out, doubled, or replaced by what does not belong there."""
+    assert judged(GOOD) == READ
+    found = Counter[str]()
+    for text in variants(1, 150):
+        try:
+            found[judged(text)] += 1
+        except Exception as problem:
+            pytest.fail(f"{type(problem).__name__}: {problem} of\n{text}")
+    assert min(found[READ], found[REFUSED_TEXT]) >= 5
 
 
 def test_a_wrong_name_leaves_no_figure() -> None:
