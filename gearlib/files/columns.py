@@ -72,9 +72,7 @@ def _text_columns(path: Path, names: tuple[str, ...]) -> dict[str, list[float]]:
     separator = next((s for s in SEPARATORS if s in lines[0][1]), " ")
     rows = csv.reader(io.StringIO("\n".join(line for _, line in lines)), delimiter=separator, skipinitialspace=True)
     try:
-        head, *body = (
-            (lines[rows.line_num - 1], [field.strip() for field in row]) for row in rows
-        )  # a row may have several lines
+        head, *body = ((lines[rows.line_num - 1], [field.strip() for field in row]) for row in rows)
     except csv.Error as problem:
         raise FileError(f"{path} cannot be read: {problem}") from None
     places = {name: head[1].index(name) for name in _present(path, names, head[1])}

@@ -21,8 +21,6 @@ Floats = NDArray[np.float64]
 Kind = TypeVar("Kind")
 KIND = "gearlib result"
 VERSION = 1  # of the header; files of a later version are refused
-
-
 COMPUTING = ("numpy", "scipy", "llvmlite", "sksundae")
 
 

@@ -102,7 +102,7 @@ def load_parameters(path: str | os.PathLike[str]) -> dict[str, float]:
         triples = list(read(text, source))
     except GearlibError:
         raise
-    except (ArithmeticError, ValueError, RecursionError, csv.Error) as problem:  # of a number or a nesting beyond all measure
+    except (ArithmeticError, ValueError, RecursionError, csv.Error) as problem:
         raise FileError(f"{source} cannot be read: {problem}") from None
     found: dict[str, float] = {}
     for name, value, unit in triples:

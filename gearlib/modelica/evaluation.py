@@ -54,7 +54,7 @@ _LOGICAL = ("and", "or", "not")
 
 
 class Absent(ModelicaError):
-    """A component or connector whose condition is false: what is connected to it is left out, all else that names it is refused."""
+    """A component or connector whose condition is false."""
 
     def __init__(self, node: ReferenceNode) -> None:
         super().__init__(f"{node.at}: {node} is absent, since its condition is false; only connections may name it")
@@ -94,10 +94,6 @@ class Evaluation:
     def at_index(self, index: str, value: int) -> Evaluation:
         """The same context within a loop."""
         return replace(self, indices={**self.indices, index: value})
-
-    def constants_only(self) -> Evaluation:
-        """The same context for the value of a parameter."""
-        return replace(self, of_parameters=True)
 
     # ------------------------------------------------------------ values
 

@@ -77,7 +77,7 @@ class PartMaker:
         return attribute(m, self._value(m, self.evaluation.constant))
 
     def _evaluation(self, of_parameters: bool) -> Evaluation:
-        return self.evaluation.constants_only() if of_parameters else self.evaluation
+        return replace(self.evaluation, of_parameters=of_parameters)
 
     # ------------------------------------------------------------ library classes
 
@@ -136,7 +136,7 @@ class PartMaker:
         check_attributes(inner)
         fixed = "fixed" in inner and self._attribute(inner["fixed"])
         if "start" in inner:
-            value = self._value(inner["start"], self.evaluation.constants_only().number)
+            value = self._value(inner["start"], self._evaluation(True).number)
             if fixed or isinstance(declared, Discrete):
                 given.start[path] = value
             elif not isinstance(declared, Derivative):

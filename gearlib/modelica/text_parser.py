@@ -47,8 +47,6 @@ ENDS_OF_EQUATIONS = (
     "end", "else", "elseif", "elsewhen", "initial", "equation", "algorithm", "public", "protected", "annotation",
 )  # fmt: skip
 DEEPEST_TEXT = 60  # nesting depth of expressions and classes; each level takes several Python frames
-
-
 Found = TypeVar("Found")
 
 
