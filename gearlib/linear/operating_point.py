@@ -96,6 +96,7 @@ def _moment(
         raise ArgumentError(f"at names the time {shown(t)}; the run goes from {result.time[0]:g} to {result.time[-1]:g} s")
     t = float(t)
     numbers = result.request.parameters if parameters is None else translation.parameter_values(parameters)
+    given = result.request.given if parameters is None else parameters
     scene = translation.scene_of(states)
     result = result.with_sample(t)
     sample = int(np.searchsorted(result.time, t))
@@ -107,7 +108,7 @@ def _moment(
         guess[v] = result.history_of((v, 0))[sample]
 
     def change(names: Sequence[str]) -> PointChange:
-        rows = translation.parameter_changes(names, numbers, parameters)
+        rows = translation.parameter_changes(names, numbers, given)
         return PointChange(rows, lambda: {s: np.zeros(len(names)) for s in states})
 
     return scene, numbers, Point(t, known, inputs, guess, lambda program: part.discrete_at(program, t), change)

@@ -269,5 +269,6 @@ class PreparedRuns:
             start_guess(scene.model, parameters), float(grid[0]),
         )  # fmt: skip
         statistics = {**stats, "events": 0, "zero_inputs": request.zero_inputs}
-        again = replace(request, parameters=parameters, signals=signals, start=self.start_of(i))
+        given = (*sweep.parameters, *self.varied[0])
+        again = replace(request, parameters=parameters, given=given, signals=signals, start=self.start_of(i))
         return SimulatedResult([(segment, statistics, list)], own, again, run)

@@ -62,8 +62,9 @@ class Simulating(Work):
     def row(self, given: Mapping[str, Any]) -> Row:
         request, own, coordinates = self.request, self.translation, self._coordinates
         parameters, start, inputs = self._by_kind(given)
-        translation, numbers = own.fitted({**self.parameters, **parameters})
-        changed: dict[str, Any] = {"parameters": numbers}
+        values = {**self.parameters, **parameters}
+        translation, numbers = own.fitted(values)
+        changed: dict[str, Any] = {"parameters": numbers, "given": tuple(values)}
         if start:
             changed["start"] = {**(request.start or {}), **start}
         if inputs:

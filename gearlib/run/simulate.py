@@ -174,10 +174,11 @@ def checked_request(
     options = (method, rtol, max_step, form, backend, progress, on_interrupt)
     begin, grid = _interval_and_options(translation, t_start, t_end, samples, times, options)
     if parameters is None and earlier:
-        numbers = earlier[0].request.parameters
+        numbers, given = earlier[0].request.parameters, earlier[0].request.given
         translation = translation.fitting(numbers)
     else:
         translation, numbers = translation.fitted(parameters)
+        given = tuple(parameters or ())
     if inputs is not None or not earlier:
         signals = tuple(translation.input_signals(inputs))
         zero = tuple(name for name in names if name not in inputs) if inputs else names
@@ -185,14 +186,14 @@ def checked_request(
         signals, zero = earlier[0].request.signals, earlier[0].request.zero_inputs
     varied = None
     if not (type(sensitivities) is tuple and not sensitivities):
-        varied = directions(translation, sensitivities, numbers, parameters or (), start)
+        varied = directions(translation, sensitivities, numbers, given, start)
     if varied is not None:
         refuse_form(translation, form)
         if isinstance(start[0] if isinstance(start, tuple) else start, Result):
             raise ArgumentError(CONTINUED)
     return translation, Request(
         begin, grid, method, float(rtol), atol, numbers, start, signals, progress, max_step, zero, form, backend, varied,
-        tuple(parameters or ()), on_interrupt,
+        given, on_interrupt,
     )  # fmt: skip
 
 

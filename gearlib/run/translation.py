@@ -426,9 +426,7 @@ class Translation:
             confirm(self.structure, result)
         return result
 
-    def parameter_changes(
-        self, names: Sequence[str], numbers: Floats, given: Iterable[str] | None = None
-    ) -> list[tuple[int, int, float]]:
+    def parameter_changes(self, names: Sequence[str], numbers: Floats, given: Iterable[str]) -> list[tuple[int, int, float]]:
         """Derivatives of all parameters with respect to some, each a seed, through bindings: (parameter, seed, weight).
 
         Parameters
@@ -437,8 +435,8 @@ class Translation:
             Paths.
         numbers : array
             Complete table, as `parameter_values` returns it.
-        given : iterable of str, optional
-            Paths of those given explicitly, which follow from no other; by default those that differ from their bound value.
+        given : iterable of str
+            Paths of those given explicitly, which follow from no other.
 
         Raises
         ------
@@ -449,8 +447,7 @@ class Translation:
         """
         table = self.model.parameters
         seeds = [table.number(name) for name in names]
-        fixed = self._given(numbers) if given is None else {table.index[name] for name in given}
-        changes = table.derivatives(numbers, seeds, fixed)
+        changes = table.derivatives(numbers, seeds, {table.index[name] for name in given})
         inside = {p for p, _ in self.decided_by}
         for p, k, weight in changes:
             if p in inside and weight:
@@ -471,13 +468,6 @@ class Translation:
                     "others with its present value only; bind the parameters of that loop to common ones, and take one of these"
                 ) from None
         return changes
-
-    def _given(self, numbers: Floats) -> set[int]:
-        """Parameters that differ from their bound values, so that they must have been given."""
-        table = self.model.parameters
-        bound = {int(p) for d in table.dependents for p in d.targets}
-        own = table.evaluate({p: float(numbers[p]) for p in range(len(numbers)) if p not in bound})
-        return {p for p in bound if own[p] != numbers[p]}
 
     def input_signals(self, given: Mapping[str, Any] | None) -> list[Any]:
         """A number, function of time or `Table` for every unbound input; 0 for those not given.

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 
+import gearlib as gl
 from gearlib.native.consecutive import SHORTEST, coefficient_batches, has_runs, run_index, run_lines, starts_of_runs
 from gearlib.native.source import sign_groups
 from gearlib.program.interpret import batch_values, constant_values
@@ -15,15 +17,12 @@ from gearlib.program.program import Batch
 from tests.compiler.test_translate import Chain
 
 
+@cache
 def long_chain() -> Any:
-    import gearlib as gl
-
+    """The scene of a chain, its numbers, and the rows of its equations that have one pattern of signs."""
     translation = gl.compile(Chain(n=30)).translation
-    return translation.scene, translation.scene.numbers(translation.parameter_values({}))
-
-
-SCENE, NUMBERS = long_chain()
-PARTS = [s.take(rows) for s in SCENE.program.steps if isinstance(s, Batch) for rows in sign_groups(s)]
+    parts = [s.take(rows) for s in translation.scene.program.steps if isinstance(s, Batch) for rows in sign_groups(s)]
+    return translation.scene, translation.scene.numbers(translation.parameter_values({})), parts
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -39,9 +38,10 @@ def test_a_run_ends_where_any_column_does_not_grow_by_one(seed: int) -> None:
 
 def test_linear_equations_of_neighbours_have_runs() -> None:
     """Of eight rows on average at least; nothing that is short, nonlinear, or of time."""
-    found = [part for part in PARTS if has_runs(part)]
-    assert found
-    for part in PARTS:
+    _, _, parts = long_chain()
+    found = [part for part in parts if has_runs(part)]
+    assert len(found) > 2
+    for part in parts:
         starts = starts_of_runs(np.column_stack([part.targets, part.arguments]))
         slopes = [part.derivative(a).kernel for a in range(len(part.kernel.columns))]
         linear = (
@@ -57,19 +57,20 @@ def test_linear_equations_of_neighbours_have_runs() -> None:
     assert not has_runs(replace(part, argument_signs=signs))
 
 
-@pytest.mark.parametrize("number", range(len([part for part in PARTS if has_runs(part)])))
+@pytest.mark.parametrize("number", range(3))
 def test_loops_over_runs_compute_what_the_interpreter_does(number: int) -> None:
     """The lines are carried out by Python, on a block with the slots at 5 and the coefficients behind them."""
-    part = [part for part in PARTS if has_runs(part)][number]
-    rng, n = np.random.default_rng(number), SCENE.program.n_slots
+    scene, numbers, parts = long_chain()
+    part = [part for part in parts if has_runs(part)][number]
+    rng, n = np.random.default_rng(number), scene.program.n_slots
     slots = rng.normal(size=n)
-    coefficients = np.concatenate([np.empty(0), *(constant_values(b, NUMBERS.parameters) for b in coefficient_batches(part))])
-    data = np.concatenate([np.full(5, np.nan), slots, coefficients])
+    coefficients = [constant_values(b, numbers.parameters) for b in coefficient_batches(part)]
+    data = np.concatenate([np.full(5, np.nan), slots, *coefficients])
     index = np.concatenate([[99, 98], run_index(part, 5, 5 + n)])
     scope = {"data": data, "index": index, "parallel": range}
     exec("\n".join(run_lines(part, "2")), scope)
-    none = np.zeros((SCENE.n_discrete, 1))
-    expected = batch_values(part, np.zeros(1), slots[:, None], NUMBERS.parameters, none)[:, 0]
+    none = np.zeros((scene.n_discrete, 1))
+    expected = batch_values(part, np.zeros(1), slots[:, None], numbers.parameters, none)[:, 0]
     assert data[5 + part.targets] == pytest.approx(expected, rel=1e-13, abs=1e-13 * np.abs(expected).max())
     others = np.setdiff1d(np.arange(n), part.targets)
     assert data[5 + others].tolist() == slots[others].tolist()

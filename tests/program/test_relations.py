@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -34,14 +35,16 @@ class Counters(gl.Component):
         ]
 
 
-COUNTERS = gl.compile(Counters(), outputs=["x"]).translation
+@cache
+def counters() -> Any:
+    return gl.compile(Counters(), outputs=["x"]).translation
 
 
 def followed(wanted: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> Any:
     """The relations of the states' rates, or of some outputs; with the discrete variables that they set, by name."""
-    model, structure = COUNTERS.model, COUNTERS.structure
-    states = COUNTERS.scene.states
-    nodes = [(model.variable(name), 0) for name in outputs] or COUNTERS.scene.rates
+    model, structure = counters().model, counters().structure
+    states = counters().scene.states
+    nodes = [(model.variable(name), 0) for name in outputs] or counters().scene.rates
     program = build(structure, nodes, states, dynamic=not outputs)
     found = relations_of(structure, program, [model.discretes.index(name) for name in wanted])
     names = {model.discretes[int(t) - model.n_relations] for b in found.discretes for t in b.targets}
@@ -65,7 +68,7 @@ def test_a_relation_of_an_output_alone() -> None:
     found, names = followed(outputs=("y",))
     assert names == set()
     assert len(found.searched) == 2
-    program = build(COUNTERS.structure, [(COUNTERS.model.variable("y"), 0)], COUNTERS.scene.states, dynamic=False)
+    program = build(counters().structure, [(counters().model.variable("y"), 0)], counters().scene.states, dynamic=False)
     assert len(used_discrete(program)) == 1
     assert set(used_discrete(program).tolist()) <= set(found.used.tolist())
 

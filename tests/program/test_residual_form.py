@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -37,19 +38,26 @@ class Torn(gl.Component):
         ]
 
 
-TORN = gl.compile(Torn()).translation
-A, B, C = ((TORN.model.variable(name), 0) for name in "abc")
+@cache
+def torn() -> Any:
+    return gl.compile(Torn()).translation
 
 
 def values(form: Any, y: list[float], parameters: Any = None) -> Any:
     """Slots of a form's program at some unknowns (and rates)."""
-    table = TORN.model.parameters.values if parameters is None else parameters
-    prepared, inputs = prepare(form.program, TORN.structure, table), np.array([[U], [V]])
+    table = torn().model.parameters.values if parameters is None else parameters
+    prepared, inputs = prepare(form.program, torn().structure, table), np.array([[U], [V]])
     return evaluate(prepared, np.zeros(1), np.array(y)[:, None], inputs, np.zeros((0, 1)))[:, 0]
 
 
+def nodes() -> Any:
+    """Of a, b and c."""
+    return [(torn().model.variable(name), 0) for name in "abc"]
+
+
 def test_a_tear_is_an_unknown_and_its_equation_a_residual() -> None:
-    form = torn_form(TORN.structure, TORN.scene.program, TORN.scene.relations, ())
+    A, B, C = nodes()
+    form = torn_form(torn().structure, torn().scene.program, torn().scene.relations, ())
     (tear,) = form.algebraic
     assert (form.unknowns, form.n_states, form.implicit, form.relations) == ((A, tear), 1, False, None)
     assert tear in (B, C)
@@ -67,16 +75,17 @@ def test_a_tear_is_an_unknown_and_its_equation_a_residual() -> None:
 
 
 def test_a_coefficient_that_is_divided_by_in_a_torn_form_must_not_vanish() -> None:
-    form = torn_form(TORN.structure, TORN.scene.program, None, ())
-    table = TORN.model.parameters.values.copy()
-    table[[TORN.model.parameters.index[name] for name in "pq"]] = 0.0
+    form = torn_form(torn().structure, torn().scene.program, None, ())
+    table = torn().model.parameters.values.copy()
+    table[[torn().model.parameters.index[name] for name in "pq"]] = 0.0
     with pytest.raises(SingularError, match=r"^Torn: .* cannot be solved with [pq] = 0; division by zero"):
         values(form, [0.1, 0.2], table)
 
 
 def test_every_equation_is_a_residual() -> None:
     """F(y, y') of all unknowns, at states and rates that fit nothing."""
-    form = index_reduced_form(TORN.structure, (A,), [C], (), False)
+    A, B, C = nodes()
+    form = index_reduced_form(torn().structure, (A,), [C], (), False)
     assert (form.unknowns, form.n_states, form.implicit, form.relations) == ((A, B, C), 1, True, None)
     assert form.algebraic == (B, C)
     program = form.program

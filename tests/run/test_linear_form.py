@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -36,18 +37,20 @@ class Train(gl.Component):
         ]  # fmt: skip
 
 
-TRAIN = gl.compile(Train()).translation
+@cache
+def train() -> Any:
+    return gl.compile(Train()).translation
 
 
 def form(values: dict[str, float] | None = None, signals: Any = (1.5,)) -> tuple[Any, LinearForm]:
-    numbers = TRAIN.scene.numbers(TRAIN.parameter_values(values or {}))
-    found = linear_form(TRAIN.scene, numbers, signals)
+    numbers = train().scene.numbers(train().parameter_values(values or {}))
+    found = linear_form(train().scene, numbers, signals)
     assert isinstance(found, LinearForm), found
     return numbers, found
 
 
 def rates(numbers: Any, t: float, x: Any, u: float) -> Any:
-    at, scene = np.array([t]), TRAIN.scene
+    at, scene = np.array([t]), train().scene
     column, inputs = np.asarray(x, float)[:, None], np.array([[u]])
     flags = scene.discrete(numbers, at, column, inputs)
     return evaluate(numbers, at, column, inputs, flags)[scene.program.output_slots, 0]
@@ -58,18 +61,18 @@ def rates(numbers: Any, t: float, x: Any, u: float) -> Any:
 def test_rates_are_linear_in_states_and_inputs(most: int, values: dict[str, float], monkeypatch: pytest.MonkeyPatch) -> None:
     """x' = A x + B u(t), at times on both sides of the switch."""
     monkeypatch.setattr(module, "MOST_WRITTEN", most)
-    TRAIN.scene.forms.pop("linear", None)
+    train().scene.forms.pop("linear", None)
     numbers, found = form(values)
     A = found.A if most else found.A.toarray()
     assert (most == 0) == (not isinstance(found.A, np.ndarray))
-    rng, n = np.random.default_rng(1), len(TRAIN.scene.states)
+    rng, n = np.random.default_rng(1), len(train().scene.states)
     assert A.shape == (n, n)
     assert found.B.shape == (n, len(found.inputs))
     for t in (0.2, 0.69, 0.71, 3.0):
         x = rng.normal(size=n)
         u = np.array([float(e.subs(TIME, t)) for e in found.inputs])
         assert A @ x + found.B @ u == pytest.approx(rates(numbers, t, x, 1.5), rel=1e-11, abs=1e-10)
-    TRAIN.scene.forms.pop("linear", None)
+    train().scene.forms.pop("linear", None)
 
 
 def test_inputs_are_numbers_tables_and_terms_of_time() -> None:
@@ -86,16 +89,16 @@ def test_inputs_are_numbers_tables_and_terms_of_time() -> None:
 
 
 def test_forms_are_kept_for_the_same_numbers() -> None:
-    numbers = TRAIN.scene.numbers(TRAIN.parameter_values({}))
-    one, mix = mixed_form(TRAIN.scene, numbers, (1.5,))  # type: ignore[misc]
-    again, other = mixed_form(TRAIN.scene, numbers, (1.5,))  # type: ignore[misc]
+    numbers = train().scene.numbers(train().parameter_values({}))
+    one, mix = mixed_form(train().scene, numbers, (1.5,))  # type: ignore[misc]
+    again, other = mixed_form(train().scene, numbers, (1.5,))  # type: ignore[misc]
     assert again is one
     assert other is mix
-    changed, _ = mixed_form(TRAIN.scene, numbers, (1.75,))  # type: ignore[misc]
+    changed, _ = mixed_form(train().scene, numbers, (1.75,))  # type: ignore[misc]
     assert float(changed.inputs[0]) == 1.75
     assert pytest.approx(one.A) == changed.A
-    fresh = TRAIN.scene.numbers(TRAIN.parameter_values({"a.J": 2.0}))
-    assert (linear_form(TRAIN.scene, fresh, (1.75,)).A != one.A).any()  # type: ignore[union-attr]
+    fresh = train().scene.numbers(train().parameter_values({"a.J": 2.0}))
+    assert (linear_form(train().scene, fresh, (1.75,)).A != one.A).any()  # type: ignore[union-attr]
 
 
 class Counted(gl.Component):
@@ -126,8 +129,10 @@ def test_why_there_is_none(model: gl.Component, signals: Any, reason: str) -> No
 
 def test_driving_terms_as_expressions_of_time() -> None:
     """Each is the value of its equation where all variables are zero, on both sides of the switch."""
-    numbers = TRAIN.scene.numbers(TRAIN.parameter_values({}))
-    found = [driving_expression(TRAIN.scene, batch, i, numbers.parameters) for batch, i in affine_seeds(TRAIN.scene.program)]
+    numbers = train().scene.numbers(train().parameter_values({}))
+    found = [
+        driving_expression(train().scene, batch, i, numbers.parameters) for batch, i in affine_seeds(train().scene.program)
+    ]
     moving = [e for e in found if e.has(TIME)]
     for t, pulse in ((0.2, 4.0), (0.9, -1.0)):
         values = sorted(abs(float(e.subs(TIME, t))) for e in moving)
@@ -140,12 +145,12 @@ def test_forms_of_many_runs_are_those_of_each(table: bool) -> None:
     """With masses, stiffnesses and inputs of their own; what moves with time is the same for all."""
     numbers, _ = form()
     signal: Any = gl.Table([0.0, 1.0], [0.0, 3.0]) if table else 0.0
-    found = linear_forms(TRAIN.scene, numbers, (signal,))
+    found = linear_forms(train().scene, numbers, (signal,))
     assert not isinstance(found, str)
     given = [{}, {"a.J": 0.9, "spring.c": 11.0}, {"set.ratio": 1.7, "spring.phi_rel0": -0.3}]
-    parameters = np.stack([TRAIN.parameter_values(values) for values in given], axis=1)
+    parameters = np.stack([train().parameter_values(values) for values in given], axis=1)
     assert found.alike(parameters).all()
-    solutions, solved = solutions_of_runs(TRAIN.scene.program, parameters)
+    solutions, solved = solutions_of_runs(train().scene.program, parameters)
     assert solved.all()
     u = np.array([[0.0, 0.0, 0.0]]) if table else np.array([[1.0, -2.0, 3.0]])
     A, B = found.of_runs(parameters, solutions, u)

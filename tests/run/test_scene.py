@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from gearlib.run.scene import (
 )
 from gearlib.run.start_values import starts_of_runs
 from tests.program.test_derivatives import Loop
-from tests.program.test_relations import COUNTERS
+from tests.program.test_relations import counters
 
 
 class Two(gl.Component):
@@ -39,20 +40,26 @@ class Two(gl.Component):
         ]  # fmt: skip
 
 
-ALL = gl.compile(Two()).translation
-SOME = gl.compile(Two(), outputs=["shaft.tau", "b.w"]).translation
+@cache
+def everything() -> Any:
+    return gl.compile(Two()).translation
+
+
+@cache
+def two_outputs() -> Any:
+    return gl.compile(Two(), outputs=["shaft.tau", "b.w"]).translation
 
 
 def test_names_of_derivatives() -> None:
-    model, v = ALL.model, ALL.model.variable("a.w")
+    model, v = everything().model, everything().model.variable("a.w")
     assert [node_name(model, (v, k)) for k in range(3)] == ["a.w", "der(a.w)", "der(der(a.w))"]
 
 
 def test_states_are_those_that_outputs_need() -> None:
-    assert sorted(SOME.scene.state_names) == ["a.w", "b.w", "shaft.phi_rel"]
-    assert set(ALL.scene.state_names) > set(SOME.scene.state_names)
-    assert "alone.w" in ALL.scene.state_names
-    scene, model = SOME.scene, SOME.model
+    assert sorted(two_outputs().scene.state_names) == ["a.w", "b.w", "shaft.phi_rel"]
+    assert set(everything().scene.state_names) > set(two_outputs().scene.state_names)
+    assert "alone.w" in everything().scene.state_names
+    scene, model = two_outputs().scene, two_outputs().model
     assert [scene.place_of[s] for s in scene.states] == list(range(3))
     assert scene.rates == [(v, k + 1) for v, k in scene.states]
     w = (model.variable("alone.w"), 0)
@@ -60,14 +67,14 @@ def test_states_are_those_that_outputs_need() -> None:
     assert scene.missing((model.variable("shaft.tau"), 0)) == ()
     phi = scene.named("a.phi")[0]
     (angle,) = scene.missing(phi)  # of whichever body it stands for
-    assert angle in SOME.structure.angles
-    assert needed_states(SOME.structure, [(model.variable("b.w"), 0)]) == tuple(sorted(scene.states))
-    assert needed_states(SOME.structure, []) == ()
+    assert angle in two_outputs().structure.angles
+    assert needed_states(two_outputs().structure, [(model.variable("b.w"), 0)]) == tuple(sorted(scene.states))
+    assert needed_states(two_outputs().structure, []) == ()
 
 
 def test_inputs_are_those_that_variables_depend_on() -> None:
     def needed(*names: str) -> tuple[str, ...]:
-        return needed_inputs(ALL.structure, [ALL.scene.named(name)[0] for name in names])
+        return needed_inputs(everything().structure, [everything().scene.named(name)[0] for name in names])
 
     assert needed("b.w") == ("torque.tau", "other.tau")
     assert needed("alone.w") == needed("alone.a") == ("third.tau",)
@@ -77,39 +84,39 @@ def test_inputs_are_those_that_variables_depend_on() -> None:
 
 def test_discrete_variables_that_follow_each_other() -> None:
     def needed(name: str) -> list[str]:
-        found = needed_discretes(COUNTERS.structure, [COUNTERS.scene.named(name)[0]])
-        return [COUNTERS.model.discretes[d] for d in found if not COUNTERS.model.discretes[d].startswith("when_")]
+        found = needed_discretes(counters().structure, [counters().scene.named(name)[0]])
+        return [counters().model.discretes[d] for d in found if not counters().model.discretes[d].startswith("when_")]
 
     assert needed("der(x)") == ["used", "behind"] or sorted(needed("der(x)")) == ["behind", "used"]
     assert needed("y") == []
 
 
 def test_variables_by_name_with_their_sign() -> None:
-    node, sign = ALL.scene.named("shaft.flange_a.tau")
-    other, opposite = ALL.scene.named("shaft.flange_b.tau")
+    node, sign = everything().scene.named("shaft.flange_a.tau")
+    other, opposite = everything().scene.named("shaft.flange_b.tau")
     assert (node, sign) == (other, -opposite)
-    assert ALL.scene.named("alone.flange_b.tau")[1] == 0
+    assert everything().scene.named("alone.flange_b.tau")[1] == 0
     with pytest.raises(NameLookupError, match=r"a\.ww"):
-        ALL.scene.named("a.ww")
+        everything().scene.named("a.ww")
 
 
 def test_states_on_which_others_depend() -> None:
     """A trace keeps those that states may need that are asked for later; nothing where all are integrated."""
-    scene = SOME.scene
+    scene = two_outputs().scene
     assert scene.feeding is not None
     assert {scene.state_names[i] for i in scene.feeding} == {"b.w"}  # the absolute angle; alone.w follows from its input
-    whole = ALL.with_states(ALL.structure.states)
+    whole = everything().with_states(everything().structure.states)
     assert whole.feeding is None
-    assert [ALL.structure.states[i] for i in scene.places] == list(scene.states)
+    assert [everything().structure.states[i] for i in scene.places] == list(scene.states)
     variables, orders = scene.everything
-    assert list(zip(variables.tolist(), orders.tolist(), strict=True)) == list(ALL.structure.states)
+    assert list(zip(variables.tolist(), orders.tolist(), strict=True)) == list(everything().structure.states)
     own, derivatives = scene.starting
     assert own.tolist() == [v for v, _ in scene.states]
     assert derivatives.tolist() == [i for i, (_, k) in enumerate(scene.states) if k]
 
 
 def test_every_slot_has_a_name() -> None:
-    scene = ALL.scene
+    scene = everything().scene
     assert len(scene.slot_names) == scene.program.n_slots
     for slot in scene.program.slots.values():
         assert scene.slot_names[slot] in {node_name(scene.model, n) for n, s in scene.program.slots.items() if s == slot}
@@ -120,23 +127,28 @@ def test_every_slot_has_a_name() -> None:
 
 
 def test_names_of_relations_are_those_of_components() -> None:
-    names = relation_names(COUNTERS.structure, COUNTERS.scene.relations)
-    relations = COUNTERS.scene.relations
+    names = relation_names(counters().structure, counters().scene.relations)
+    relations = counters().scene.relations
     assert relations is not None
     assert sorted(names) == relations.used.tolist()
-    assert COUNTERS.scene.root_names == root_names(relations, names) == tuple(names[int(k)] for k in relations.searched)
-    assert (relation_names(ALL.structure, None), root_names(None, {})) == ({}, ())
+    assert counters().scene.root_names == root_names(relations, names) == tuple(names[int(k)] for k in relations.searched)
+    assert (relation_names(everything().structure, None), root_names(None, {})) == ({}, ())
 
 
 def test_variables_computed_together_have_one_program() -> None:
-    scene = Scene(ALL.structure, ALL.scene.states, (), (ALL.scene.named("shaft.tau")[0], ALL.scene.named("brake.tau")[0]))
+    scene = Scene(
+        everything().structure,
+        everything().scene.states,
+        (),
+        (everything().scene.named("shaft.tau")[0], everything().scene.named("brake.tau")[0]),
+    )
     first, second = scene.outputs
     assert scene.computing(first) is scene.computing(second)
     assert set(scene.outputs) <= scene.computing(first).slots.keys()
-    third = ALL.scene.named("a.a")[0]
+    third = everything().scene.named("a.a")[0]
     alone = scene.computing(third)
     assert alone is not scene.computing(first)
-    fourth, fifth = ALL.scene.named("b.a")[0], ALL.scene.named("alone.a")[0]
+    fourth, fifth = everything().scene.named("b.a")[0], everything().scene.named("alone.a")[0]
     scene.compute_together([fourth, fifth, third, first, scene.states[0]])
     assert scene.computing(fourth) is scene.computing(fifth)
     assert scene.computing(third) is alone
@@ -152,7 +164,7 @@ def test_start_values_of_iterations() -> None:
         assert found[slot] == (start[v] if k == 0 else 0.0)
     (unknown,) = translation.scene.iterated
     assert translation.model.name(unknown) == "b"
-    assert ALL.scene.iterated == ()
+    assert everything().scene.iterated == ()
 
 
 def test_data_of_a_run() -> None:
@@ -171,8 +183,8 @@ def test_data_of_a_run() -> None:
         own = np.arange(float(scene.program.n_slots))
         data = scene.data(native, numbers, np.array([u]), np.zeros(scene.n_discrete), start, own)
         assert data[layout.slots :][: len(own)].tolist() == own.tolist()
-    solved, none = ALL.scene, (np.zeros(3), np.zeros(0), np.zeros(ALL.model.n_variables))
-    one, other = (solved.prepared(ALL.parameter_values({"a.J": J})) for J in (0.5, 0.7))
+    solved, none = everything().scene, (np.zeros(3), np.zeros(0), np.zeros(everything().model.n_variables))
+    one, other = (solved.prepared(everything().parameter_values({"a.J": J})) for J in (0.5, 0.7))
     blocks = [solved.data(solved.native, numbers, *none) for numbers in (one, other, one)]
     assert blocks[0].tolist() == blocks[2].tolist()
     assert blocks[0].tolist() != blocks[1].tolist()
@@ -193,14 +205,14 @@ def test_regular_scenes_and_others() -> None:
     assert not scene.can_be_prepared(np.array([0.0]))
     with pytest.raises(SingularError, match="p = 0"):
         scene.prepared(np.array([0.0]))
-    assert (scene.on_time, scene.searched, COUNTERS.scene.searched) == (False, False, True)
+    assert (scene.on_time, scene.searched, counters().scene.searched) == (False, False, True)
 
 
 def test_starts_of_many_runs() -> None:
     """Fixed values that contradict each other in a run give no numbers there."""
-    table = np.stack([ALL.parameter_values({})] * 2, axis=1)
-    found = starts_of_runs(ALL.scene, table)
+    table = np.stack([everything().parameter_values({})] * 2, axis=1)
+    found = starts_of_runs(everything().scene, table)
     assert found is not None
-    assert found.shape == (2, len(ALL.scene.states))
-    assert found[:, ALL.scene.state_names.index("a.w")].tolist() == [3.0, 3.0]
-    assert (ALL.scene.unfixed is not None) == (found is not None)
+    assert found.shape == (2, len(everything().scene.states))
+    assert found[:, everything().scene.state_names.index("a.w")].tolist() == [3.0, 3.0]
+    assert (everything().scene.unfixed is not None) == (found is not None)

@@ -10,6 +10,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError, NameLookupError, StartError
+from gearlib.run.start_values import fixed_values
 
 c = gl.connect
 
@@ -245,3 +246,25 @@ def test_free_states_do_not_depend_on_the_order_of_declaration() -> None:
     one, other = ordered(("motor", "load")), ordered(("load", "motor"))
     assert one.states == other.states
     assert start(one, "motor.phi", "load.phi") == start(other, "motor.phi", "load.phi")
+
+
+@pytest.mark.parametrize(("nominal", "agree"), [(1e6, True), (1.0, False)])
+def test_what_counts_as_zero_is_relative_to_the_size_of_a_variable(nominal: float, agree: bool) -> None:
+    """Two names of one, fixed at 0 and 5e-6: the same up to rounding if values of a million are usual."""
+
+    class Twice(gl.Component):
+        a = gl.Variable("1", start=0.0, nominal=nominal)
+        b = gl.Variable("1", start=5e-6, nominal=nominal)
+        rate = gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.a), -self.rate * self.b), gl.Eq(self.a, self.b)]
+
+    translation = gl.compile(Twice()).translation
+    parameters = translation.parameter_values({})
+    if agree:
+        found = fixed_values(translation.model, parameters, {})
+        assert [value for value, _ in found.values()] == [pytest.approx(0.0, abs=1e-5)]
+    else:
+        with pytest.raises(StartError, match=r"start values contradict each other: [ab] and [ab] are one variable"):
+            fixed_values(translation.model, parameters, {})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -29,13 +30,15 @@ class Slip(gl.Component):
         ]  # fmt: skip
 
 
-SLIP = gl.compile(Slip()).translation
+@cache
+def slip() -> Any:
+    return gl.compile(Slip()).translation
 
 
 def search(grows: Any, held: Any = None) -> Search:
-    scene = SLIP.with_states(SLIP.structure.states)
+    scene = slip().with_states(slip().structure.states)
     begin = Start(np.zeros(len(scene.states)), np.zeros(scene.model.n_variables), ())
-    return Search(scene, scene.prepared(SLIP.parameter_values({})), begin, np.zeros(0), 0.0, np.asarray(grows, float), held)
+    return Search(scene, scene.prepared(slip().parameter_values({})), begin, np.zeros(0), 0.0, np.asarray(grows, float), held)
 
 
 def orthonormal(n: int, k: int) -> Any:
@@ -71,7 +74,7 @@ def test_what_is_held_is_not_moved() -> None:
 
 def test_rates_and_their_derivatives_in_nominal_values() -> None:
     """Against differences; beside a bound on their rounding, and the largest of the derivatives."""
-    own = search(np.zeros((len(SLIP.structure.states), 0)))
+    own = search(np.zeros((len(slip().structure.states), 0)))
     x = RNG.uniform(0.5, 1.5, len(own.scale))
     f, gradient, noise = own.equations(x)
     for i in range(len(x)):
@@ -98,11 +101,11 @@ def test_a_growing_mode_limits_the_step() -> None:
 
 def test_angles_grow_in_a_steady_rotation() -> None:
     """6 = 1.5 (w / 2)^2: 4 rad/s behind the coupling, 6/3 more before it; the shaft twists by 6/40."""
-    scene = SLIP.scene
-    numbers = scene.prepared(SLIP.parameter_values({}))
+    scene = slip().scene
+    numbers = scene.prepared(slip().parameter_values({}))
     assert growing(scene, numbers).shape == (len(scene.states), 0)
-    whole = SLIP.with_states(SLIP.structure.states)
-    grows = growing(whole, whole.prepared(SLIP.parameter_values({})))
+    whole = slip().with_states(slip().structure.states)
+    grows = growing(whole, whole.prepared(slip().parameter_values({})))
     turning = [name for name, row in zip(whole.state_names, grows, strict=True) if row.any()]
     assert turning
     assert all(name.endswith(("phi", "phi_rel")) for name in turning)
@@ -114,9 +117,9 @@ def test_angles_grow_in_a_steady_rotation() -> None:
 
 def test_a_steady_state_follows_its_parameters() -> None:
     """w_c = 2 sqrt(tau / 1.5) and w_a = w_c + tau / d, by the torque and the damping."""
-    names = ["torque.tau", "slip.d"] if "torque.tau" in SLIP.model.parameters.index else ["slip.d", "fan.tau_nominal"]
-    scene, table = SLIP.scene, SLIP.model.parameters
-    numbers = scene.prepared(SLIP.parameter_values({}))
+    names = ["torque.tau", "slip.d"] if "torque.tau" in slip().model.parameters.index else ["slip.d", "fan.tau_nominal"]
+    scene, table = slip().scene, slip().model.parameters
+    numbers = scene.prepared(slip().parameter_values({}))
     n, seeds = len(scene.states), [(table.index[name], k, 1.0) for k, name in enumerate(names)]
     begin = Start(np.full(n, 0.5), np.zeros(scene.model.n_variables), (), changes=np.zeros((n, 2)))
     x = search_steady(scene, numbers, begin, np.zeros(0), 0.0)
@@ -124,7 +127,7 @@ def test_a_steady_state_follows_its_parameters() -> None:
     for k, name in enumerate(names):
         ends = []
         for share in (1 + 1e-5, 1 - 1e-5):
-            moved = scene.prepared(SLIP.parameter_values({name: share * float(table.defaults[table.index[name]])}))
+            moved = scene.prepared(slip().parameter_values({name: share * float(table.defaults[table.index[name]])}))
             ends.append(search_steady(scene, moved, begin, np.zeros(0), 0.0))
         expected = (ends[0] - ends[1]) / (2e-5 * float(table.defaults[table.index[name]]))
         assert found[:, k] == pytest.approx(expected, rel=1e-6, abs=1e-8)

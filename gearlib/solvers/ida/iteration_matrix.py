@@ -197,7 +197,7 @@ def _cheapest(n: int, nonzeros: int, lower: int, upper: int, analytic: bool) -> 
 
 
 def _dense(n: int, rows: Integers, columns: Integers, differential: Integers) -> MatrixPlan:
-    return MatrixPlan("dense", None, n - 1, n - 1, columns * n + rows, differential * (n + 1), rows, columns)
+    return MatrixPlan("dense", position=columns * n + rows, diagonal=differential * (n + 1), rows=rows, columns=columns)
 
 
 def _sparse(n: int, rows: Integers, columns: Integers, differential: Integers) -> MatrixPlan:
@@ -206,4 +206,4 @@ def _sparse(n: int, rows: Integers, columns: Integers, differential: Integers) -
     indptr = np.searchsorted(kept, np.arange(n + 1) * n).astype(np.int32)
     position, diagonal = where[: len(rows)].astype(np.int64), where[len(rows) :].astype(np.int64)
     pattern = (indptr, (kept % n).astype(np.int32))
-    return MatrixPlan("sparse", None, 0, 0, position, diagonal, rows, columns, pattern=pattern)
+    return MatrixPlan("sparse", position=position, diagonal=diagonal, rows=rows, columns=columns, pattern=pattern)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -36,10 +37,18 @@ class Timed(gl.Component):
         return links
 
 
-TIMED, PLAIN = (gl.compile(Timed(conditions=c)).translation for c in (True, False))
+@cache
+def timed() -> Any:
+    return gl.compile(Timed()).translation
 
 
-def run(translation: Any = TIMED, times: Any = (0.0, 1.0), signals: tuple[Any, ...] = (0.0,), **values: float) -> Run:
+@cache
+def plain() -> Any:
+    return gl.compile(Timed(conditions=False)).translation
+
+
+def run(model: Any = None, times: Any = (0.0, 1.0), signals: tuple[Any, ...] = (0.0,), **values: float) -> Run:
+    translation = model or timed()
     scene = translation.scene
     start = Start(np.zeros(len(scene.states)), np.zeros(scene.model.n_variables), ())
     numbers = scene.prepared(translation.parameter_values(values))
@@ -51,9 +60,9 @@ def test_times_to_step_to_exactly() -> None:
     table = gl.Table([-1.0, 0.0, 0.25, 0.6, 0.6, 1.0, 2.0], [0.0, 1.0, 2.0, 3.0, 4.0, 0.0, 0.0])
     assert time_events(run()).tolist() == [0.25, 0.5]
     assert time_events(run(signals=(table,))).tolist() == [0.25, 0.5, 0.6, 1.0]
-    assert time_events(run(PLAIN, signals=(table,))).tolist() == [0.25, 0.6]
-    assert time_events(run(PLAIN)).tolist() == []
-    assert time_events(run(PLAIN, signals=())).tolist() == []
+    assert time_events(run(plain(), signals=(table,))).tolist() == [0.25, 0.6]
+    assert time_events(run(plain())).tolist() == []
+    assert time_events(run(plain(), signals=())).tolist() == []
     assert time_events(run(times=(0.25, 0.5))).tolist() == [0.5]
     assert time_events(run(times=(0.3, 0.4))).tolist() == []
     assert time_events(run(times=(0.0, math.nextafter(0.5, 0.0)))).tolist() == [0.25, math.nextafter(0.5, 0.0)]  # at the end
@@ -71,7 +80,7 @@ def test_events_are_named_by_what_switches() -> None:
     assert [name.split(":")[0] for _, name in found] == ["one", "three", "two", "an input"]
     both = named_events(run(second=0.25), solution([0.25], [-1]))
     assert [part.split(":")[0] for part in both[0][1].split("; ")] == ["one", "two"]
-    assert named_events(run(PLAIN), solution([0.25], [-1])) == []
+    assert named_events(run(plain()), solution([0.25], [-1])) == []
 
 
 def solution(times: list[float], roots: list[int]) -> Any:
@@ -92,26 +101,26 @@ def test_functions_and_tables_make_calls_dearer() -> None:
     calls = plain.rhs_cost - 15.0
     with_jacobian = problem_of(run(), Callbacks(), jacobian=True)
     entries = with_jacobian.jac_cost - 15.0 - 3.0 * calls
-    assert entries == pytest.approx(1.2 * TIMED.scene.native_with_jacobian.pattern.size, rel=1e-9)  # type: ignore[union-attr]
+    assert entries == pytest.approx(1.2 * timed().scene.native_with_jacobian.pattern.size, rel=1e-9)  # type: ignore[union-attr]
     assert plain.update_cost - 15.0 == pytest.approx(3.0 * (plain.roots_cost - 15.0))
 
 
 def test_a_problem_is_that_of_its_run() -> None:
-    own = replace(run(), atol=np.full(len(TIMED.scene.states), 1e-9), max_step=0.125, may_stop=True)
+    own = replace(run(), atol=np.full(len(timed().scene.states), 1e-9), max_step=0.125, may_stop=True)
     found = problem_of(own, Callbacks(), jacobian=False)
-    n = len(TIMED.scene.states)
+    n = len(timed().scene.states)
     assert (found.n_roots, found.roots is not None, found.update is not None, found.jac) == (1, True, True, None)
     assert found.x0.tolist() == [0.0] * n
     assert found.differential.tolist() == [True] * n
     assert (found.rtol, found.longest_step, found.longest_expanded_step, found.may_stop) == (1e-6, 0.125, 0.125, True)
     assert found.absolute_tolerance.tolist() == [1e-9] * n
-    assert found.state_names == TIMED.scene.state_names
+    assert found.state_names == timed().scene.state_names
     assert (found.implicit, found.may_leave, found.traced) == (False, False, None)
     assert found.max_steps == 100_000_000
-    shared = TIMED.scene.native.shared
+    shared = timed().scene.native.shared
     assert (found.discrete.start, found.discrete.stop - found.discrete.start) == (shared.relations, shared.n_discrete)
     held = found.data[found.discrete]
-    assert held[: TIMED.scene.model.n_relations].tolist().count(1.0) == 3  # all conditions hold at the start
+    assert held[: timed().scene.model.n_relations].tolist().count(1.0) == 3  # all conditions hold at the start
     dae = problem_of(replace(own, form="dae"), Callbacks(), jacobian=True)
     assert dae.implicit
     assert dae.absolute_tolerance[:n].tolist() == [1e-9] * n

@@ -326,3 +326,21 @@ def test_what_a_forgotten_run_holds_is_freed(drive: gl.System) -> None:
     assert stepper.solver is not None
     del run
     assert stepper.solver is None
+
+
+def test_discrete_variables_begin_where_they_are_told() -> None:
+    class Counter(gl.Component):
+        x = gl.Variable("1", start=0.0)
+        n = gl.Discrete("1", start=2.0)
+        rate = gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), self.rate), gl.When(self.x >= 1.0, gl.Eq(self.n, gl.pre(self.n) + 1.0))]
+
+    system = gl.compile(Counter())
+    for start, first in ((None, 2.0), ({"n": 7.0, "x": 0.5}, 7.0)):
+        run = system.stepper(start=start)
+        assert run["n"] == first
+        run.advance(1.5)
+        assert run["n"] == first + 1.0
+        assert run["x"] == pytest.approx(1.5 + (0.5 if start else 0.0))

@@ -99,3 +99,18 @@ def test_a_stepped_run_may_stop_at_a_jump(system: gl.System, method: str, instan
     for t in instants:
         run.advance(t)
     assert run["body.w"] == pytest.approx(20.0 * np.tanh(0.4), rel=1e-6 if method == "ida" else 1e-7)
+
+
+@pytest.mark.parametrize("method", ["rk", "ida"])
+def test_inputs_before_time_zero(method: str) -> None:
+    """From -2 s on: what a torque of straight lines puts into a body, at corners and between them."""
+
+    class Body(gl.Component):
+        def assemble(self) -> list[object]:
+            self.torque, self.body = gp.Torque(), gp.Inertia(J=0.5)
+            return [gl.connect(self.torque.flange, self.body.flange_a)]
+
+    table = gl.Table([-2.0, -1.0, 0.0, 1.0], [0.0, 1.0, 4.0, 4.0])
+    times = [-2.0, -1.5, -1.0, -0.5, 0.0, 1.0]
+    found = gl.compile(Body()).simulate(1.0, t_start=-2.0, times=times, method=method, rtol=1e-9, inputs={"torque.tau": table})
+    assert found["body.w"] == pytest.approx([0.0, 0.25, 1.0, 2.75, 6.0, 14.0], rel=1e-7, abs=1e-9)

@@ -70,6 +70,7 @@ def test_a_part_of_a_table_goes_on_beyond_its_ends(kind: str) -> None:
         assert part(t) == pytest.approx(own(t), abs=1e-12)
         assert part.t[0] == max(begin, 0.0) or begin < 0.0
         assert own.t.tolist() == T.tolist() or kind == "previous"
+    assert float(own.between(0.6, 0.6)(0.6)) == pytest.approx(float(own(0.6)))
     c = own.between(0.6, 0.7).coefficients[:, 0]
     for h in (0.05, 0.5):  # beyond its end
         assert float(own.between(0.6, 0.7)(0.6 + h)) == pytest.approx(c @ h ** np.arange(4))

@@ -1,0 +1,165 @@
+"""Compiled models: their parameters by path, units, states and the derivatives of parameters by others."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.linear.operating_point import operating_point
+from gearlib.run.translation import asked_scene, output_nodes, translate
+from tests.program.test_derivatives import Bound
+
+
+@cache
+def bound() -> Any:
+    return gl.compile(Bound()).translation
+
+
+def test_parameters_follow_from_each_other_unless_given() -> None:
+    """a.J = density width size^4, and b.J = 2 a.J + 5 density size^5."""
+    names = bound().model.parameters.index
+    found = bound().parameter_values({"size": 0.5})
+    J = 7800.0 * 0.05 * 0.5**4
+    assert found[names["a.J"]] == pytest.approx(J)
+    assert found[names["b.J"]] == pytest.approx(2 * J + 5 * 7800.0 * 0.5**5)
+    found = bound().parameter_values({"a.J": 3.0})
+    assert found[names["a.J"]] == 3.0
+    assert found[names["b.J"]] == pytest.approx(6.0 + 5 * 7800.0 * 0.2**5)
+    assert (
+        bound().parameter_values(None).tolist()
+        == bound().parameter_values({}).tolist()
+        == bound().model.parameters.defaults.tolist()
+    )
+    for number in (1, np.int64(1), np.float32(1.0), 1.0):
+        assert bound().parameter_values({"size": number})[names["size"]] == 1.0
+
+
+@pytest.mark.parametrize("value", [True, "1", None, [1.0], 1j, np.timedelta64(1, "s")])
+def test_what_is_no_number_is_refused(value: Any) -> None:
+    with pytest.raises(ArgumentError, match=r"^parameter size is .*; expected a number$"):
+        bound().parameter_values({"size": value})
+
+
+def test_derivatives_of_parameters_by_others() -> None:
+    """Through two levels of bindings; not of those that were given."""
+    names, numbers = bound().model.parameters.names, bound().parameter_values({})
+    h = 1e-6
+    for given in ([], ["a.J"]):
+        fixed = {name: float(numbers[bound().model.parameters.index[name]]) for name in given}
+        changes = np.zeros((len(names), 2))
+        for p, k, weight in bound().parameter_changes(["size", "density"], numbers, given):
+            changes[p, k] += weight
+        for k, (name, value) in enumerate((("size", 0.2), ("density", 7800.0))):
+            up, down = (bound().parameter_values({**fixed, name: value * (1 + s * h)}) for s in (1, -1))
+            assert changes[:, k] == pytest.approx((up - down) / (2 * h * value), rel=1e-6, abs=1e-9)
+    assert changes[bound().model.parameters.index["a.J"]].tolist() == [0.0, 0.0]
+
+
+def by_differences(J: float, size: float = 0.2) -> float:
+    """d b.w(1) / d size with a.J given."""
+    ends = [
+        gl.compile(Bound(), outputs=["b.w"]).simulate(1.0, times=[1.0], parameters={"size": size + h, "a.J": J})["b.w"][0]
+        for h in (1e-5, -1e-5)
+    ]
+    return float((ends[0] - ends[1]) / 2e-5)
+
+
+@pytest.mark.parametrize("runs", [2, 9], ids=["one by one", "together"])
+def test_parameters_given_in_a_sweep_follow_from_no_others(runs: int) -> None:
+    """So that the gradient of each run holds them fixed."""
+    system, values = gl.compile(Bound(), outputs=["b.w"]), np.linspace(3.0, 4.0, runs)
+    found = system.sweep(
+        {"a.J": values}, 1.0, times=[1.0], reduce={"slope": lambda result: result.gradient({"b.w": [1.0]}, ["size"])["size"]}
+    )
+    for J, slope in ((values[0], found["slope"][0]), (values[-1], found["slope"][-1])):
+        assert slope == pytest.approx(by_differences(float(J)), rel=1e-5)
+
+
+def test_parameters_given_to_a_run_stay_given_at_its_moments() -> None:
+    """And in the runs that go on from it: what follows from them does not count as given."""
+    system = gl.compile(Bound())
+    first = system.simulate(1.0, times=[0.0, 1.0], parameters={"a.J": 3.0})
+    later = system.simulate(2.0, start=first)
+    assert (first.request.given, later.request.given) == (("a.J",), ("a.J",))  # type: ignore[attr-defined]
+    own = bound().parameter_changes(["size"], first.request.parameters, ["a.J"])  # type: ignore[attr-defined]
+    changed = {bound().model.parameters.names[p] for p, _, weight in own if weight}
+    assert {"b.J", "rim.J"} <= changed
+    assert "a.J" not in changed
+    for result, t in ((first, 1.0), (later, 2.0)):
+        translation = system.translation
+        _, _, point = operating_point(translation, translation.structure.states, (result, t))
+        assert point.change is not None
+        assert point.change(["size"]).parameters == own
+
+
+def test_units_of_variables_derivatives_and_parameters() -> None:
+    assert [bound().unit(name) for name in ("a.w", "der(a.w)", "torque.tau")] == ["rad/s", "rad/s/s", "N.m"]
+    assert {name: bound().parameter_units[name] for name in ("size", "a.J", "gear.ratio")} == {
+        "size": "m",
+        "a.J": "kg.m2",
+        "gear.ratio": "1",
+    }
+
+
+class Driven(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.one, self.two, self.body, self.other = gp.Torque(), gp.Torque(), gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+        return [gl.connect(self.one.flange, self.body.flange_a), gl.connect(self.two.flange, self.other.flange_a)]
+
+
+def test_inputs_that_outputs_need() -> None:
+    whole = translate(Driven(), None)
+    assert whole.inputs == whole.open_inputs == whole.needed_inputs == ("one.tau", "two.tau")
+    assert translate(Driven(), ("other.w",)).needed_inputs == ("two.tau",)
+    assert translate(Driven(), ("other.w", "body.w")).needed_inputs == ("one.tau", "two.tau")
+    assert translate(Driven(), ()).needed_inputs == ()
+    table = gl.Table([0.0, 1.0], [0.0, 1.0])
+    signals = whole.input_signals({"two.tau": table})
+    assert signals == [0.0, table]
+    assert whole.input_signals(None) == [0.0, 0.0]
+    with pytest.raises(NameLookupError, match=r"^the model has no unbound input 'two.taux'; "):
+        whole.input_signals({"two.taux": 1.0})
+    with pytest.raises(NameLookupError, match=r"no unbound input 'body.w'; it is bound in the model, or no input$"):
+        whole.input_signals({"body.w": 1.0})
+
+
+def test_scenes_with_other_states_are_made_once() -> None:
+    whole = translate(Driven(), ("body.w",))
+    own, states = whole.scene, whole.structure.states
+    assert whole.with_states(own.states) is own
+    assert whole.with_states(states) is whole.with_states(states)
+    assert whole.with_states(states).states == states
+    assert whole.scene_of(own.states, (), own.outputs) is own
+    node = whole.node("other.a")
+    other = whole.scene_of(own.states, (), (node,))
+    assert other is not own
+    assert other.outputs == (node,)
+    assert whole.states == own.state_names == ("body.w",)
+
+
+def test_scenes_of_outputs() -> None:
+    """The states that they need, and what else is computed; of everything, the states without absolute angles."""
+    structure = translate(Driven(), None).structure
+    model = structure.model
+    asked = asked_scene(structure, ("other.a", "other.w"))
+    assert [model.name(v) for v, _ in asked.states] == ["other.w"]
+    assert asked.outputs == tuple(n for n in output_nodes(structure, ("other.a",)) if n not in asked.states)
+    everything = asked_scene(structure, None)
+    assert everything.outputs == ()
+    assert not set(everything.states) & set(structure.angles)
+    read = asked_scene(structure, ("other.w",), ("body.w",))
+    assert sorted(model.name(v) for v, _ in read.states) == ["body.w", "other.w"]
+
+
+def test_progress_of_a_translation() -> None:
+    told: list[float] = []
+    translate(Driven(), None, told.append)
+    assert told == sorted(told)
+    assert all(0.0 < share <= 1.0 for share in told)
+    assert told
