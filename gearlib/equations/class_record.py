@@ -148,7 +148,7 @@ def _refuse_void(templates: Sequence[Template]) -> None:
         assert t.alias is not None
         i, j, sign = t.alias
         row[names.index(t.locals[i])] = 1.0
-        if j >= 0:
+        if sign:
             row[names.index(t.locals[j])] = -sign
     if len(equalities) > 1 and np.linalg.matrix_rank(coefficients) < len(equalities):
         every = "; ".join(t.label for t in equalities)
