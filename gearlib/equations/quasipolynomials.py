@@ -245,13 +245,13 @@ def _branch(expression: Any, origin: float, probe: float) -> Any:
             if holds(condition, origin, probe):
                 return branch
         raise OutsideClassError(f"{expression} has no value at time = {origin + probe:g}")
-    arguments = expression.args
     if expression.func in (sympy.Max, sympy.Min):
         chosen = max if expression.func is sympy.Max else min
-        return chosen(arguments, key=lambda a: value(parse(a, origin, probe), probe))
-    positive = value(parse(arguments[0], origin, probe), probe) > 0
+        return chosen(expression.args, key=lambda a: value(parse(a, origin, probe), probe))
+    argument, *_ = expression.args
+    positive = value(parse(argument, origin, probe), probe) > 0
     if expression.func is sympy.Abs:
-        return arguments[0] if positive else -arguments[0]
+        return argument if positive else -argument
     if expression.func is sympy.sign:
         return sympy.Integer(1 if positive else -1)
     return sympy.Integer(1 if positive else 0)

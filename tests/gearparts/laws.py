@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import sympy
@@ -16,10 +17,15 @@ def plain(expression: Any) -> Any:
     return value_of(expression).replace(lambda e: e.func.__name__ == "no_event", lambda e: e.args[0])
 
 
+@cache
+def stated(part: gl.Component) -> dict[str, Any]:
+    """Right sides of a component's equations by their left sides."""
+    return {str(e.left): plain(e.right) for e in equations_of(part) if isinstance(e, gl.Eq)}
+
+
 def right_side(part: gl.Component, left: str, **values: float) -> float:
     """What an equation gives to its left side, with the names that are not mentioned zero; ``pre_mode`` is ``pre(mode)``."""
-    (equation,) = (e for e in equations_of(part) if isinstance(e, gl.Eq) and str(e.left) == left)
-    given = plain(equation.right)
+    given = stated(part)[left]
     known = {s: values.get(s.name.replace("pre(", "pre_").removesuffix("()").removesuffix(")").replace(".", "__"), 0.0)
              for s in given.free_symbols}  # fmt: skip
     return float(given.xreplace({s: sympy.Float(value) for s, value in known.items()}))

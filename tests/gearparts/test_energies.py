@@ -85,7 +85,9 @@ class Powers:
 def chosen(kind: Any) -> list[dict[str, Any]]:
     """The first and the last of a component's choices; of a mesh, those that make a difference to its energy."""
     choices = list(structural_choices(kind))
-    return VARYING if "stiffness" in kind._declarations else choices[:: max(1, len(choices) - 1)]
+    if "stiffness" in kind._declarations:
+        return VARYING if kind is gp.DetailedExternalMesh else [{}]
+    return choices[:: max(1, len(choices) - 1)]
 
 
 def made(kind: Any, choice: dict[str, Any]) -> gl.Component:

@@ -392,6 +392,7 @@ def test_numbers_follow_from_what_encloses_a_part() -> None:
     connections_of(plant)
     stage = plant.stage
     connections_of(stage)
+    assert number_of(stage, "size") == 2.0
     assert [number_of(plant, "scale"), number_of(stage, "size"), number_of(stage, "mass"), number_of(stage, "count")] == [
         0.5,
         2.0,

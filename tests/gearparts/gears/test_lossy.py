@@ -322,7 +322,7 @@ ETA_1, ETA_2, B_1, B_2 = 0.9, 0.8, 0.5, 0.3
 AT_A = (B_1 - B_2) / (ETA_1 - 1 / ETA_2)  # the bearings' torque on the side of flange_a: here negative
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def lossy() -> gl.Component:
     """Its losses grow to twice the sliding torques at 10 rad/s."""
     return LossyGear(ratio=2.0, loss_table=((0.0, ETA_1, ETA_2, B_1, B_2), (10.0, ETA_1, ETA_2, 2 * B_1, 2 * B_2)))

@@ -624,7 +624,7 @@ FREE, FORWARD, BACKWARD, STUCK = 2, 1, -1, 0
 BRAKE: dict[str, float] = {"peak": 1.5, "tau0": 2.0, "cgeo": 0.5, "fn_max": 8.0, "f_normalized": 1.0, "w_small": 100.0}
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def brake() -> gl.Component:
     """With a sliding torque of 2 N.m at rest, which grows by 0.4 N.m in a rad/s, and breaks away at 3 N.m."""
     return gp.Brake(mu_pos=((0.0, 0.5), (10.0, 1.5)), fn_max=8.0)
@@ -707,7 +707,7 @@ def test_a_sign_begins_beyond_rounding_and_lasts_until_the_speed_is_zero(
         assert right_side(brake, "moving", v=speed, pre_moving=was, **held) == 0
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def freewheel() -> gl.Component:
     return gp.OneWayClutch(mu_pos=((0.0, 0.5), (10.0, 1.5)), fn_max=8.0)
 

@@ -13,6 +13,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
 from gearparts.trains import zhou_cui_2022 as zc
+from tests.gearparts.laws import right_side
 
 TEETH = {"Z_s": 19, "Z_p": 31, "Z_r": 81}
 TABLE_4 = {name: quantity.value for name, quantity in zc.TABLE_4.items()}
@@ -101,3 +102,12 @@ def test_positions_that_do_not_fit_are_refused() -> None:
     for missing in TEETH:
         with pytest.raises(BindingError, match=f"PlanetaryUnit: {missing} is 0; expected a whole number above 0"):
             gl.compile(gp.ZhouCui2022(**TEETH | {missing: 0}))
+
+
+@pytest.mark.parametrize("planets", [1, 3])
+def test_deflections_are_means_over_the_planets(planets: int) -> None:
+    train = gp.ZhouCui2022(planet_meshes="separate", planets=planets)
+    train.train.x_unit.sun_meshes  # noqa: B018 - makes the parts
+    for side in ("ring", "sun"):
+        each = {f"train__x_unit__{side}_meshes[{n}]__q": 1.0 + n**2 for n in range(planets)}
+        assert right_side(train, f"q_{side}", **each) == pytest.approx(sum(each.values()) / planets)
