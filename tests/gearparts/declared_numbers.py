@@ -31,8 +31,9 @@ LIMITS = {
 IN_MODELICA: dict[str, dict[str, Any]] = {  # of the Modelica Standard Library 4.1.0, where it has any
     "Fixed": {"phi0": 0}, "Disc": {"delta_phi": 0}, "Spring": {"phi_rel0": 0}, "SpringDamper": {"phi_rel0": 0},
     "ElastoBacklash": {"phi_rel0": 0, "b": 0}, "ElastoBacklash2": {"phi_rel0": 0, "b": 0}, "Gearbox": {"b": 0},
-    "BearingFriction": {"peak": 1}, "Brake": {"peak": 1, "cgeo": 1}, "Clutch": {"peak": 1, "cgeo": 1},
-    "OneWayClutch": {"peak": 1, "cgeo": 1}, "Position": {"f_crit": 50}, "Speed": {"f_crit": 50},
+    "BearingFriction": {"peak": 1, "w_small": 1e10}, "Brake": {"peak": 1, "w_small": 1e10, "cgeo": 1},
+    "Clutch": {"peak": 1, "w_small": 1e10, "cgeo": 1},
+    "OneWayClutch": {"peak": 1, "w_small": 1e10, "cgeo": 1}, "Position": {"f_crit": 50}, "Speed": {"f_crit": 50},
     "TorqueStep": {"offset_torque": 0, "start_time": 0}, "EddyCurrentTorque": {"T_ref": 293.15, "alpha20": 0}, "Mass": {"L": 0},
     "TranslationalFixed": {"s0": 0}, "TranslationalSpring": {"s_rel0": 0}, "TranslationalSpringDamper": {"s_rel0": 0},
     "Add": {"k1": 1, "k2": 1}, "Add3": {"k1": 1, "k2": 1, "k3": 1}, "Integrator": {"k": 1}, "Derivative": {"k": 1, "T": 0.01},
