@@ -122,7 +122,7 @@ def test_several_inputs_and_outputs() -> None:
         (lambda: B.TransferFunction(a=[0.0, 2.0]), r"first coefficient of a that is not 0"),
         (lambda: B.TransferFunction(a=["x"]), r"a is \('x',\); expected a sequence of finite numbers"),
         (
-            lambda: B.TransferFunction(b=[[1.0, 2.0], [3.0, 4.0]], a=range(1, 6)),
+            lambda: B.TransferFunction(b=[[1.0, 2.0], [3.0, 4.0]], a=[1.0, 2.0, 3.0, 4.0, 5.0]),
             r"b is .*; expected a sequence of finite numbers",
         ),
         (lambda: B.StateSpace(A=[[1.0, 2.0]], B=[1.0], C=[1.0]), r"expected n x n, n and n numbers"),
