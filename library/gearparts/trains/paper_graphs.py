@@ -91,15 +91,14 @@ def _m(index: int) -> Any:
     return symbol(f"m_{index}")
 
 
-def _mesh(sketch: _Sketch, sum_of: Zero, source: int, bond: int, spring: int, damper: int, side: Point) -> None:
+def _mesh(sketch: _Sketch, sum_of: Zero, source: int, bond: int, spring: int, damper: int, up: float) -> None:
     """Mesh compliance and damping on the 0-junction that sums the deflection rates, and the rate of the transmission error."""
     x, y = sketch.positions[sum_of]
-    dx, dy = side
-    deflection = sketch.one(f"deflection {spring}", x + dx, y + dy)
+    deflection = sketch.one(f"deflection {spring}", x, y + up)
     sketch.bonds.append((bond, sum_of, deflection))
-    sketch.port(spring, deflection, C(), dx - dy, dy - dx)
-    sketch.port(damper, deflection, R(), dx + dy, dy + dx)
-    sketch.port(source, sum_of, Sf(), -dx, -dy)
+    sketch.port(spring, deflection, C(), -up, up)
+    sketch.port(damper, deflection, R(), up, up)
+    sketch.port(source, sum_of, Sf(), 0, -up)
 
 
 def _planet(sketch: _Sketch, y: float, bonds: tuple[int, ...], moduli: tuple[int, ...], ends: tuple[One, One, One]) -> None:
@@ -133,7 +132,7 @@ def _planetary(sketch: _Sketch) -> tuple[One, One]:
     sketch.port(1, ring, Se(), -1.5, 0)
     sketch.port(2, ring, I(), 0, -1.2)
     sketch.transformer(3, 4, ring, ring_mesh, 1 / _m(1))
-    _mesh(sketch, ring_mesh, 8, 5, 6, 7, (0, 1.3))
+    _mesh(sketch, ring_mesh, 8, 5, 6, 7, 1.3)
     sketch.transformer(9, 10, ring_mesh, ring_side, 1 / _m(2))
     sketch.port(11, ring_side, I(), -0.6, -1.3)
     ends = (ring_side, sun_side, carrier)
@@ -143,7 +142,7 @@ def _planetary(sketch: _Sketch) -> tuple[One, One]:
     sketch.routes |= {25: ((10.9, -8.4), (10.55, -7.9), (10.55, 2.9)), 65: ((9.1, -8.4), (9.45, -7.9), (9.45, -1.9))}
     sketch.port(26, sun, I(), 0, 1.2)
     sketch.transformer(27, 28, sun, sun_mesh, 1 / _m(3))
-    _mesh(sketch, sun_mesh, 32, 29, 30, 31, (0, 1.3))
+    _mesh(sketch, sun_mesh, 32, 29, 30, 31, 1.3)
     sketch.transformer(33, 34, sun_mesh, sun_side, 1 / _m(4))
     sketch.port(35, sun_side, I(), 0.6, -1.3)
     sketch.port(81, carrier, I(), 0, -1.2)
@@ -156,7 +155,7 @@ def _fixed_axis(sketch: _Sketch, x: float, y: float) -> tuple[One, One]:
     gear_1, mesh, gear_2 = sketch.one("gear 1", x, y), sketch.zero("P mesh", x - 3, y), sketch.one("gear 2", x - 6, y)
     sketch.port(69, gear_1, I(), 0, -1.2)
     sketch.transformer(71, 70, mesh, gear_1, 1 / _m(20))
-    _mesh(sketch, mesh, 72, 73, 74, 75, (0, -1.3))
+    _mesh(sketch, mesh, 72, 73, 74, 75, -1.3)
     sketch.transformer(76, 77, mesh, gear_2, 1 / _m(21))
     sketch.port(78, gear_2, I(), 0, -1.2)
     return gear_1, gear_2
