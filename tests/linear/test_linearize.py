@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -352,3 +353,33 @@ def test_what_the_equations_contain_instead_is_named(name: str, instead: str) ->
     with pytest.warns(gl.InputWarning, match=said):
         model = system.linearize([name], ["left.inside.body.w"])
     assert not np.any(model.B)
+
+
+class Static(gl.Component):
+    """y = k u, without any state."""
+
+    u, y, k = gl.Input("1"), gl.Variable("1"), gl.Parameter("1", default=3.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.y, self.k * self.u)]
+
+
+@pytest.mark.parametrize("inputs", [[], ["u"]])
+@pytest.mark.parametrize("outputs", [[], ["y"]])
+def test_models_without_states_are_linear_too(inputs: list[str], outputs: list[str]) -> None:
+    """Their matrices, and the derivatives of these, have a row for each output and a column for each input."""
+    model = gl.compile(Static()).linearize(inputs, outputs, sparse=True)
+    n, m = len(outputs), len(inputs)
+    (change,) = model.changes(["k"])
+    for found, slope in ((model, 3.0), (change, 1.0)):
+        assert [getattr(found, name).shape for name in "ABCD"] == [(0, 0), (0, m), (n, 0), (n, m)]
+        assert found.D.tolist() == [[slope] * m] * n
+    assert str(gl.passivity(gl.compile(Static()))).endswith("(0 states, rank of Q 0, of W 0)")
+
+
+def test_a_pickled_model_keeps_its_numbers_and_names() -> None:
+    model = gl.compile(Inside()).linearize(["half"], ["body.w", "body.phi"], sparse=True)
+    copy = pickle.loads(pickle.dumps(model))
+    assert all(np.array_equal(getattr(copy, name), getattr(model, name)) for name in "ABCD")
+    assert (copy.states, copy.inputs, copy.outputs, copy.conditions) == (model.states, ("half",), ("body.w", "body.phi"), ())
+    assert (copy.whole, copy.changes) == (None, None)

@@ -258,6 +258,30 @@ def test_an_input_that_an_equation_gives_is_to_be_bound(tau: float | None, equat
         gl.compile(Drive())
 
 
+@pytest.mark.parametrize("boxed", [False, True])
+def test_inputs_that_their_own_component_determines_are_to_be_variables(boxed: bool) -> None:
+    class Inner(gl.Component):
+        u, v, x = gl.Input("1"), gl.Input("1"), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), self.u), gl.Eq(self.u, 2 * self.v)]
+
+    class Box(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.inner = Inner()
+            return []
+
+    at = "inner." if boxed else ""
+    said = " ".join(
+        f"{at}{name} is an input, which is given from outside; declare it as a variable if Inner: u = 2*v is to determine it."
+        for name in "uv"
+    )
+    with pytest.raises(BalanceError) as told:
+        gl.compile(Box() if boxed else Inner())
+    assert said in str(told.value)
+    assert "bind it" not in str(told.value)
+
+
 def test_correct_classes_owe_nothing() -> None:
     """Sources, sensors, gears, and composites whose flanges go to parts; a clutch with a discrete variable."""
     parts = {
