@@ -1,4 +1,4 @@
-"""Campbell diagrams: their progress; the diagrams themselves are tested with the modes."""
+"""Campbell diagrams: modes that change places as speed grows, crossings by hand, texts, and their progress."""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import ArgumentError
+from gearlib.vibration.campbell import Campbell, Crossing
 
 
 class Rotor(gl.Component):
@@ -42,3 +45,96 @@ def test_progress_of_a_harmonic_balance_is_told_by_frequencies(monkeypatch: pyte
     assert told == sorted(told)
     assert (told[0], told[-1]) == (0.0, 1.0)
     assert len(told) > 5
+
+
+class TwoRotors(gl.Component):
+    """Two discs on shafts of their own; the first one grows heavier, and a third body turns freely."""
+
+    J = gl.Parameter("kg.m2", default=1.0)
+
+    def assemble(self) -> list[Any]:
+        self.ground, self.free = gp.Fixed(), gp.Inertia(J=1.0)
+        self.shaft = [gp.SpringDamper(c=400.0, d=0.4), gp.SpringDamper(c=250.0, d=0.0)]
+        self.disc = [gp.Inertia(J=self.J), gp.Inertia(J=1.0)]
+        pairs = list(zip(self.shaft, self.disc, strict=True))
+        ends = [gl.connect(shaft.flange_b, disc.flange_a) for shaft, disc in pairs]
+        return [gl.connect(self.ground.flange, *(shaft.flange_a for shaft, _ in pairs)), *ends]
+
+
+def heavy(w: float) -> dict[str, float]:
+    return {"J": 1.0 + 0.01 * w}
+
+
+def natural(w: float) -> float:
+    return float(np.sqrt(400.0 / (1 + 0.01 * w)))
+
+
+@pytest.fixture(scope="module")
+def rotors() -> gl.System:
+    return gl.compile(TwoRotors())
+
+
+def test_modes_are_followed_through_each_other_and_crossings_are_exact(rotors: gl.System) -> None:
+    """From 60 rad/s on the first disc is the slower one of the two."""
+    grid = np.array([0.0, 5.0, 15.0, 50.0, 70.0, 110.0])
+    found = gl.campbell(rotors, grid, {"once": 1.0, "rarely": 0.2, "often": 20.0}, parameters=heavy)
+    first = [natural(w) for w in grid]
+    hertz = np.column_stack([np.full(len(grid), np.sqrt(250.0)), first]) / (2 * np.pi)
+    assert found.frequencies == pytest.approx(hertz, rel=1e-9)
+    expected = 0.4 / (2 * np.sqrt(400.0 * (1 + 0.01 * grid)))
+    assert found.damping == pytest.approx(np.column_stack([np.zeros(len(grid)), expected]), abs=1e-9)
+    assert found.modes.tolist() == [[1, 2]] * 4 + [[2, 1]] * 2  # mode 0 turns freely
+    by_hand = [
+        ("often", 1, np.sqrt(250.0) / 20, 0.0), ("often", 2, float(brentq(lambda w: natural(w) - 20 * w, 0, 5)), 0.4),
+        ("once", 1, np.sqrt(250.0), 0.0), ("once", 2, float(brentq(lambda w: natural(w) - w, 5, 50)), 0.4),
+        ("rarely", 1, float(brentq(lambda w: natural(w) - 0.2 * w, 5, 110)), 0.4), ("rarely", 2, np.sqrt(250.0) / 0.2, 0.0),
+    ]  # fmt: skip
+    assert [(c.order, c.mode) for c in found.crossings] == [(name, mode) for name, mode, w, _ in by_hand if w < 110]
+    for c, (name, _, w, d) in zip(found.crossings, [x for x in by_hand if x[2] < 110], strict=True):
+        order = {"once": 1.0, "rarely": 0.2, "often": 20.0}[name]
+        assert c.speed == pytest.approx(w, rel=1e-8)
+        assert c.frequency == pytest.approx(order * w / (2 * np.pi), rel=1e-8)
+        assert c.damping == pytest.approx(d / (2 * np.sqrt(400.0 * (1 + 0.01 * w))), rel=1e-6, abs=1e-9)
+
+
+def test_constant_frequencies_are_met_on_a_straight_line(rotors: gl.System) -> None:
+    """Also where a point of the grid is a crossing, which is told once."""
+    found = gl.campbell(rotors, [0.0, 10.0, 20.0, 45.0], [1.0, 0.5])
+    assert [(c.order, c.mode) for c in found.crossings] == [("1", 1), ("1", 2), ("0.5", 1), ("0.5", 2)]
+    assert [c.speed for c in found.crossings] == pytest.approx([np.sqrt(250.0), 20.0, 2 * np.sqrt(250.0), 40.0], rel=1e-9)
+    assert found.modes.tolist() == [[1, 2]] * 4
+    few = gl.campbell(rotors, [0.0, 30.0], [1.0], count=1)
+    assert [c.mode for c in few.crossings] == [1]
+
+
+def test_a_diagram_is_listed() -> None:
+    speeds, hertz = np.array([0.0, 10 * np.pi]), np.array([[4.0, 30.0], [4.0, 30.0]])
+    crossing = Crossing(8 * np.pi, "mesh", 3, 4.0, 0.0125)
+    made = Campbell(speeds, hertz, 0 * hertz, np.array([[3, 4]] * 2), {"mesh": 1.0}, (crossing,), ("open: mesh m", "stuck: c"))
+    head, line, point = str(made).splitlines()
+    assert head.split() == ["speed,", "1/min", "order", "mode", "frequency,", "Hz", "damping"]
+    assert line.split() == ["240", "mesh", "3", "4", "0.01250"]
+    assert point == "Operating point: open: mesh m; stuck: c."
+    assert made.to_dataframe().iloc[0].tolist() == pytest.approx([8 * np.pi, 240.0, "mesh", 3, 4.0, 0.0125])
+    assert made.highest == pytest.approx(1.1 * 5.0)
+    nothing = Campbell(speeds, hertz, 0 * hertz, np.array([[3, 4]] * 2), {}, ())
+    assert str(nothing) == "no order meets a natural frequency in this range of speed"
+    assert nothing.highest == pytest.approx(1.1 * 30.0)
+    slow = Campbell(speeds, hertz, 0 * hertz, np.array([[3, 4]] * 2), {"a": 0.1}, ())
+    assert slow.highest == pytest.approx(1.1 * 4.0)
+    fast = Campbell(speeds, hertz, 0 * hertz, np.array([[3, 4]] * 2), {"a": 0.1, "b": 100.0}, ())
+    assert fast.highest == pytest.approx(1.1 * 30.0)
+
+
+@pytest.mark.parametrize(
+    ("orders", "more", "said"),
+    [
+        ([[1.0]], {}, r"^orders is \[\[1\.0\]\]; expected events for each revolution"),
+        ({"mesh": "21"}, {}, "^order mesh is '21'"),
+        ([1.0], {"parameters": lambda w: {}[w]}, "^parameters, a function, raised KeyError at 0 rad/s: .*; expected a function of the"),
+        ([1.0], {"at": lambda w: 1 / w}, "^at, a function, raised ZeroDivisionError at 0 rad/s: .*; expected a function of the speed$"),
+    ],
+)  # fmt: skip
+def test_what_is_no_order_or_no_function_of_speed_is_refused(rotors: gl.System, orders: Any, more: Any, said: str) -> None:
+    with pytest.raises(ArgumentError, match=said):
+        gl.campbell(rotors, [0.0, 10.0], orders, **more)
