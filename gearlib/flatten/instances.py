@@ -64,12 +64,12 @@ def walk(root: Component) -> Tree:
         record = instance.record
         if not record.local:
             for template in record.templates:
-                variables = [_variable(tree, component, name) for name in template.locals]
-                parameters = [_parameter(tree, component, name) for name in template.parameters]
+                variables = [_variable(tree, component, name, instance.path) for name in template.locals]
+                parameters = [_parameter(tree, component, name, instance.path) for name in template.parameters]
                 tree.rows[template].append((number_, variables, parameters))
             for update in record.updates:
-                variables = [_variable(tree, component, name) for name in update.template.locals]
-                parameters = [_parameter(tree, component, name) for name in update.template.parameters]
+                variables = [_variable(tree, component, name, instance.path) for name in update.template.locals]
+                parameters = [_parameter(tree, component, name, instance.path) for name in update.template.parameters]
                 if update.reinit:
                     target = instance.variable(update.target)
                 else:
@@ -299,24 +299,22 @@ def _bind_input(tree: Tree, component: Component, scope: Component | None, own: 
         )
     if not is_expression(value):
         number(value, path, unit, "input")
-    elif scope is None:
-        scope = component
+    where = component if scope is None else scope
     owner = tree.numbers[id(component)]
 
     def is_parameter(name: str) -> bool:
-        return scope is not None and _resolve(tree, scope, name)[1] == "parameter"
+        return _resolve(tree, where, name)[1] == "parameter"
 
     def discrete(name: str) -> int:
-        return -1 if scope is None else _discrete(tree, scope, name)
+        return _discrete(tree, where, name)
 
     template, names, values = bind_input(value, is_parameter, path, discrete)
-    variables = [own if n == "bound" else _variable(tree, scope, names[n], path) for n in template.locals]
+    variables = [own if n == "bound" else _variable(tree, where, names[n], path) for n in template.locals]
     parameters = []
     for n in template.parameters:
         given = values[n]
         if isinstance(given, str):
-            assert scope is not None
-            parameters.append(_parameter(tree, scope, given, path))
+            parameters.append(_parameter(tree, where, given, path))
         else:
             slot = _new_parameter(tree, f"{path}#{n[1:]}" if is_expression(value) else path)
             if is_expression(value):  # else the input has the parameter's name
@@ -349,20 +347,18 @@ def _discrete(tree: Tree, scope: Component, name: str) -> int:
     return tree.first_discrete[number_] + list(known).index(local) if local in known else -1
 
 
-def _variable(tree: Tree, scope: Component | None, name: str, path: str = "") -> int:
-    found, kind = _resolve(tree, scope, name) if scope is not None else (-1, None)
+def _variable(tree: Tree, scope: Component, name: str, path: str) -> int:
+    found, kind = _resolve(tree, scope, name)
     if kind != "variable":
-        where = path or (interior.path_of(scope) if scope is not None else "")
-        raise BindingError(f"{where}: '{name}' is not a variable here")
+        raise BindingError(f"{path}: '{name}' is not a variable here")
     return found
 
 
-def _parameter(tree: Tree, scope: Component, name: str, path: str = "") -> int:
+def _parameter(tree: Tree, scope: Component, name: str, path: str) -> int:
     found, kind = _resolve(tree, scope, name)
     if kind != "parameter":
-        where = path or interior.path_of(scope) or type(scope).__name__
         what = "a variable" if kind == "variable" else "unknown"
         raise BindingError(
-            f"{where}: depends on '{name}', which is {what}; only parameters of the enclosing component can be used"
+            f"{path}: depends on '{name}', which is {what}; only parameters of the enclosing component can be used"
         )
     return found
