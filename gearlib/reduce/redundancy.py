@@ -136,13 +136,14 @@ def balanced(
             candidates = left_open(_flow_rows(model, parameters, known), _last_first(model, flows, wanted))
         undetermined = set(balance.undetermined).difference(closed)
         free = [v for v in candidates or () if v in undetermined]
-        if balance.surplus or len(closed) >= model.redundant or not free:
-            if balance.surplus == 0 and balance.deficit <= model.redundant - len(closed) and wanted & set(balance.undetermined):
+        left = model.redundant - len(closed)  # one flow for each redundant equation, and no more
+        if balance.surplus or not left or not free:
+            if balance.surplus == 0 and balance.deficit <= left and wanted & set(balance.undetermined):
                 raise BalanceError(_split(loops))
             from gearlib.reduce.imbalance import explained
 
             raise BalanceError(explained(model, balance))
-        closing = free[: balance.deficit]
+        closing = free[: min(balance.deficit, left)]
         closed += closing
         model = _zeroed(model, closing)
 

@@ -34,6 +34,20 @@ def test_a_fold_is_where_the_parameter_turns_back() -> None:
     assert path.complete
 
 
+@pytest.mark.parametrize("step", [0.02, 0.005])
+def test_points_are_as_far_apart_as_is_asked_for(step: float) -> None:
+    """In parts of the interval, a growth by the own size counts 0.2; from a quarter of that, half as much more at each point."""
+    path = follow(circle, np.array([-0.6]), -0.8, 2.0, step, 2000)
+    z, w = path.z[:, 0], path.w / 2.8
+    size = np.maximum(np.abs(z), 0.05 * np.maximum.accumulate(np.abs(z)))[:-1]
+    lengths = np.hypot(0.2 * np.diff(z) / size, np.diff(w))
+    assert lengths[:4] == pytest.approx(step / 4 * 1.5 ** np.arange(4), rel=1e-2)
+    assert lengths.max() == pytest.approx(step, rel=1e-3)
+    usual = np.abs(lengths - step) < 1e-3 * step
+    assert usual.sum() > 0.9 * len(lengths)
+    assert not usual[-1], "the last point lies at the end of the interval"
+
+
 @pytest.mark.parametrize("points", [2, 3, 7, 50])
 def test_a_branch_ends_at_the_largest_number_of_points(points: int) -> None:
     path = follow(line, np.array([2.0]), 1.0, 1e6, 1e-6, points)

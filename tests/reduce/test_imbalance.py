@@ -133,6 +133,22 @@ def test_the_class_is_named_that_has_too_many_equations_or_too_few(
         gl.compile(connect(parts, *links))
 
 
+@pytest.mark.parametrize("gears", [2, 3])
+def test_a_missing_equation_is_missed_beside_a_rigid_loop_too(gears: int) -> None:
+    """A loop of equal gears leaves one torque open for each gear beyond the first, and no more."""
+    kind = type("Kind", (Shaft,), {"equations": lambda s: [law(s), ends(s)[0]]})
+    loop = {f"g{k}": gp.IdealGear(ratio=2.0) for k in range(gears)}
+    parts = {"a": gp.Inertia(J=1.0), "b": gp.Inertia(J=1.0), "shaft": kind(), "end": gp.Inertia(J=1.0), **loop}
+    links = [
+        " ".join(["a.flange_b", *(f"{g}.flange_a" for g in loop)]),
+        " ".join(["b.flange_a", *(f"{g}.flange_b" for g in loop)]),
+    ]
+    with pytest.raises(
+        BalanceError, match=SHAFT.format(2) + r"1 is missing: none of them holds flange_a\.tau\. under-.*, 1 too few"
+    ):
+        gl.compile(connect(parts, *links, "b.flange_b shaft.flange_a", "shaft.flange_b end.flange_a"))
+
+
 def test_several_instances_of_a_faulty_class_are_named_together() -> None:
     kind = type("Kind", (Shaft,), {"equations": lambda s: [law(s), ends(s)[0]]})
     shafts = {f"s{i}": kind() for i in range(5)}
