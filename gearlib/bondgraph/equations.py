@@ -170,7 +170,7 @@ class StateEquations:
 
 def _with_shared_sums(values: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
     """The values as equations, preceded by equations for sums that occur at least twice."""
-    replaced, reduced = sp.cse([*values.values()], symbols=sp.numbered_symbols("s_", start=0, cls=sp.Dummy))
+    replaced, reduced = sp.cse([*values.values()], symbols=sp.numbered_symbols(cls=sp.Dummy))
     inlined: dict[Any, Any] = {}
     sums: list[tuple[Any, Any]] = []
     for name, value in replaced:

@@ -13,6 +13,7 @@ from gearlib.arguments import is_real, shown
 from gearlib.errors import ArgumentError
 from gearlib.program.interpret import Prepared, evaluate
 from gearlib.program.program import Program
+from gearlib.run.afterwards.branch import iterated_unknowns
 from gearlib.run.refusals.limits import refuse_start
 from gearlib.run.result import SimulatedResult
 from gearlib.run.scene import Scene, guess_of
@@ -28,6 +29,7 @@ class Point:
     """An operating point: time, and a value of every known state of the structure.
 
     ``discrete`` holds the relations and discrete variables of a program where a run determines them; otherwise they are those of a start.
+    ``history`` returns the value of a node in that run, near which what is solved by iteration is searched for: the run's solution branch.
     ``change`` returns the derivatives of parameters and states with respect to some parameters, by path: (parameter, seed, weight), and
     a function that returns the derivative of each state of the structure, shape (seeds,).
     """
@@ -38,6 +40,7 @@ class Point:
     guess: Floats
     discrete: Callable[[Program], Floats] | None = None
     change: Callable[[Sequence[str]], PointChange] | None = None
+    history: Callable[[Node], float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,15 +106,15 @@ def _moment(
     known = {s: float(result.history_of(s)[sample]) for s in states}
     part = result.segment_at(t)
     inputs = values(result.request.signals, np.array([t]))[:, 0]
-    guess = part.guess.copy()
-    for v in result.scene.iterated:  # on the solution branch of the run
-        guess[v] = result.history_of((v, 0))[sample]
 
     def change(names: Sequence[str]) -> PointChange:
         rows = translation.parameter_changes(names, numbers, given)
         return PointChange(rows, lambda: {s: np.zeros(len(names)) for s in states})
 
-    return scene, numbers, Point(t, known, inputs, guess, lambda program: part.discrete_at(program, t), change)
+    def history(node: Node) -> float:
+        return float(result.history_of(node)[sample])
+
+    return scene, numbers, Point(t, known, inputs, part.guess, lambda program: part.discrete_at(program, t), change, history)
 
 
 def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point) -> tuple[Floats, Floats]:
@@ -126,6 +129,9 @@ def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point)
     else:
         discrete = scene.discrete(scene.numbers(parameters), now, x[:, None], u[:, None], start=point.guess)
     guess = guess_of(program, point.guess)
+    if point.history is not None and program.iterated:
+        slots, nodes = iterated_unknowns(program)
+        guess[slots] = [point.history(node) for node in nodes]
     return evaluate(prepared, now, x[:, None], u[:, None], discrete, guess)[:, 0], discrete[:, 0]
 
 

@@ -127,12 +127,6 @@ class Scene:
             self._computing.update(dict.fromkeys(new, build(self.structure, new, self.states, dynamic=False)))
 
     @cached_property
-    def iterated(self) -> tuple[int, ...]:
-        """Variables that the run solves by iteration."""
-        unknowns = {slot for step in self.program.iterated for slot in step.unknowns.tolist()}
-        return tuple(v for (v, k), slot in self.program.slots.items() if k == 0 and slot in unknowns)
-
-    @cached_property
     def n_discrete(self) -> int:
         return self.model.n_discrete
 
