@@ -76,9 +76,10 @@ def test_parameters_are_no_signals() -> None:
 
     class Copied(gl.Component):
         J, level = gl.Parameter("kg.m2", default=1.0), gl.Input("N.m", "torque")
+        share = gl.Parameter("1", default=0.5)
 
         def assemble(self) -> list[Any]:
-            self.one, self.torque = gp.Inertia(J=self.J), gp.Torque(tau=self.level)
+            self.one, self.torque = gp.Inertia(J=self.J), gp.Torque(tau=self.share * self.level * gl.time)
             self.other = gp.Inertia(J=2 * self.one.J)
             return [gl.connect(self.one.flange_a, self.torque.flange)]
 
