@@ -10,7 +10,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import GearlibError
+from gearlib.errors import GearlibError, SolverError
 from gearlib.periodic.first_motion import Forced
 
 ZETA = 0.05
@@ -185,3 +185,24 @@ def test_motions_that_cannot_begin_are_refused(kind: str, said: str) -> None:
     task = Forced(gl.compile(Bent(kind=kind)).translation, None, {}, {"F": lambda phase, w: np.cos(phase)}, 2, {})
     with pytest.raises(GearlibError, match=said):
         task.first(task.scene(["x"]), 0.7, 16, None, None)
+
+
+class Loaded(gl.Component):
+    """A phase that turns with a speed that its own load determines, with a ripple."""
+
+    p = gl.Variable("rad", state="prefer")
+    w = gl.Variable("rad/s", start=2.0)
+    tau = gl.Parameter("s", default=1.0)
+    rate = gl.Parameter("rad/s", default=2.0)
+    ripple = gl.Parameter("rad/s", default=0.1)
+
+    def equations(self) -> list[gl.Eq]:
+        torque = self.rate + self.ripple * gl.cos(self.p)
+        return [gl.Eq(gl.der(self.p), self.w), gl.Eq(self.tau * gl.der(self.w), torque - self.w)]
+
+
+def test_a_train_that_chooses_its_speed_cannot_be_told_another() -> None:
+    task = Forced(gl.compile(Loaded()).translation, None, {}, {}, 2, {"p": 1.0})
+    said = r"^the train turns with p at a speed that its torques determine, which is not the one that 2 rad/s asks for; make the torques"
+    with pytest.raises(SolverError, match=said):
+        task.first(task.scene(["w"]), 2.0, 16, None, None)
