@@ -217,6 +217,38 @@ def test_robertson_with_its_conservation_law(native: bool) -> None:
 
 
 @evaluates
+def driven_rhs(t, x_, dx_, data_, index_):
+    x, dx, data = carray(x_, 2), carray(dx_, 2), carray(data_, 2)
+    dx[0] = data[1] * x[1] - x[0]
+    dx[1] = x[1] - data[0] * np.sin(50.0 * t) ** 2
+    return 0
+
+
+@evaluates
+def driven_jac(t, x_, values_, data_, index_):
+    values = carray(values_, 3)
+    values[0], values[1], values[2] = -1.0, carray(data_, 2)[1], 1.0
+    return 0
+
+
+@pytest.mark.parametrize("amplitude", [1.0, -1.0, 1e-9])
+@pytest.mark.parametrize("gain", [0.0, 1.0])
+def test_an_algebraic_unknown_that_time_drives_limits_the_first_step(amplitude: float, gain: float) -> None:
+    """Its rate is zero at the start. On both roads alike, whether or not a state follows."""
+    pattern = {"jac_indptr": np.array([0, 1, 3]), "jac_indices": np.array([0, 0, 1])}
+    scene = problem(driven_rhs, [0.0, 0.0], [amplitude, gain], algebraic=(1,), jac=driven_jac, **pattern)
+    t = np.linspace(0.0, 1.0, 5)
+    native, other = (by_ida(scene, t, rtol=1e-6, atol=1e-9, native=native) for native in (True, False))
+    for count in ("rhs", "jac", "attempts"):
+        assert native.stats[count] == other.stats[count]
+    swing = (np.cos(100 * t) + 100 * np.sin(100 * t) - np.exp(-t)) / 10001
+    state = 0.5 * gain * amplitude * (1 - np.exp(-t) - swing)
+    np.testing.assert_allclose(native.x[:, 0], state, atol=1e-6)
+    np.testing.assert_allclose(native.x[:, 1], amplitude * np.sin(50 * t) ** 2, atol=1e-7)
+    np.testing.assert_allclose(other.x, native.x, rtol=1e-12, atol=1e-15)
+
+
+@evaluates
 def jump_rhs(t, x_, dx_, data_, index_):
     x, dx, data = carray(x_, 2), carray(dx_, 2), carray(data_, 3)
     dx[0] = 1.0 + data[2]

@@ -223,7 +223,9 @@ def test_root_that_leaves_zero_is_an_event() -> None:
         return int(before != data[0])
 
     p = problem(rhs, [0.0], roots=roots, n_roots=1, update=update, discrete=slice(0, 1))
-    solution = rk(p, np.array([0.0, 1.0]), rtol=1e-6)
+    times = np.array([9.0, 0.0, 1.0])[1:]  # what stands before them in memory is no sample
+    solution = rk(p, times, rtol=1e-6)
+    assert solution.t.tolist() == [0.0, 1.0]
     assert solution.discrete[:, 0].tolist() == [1.0, 1.0], "a sample on an event holds the right-hand limit"
     assert solution.x[-1, 0] == pytest.approx(2.0, abs=1e-12)
     assert solution.event_times == pytest.approx([0.0], abs=1e-14)
