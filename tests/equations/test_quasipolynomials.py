@@ -52,9 +52,6 @@ def test_rates_that_differ_by_rounding_are_one() -> None:
     assert known_rate(3.0 * (1 + 4e-16) + 1j, rates) == 3.0 + 1j
     assert known_rate(3.0 * (1 + 4e-15) + 1j, rates) != 3.0 + 1j
     assert known_rate(1e-30 + 0j, rates) == 1e-30, "a slow rate is not zero"
-    for sign in (1, -1):
-        assert known_rate(sign * (1 + 8 * 2.0**-52) + 0j, {sign + 0j: []}) == sign, "eight units in the last place"
-        assert known_rate(sign * (1 + 9 * 2.0**-52) + 0j, {sign + 0j: []}) != sign
 
 
 @pytest.mark.parametrize("origin", [0.0, -1.5, 7.0])

@@ -73,8 +73,9 @@ def test_many_times_are_as_many_points_on_random_trains_that_switch(seed: int) -
         np.testing.assert_allclose(together[:, i], alone, rtol=1e-12, atol=1e-13 * np.abs(alone).max())
 
 
-def test_what_a_singular_block_leaves_open_is_in_the_units_of_its_unknowns() -> None:
-    """``x a + c b = 1`` and ``a + x c b = 1`` leave ``a = -c b`` open at x = 1, whatever c."""
+@pytest.mark.parametrize("weight", [1.0, 1e20, -1e-20, 0.0])
+def test_what_a_singular_block_leaves_open_is_in_the_units_of_its_unknowns(weight: float) -> None:
+    """``x a + c b = 1`` and ``w (a + x c b) = w`` leave ``x a = -c b`` open at x = 1, or without a weight w."""
 
     class Scaled(gl.Component):
         x = gl.Variable("1")
@@ -82,24 +83,25 @@ def test_what_a_singular_block_leaves_open_is_in_the_units_of_its_unknowns() -> 
         b = gl.Variable("1")
         rate = gl.Parameter("1/s", default=1.0)
         c = gl.Parameter("1", default=1000.0)
+        w = gl.Parameter("1", default=1.0)
 
         def equations(self) -> list[gl.Eq]:
             return [
                 gl.Eq(gl.der(self.x), self.rate * self.a),
                 gl.Eq(self.x * self.a + self.c * self.b, 1.0),
-                gl.Eq(self.a + self.x * self.c * self.b, 1.0),
+                gl.Eq(self.w * (self.a + self.x * self.c * self.b), self.w),
             ]
 
     system = gl.compile(Scaled(), outputs=["a", "b"])
     scene = system.translation.scene
-    numbers, none = scene.numbers(system.translation.parameter_values({})), np.empty((0, 1))
-    for x, count in ((1.0, 1), (3.0, 0)):
+    numbers, none = scene.numbers(system.translation.parameter_values({"w": weight})), np.empty((0, 1))
+    for x, count in ((1.0, 1), (3.0, 0 if weight else 1)):
         slots = evaluate(numbers, np.zeros(1), np.array([[x]]), none, none)[:, 0]
         a, b = (scene.program.slots[scene.model.variable(name), 0] for name in ("a", "b"))
         directions = undetermined(numbers, 0.0, slots, none[:, 0], [a, b])
         assert directions.shape == (2, count)
         for da, db in directions.T:
-            assert da == pytest.approx(-1000.0 * db)
+            assert x * da == pytest.approx(-1000.0 * db)
             assert abs(da) > 0
 
 
