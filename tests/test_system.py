@@ -68,6 +68,27 @@ def test_time_of_an_expression_is_that_of_the_run() -> None:
         assert gl.compile(Ramp()).simulate(3.0, t_start=1.0, samples=2, method=method)["x"][-1] == pytest.approx(4.0, rel=1e-6)
 
 
+def test_a_stepper_begins_at_zero_or_where_an_earlier_run_stopped() -> None:
+    """With the parameters of that run, unless others are given; seen from the load, 130 N.m turn its inertia and 10 kg.m2 more."""
+    earlier = SYSTEM.simulate(2.0, samples=5, parameters={"J_load": 3.0}, inputs={"torque.tau": 13.0})
+    for options, begin, speed, rate in (
+        ({}, 0.0, 0.0, 13 / 1.2),
+        ({"t_start": 4}, 4.0, 0.0, 13 / 1.2),
+        ({"start": earlier}, 2.0, 20.0, 10.0),
+        ({"start": (earlier, 1.5)}, 1.5, 15.0, 10.0),
+        ({"start": earlier, "t_start": 7.0}, 7.0, 20.0, 10.0),
+        ({"start": earlier, "parameters": {"J_load": 2.0}}, 2.0, 20.0, 13 / 1.2),
+        ({"parameters": {"J_load": 16.0}}, 0.0, 0.0, 5.0),
+    ):
+        run = SYSTEM.stepper(**{"inputs": {"torque.tau": 13.0}, **options})  # type: ignore[arg-type]
+        assert (run.t, run["load.w"]) == (begin, pytest.approx(speed))
+        run.advance(begin + 0.5)
+        assert (run.t, run["load.w"]) == (begin + 0.5, pytest.approx(speed + 0.5 * rate))
+    with pytest.raises(ArgumentError) as said:
+        SYSTEM.stepper(method="exact")
+    assert str(said.value) == "a stepper cannot take method='exact'; use method='auto', 'rk' or 'ida'"
+
+
 def test_a_run_leaves_nothing_behind() -> None:
     first = SYSTEM.simulate(1.0, samples=3, inputs={"torque.tau": 5.0})["load.w"]
     SYSTEM.simulate(1.0, samples=3, inputs={"torque.tau": 9.0}, parameters={"J_load": 7.0}, start={"load.w": 3.0})
