@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 import os
 import shutil
+import struct
 import subprocess
 import sys
 import warnings
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -364,6 +366,14 @@ def test_only_text_in_utf_8_is_written_whatever_the_locale(tmp_path: Path) -> No
     with (tmp_path / "r.csv").open(encoding="utf-8", newline="") as file:
         file.readline()
         assert next(csv.reader(file)) == ["time", "ω"]
+
+
+def test_checksum_is_that_of_the_numbers_row_by_row() -> None:
+    """So that any program can tell whether a file is whole: times, then samples, in little-endian doubles."""
+    data = np.arange(6.0).reshape(3, 2)
+    for given in (data, np.asfortranarray(data), np.repeat(data, 2, axis=1)[:, ::2]):
+        found = Record(np.array([0.0, 0.5, 1.0]), given, ("a", "b"), (0, 1), (1, 1), ("", ""), ("", ""))
+        assert found.checksum == zlib.crc32(struct.pack("<9d", 0.0, 0.5, 1.0, *range(6)))
 
 
 def test_no_warning_is_left_behind(saved: Path, tmp_path: Path) -> None:

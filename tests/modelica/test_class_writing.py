@@ -288,6 +288,21 @@ def test_options_are_checked(options: dict[str, Any], said: str) -> None:
     assert str(problem.value) == said
 
 
+def test_a_derivative_with_a_name_of_its_own_is_written_as_one() -> None:
+    class Accelerated(gl.Component):
+        y = gl.Variable("rad/s2")
+
+        def assemble(self) -> Any:
+            self.i = gp.Inertia(J=2.0)
+            return []
+
+        def equations(self) -> Any:
+            return [gl.Eq(self.y, 2 * self.i.a)]
+
+    assert "  y = 2*der(i_w);" in gl.to_modelica(Accelerated(), flat=True).splitlines()
+    assert "    y = 2*der(i.w);" in gl.to_modelica(Accelerated()).splitlines()
+
+
 def test_flat_names_are_unique() -> None:
     class Twice(gl.Component):
         a_x = gl.Variable("any", start=math.pi)
