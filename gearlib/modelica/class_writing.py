@@ -160,13 +160,16 @@ class ClassText:
         """Name in the text of a variable of the component, by its path from there."""
         first, dot, rest = name.partition(".")
         self.families()
+        if name in self.declared.derivatives:
+            return f"der({self.naming(self.declared.derivatives[name][4:-1])})"
         if not dot:
             return safe_name(modelica_name(name))
         own = self.names.get(first) or safe_name(modelica_name(first))
         if (found := self.counterparts.get(first)) is not None:
             return f"{own}.{_outward(found[1], rest)}"
         if first in self.parts:
-            return f"{own}.{self.package.class_text(self.parts[first]).naming(rest)}"
+            inner = self.package.class_text(self.parts[first]).naming(rest)
+            return re.sub(r"(der\()*", rf"\g<0>{own}.", inner, count=1)
         return f"{own}.{modelica_name(rest)}"
 
     def text(self, value: Any) -> str:

@@ -303,6 +303,36 @@ def test_a_derivative_with_a_name_of_its_own_is_written_as_one() -> None:
     assert "    y = 2*der(i.w);" in gl.to_modelica(Accelerated()).splitlines()
 
 
+class Jerk(gl.Component):
+    """A derivative of a derivative, both with names."""
+
+    w, y = gl.Variable("rad/s"), gl.Variable("rad/s3")
+    a, j = gl.Derivative("w"), gl.Derivative("a")
+
+    def equations(self) -> Any:
+        return [gl.Eq(self.w, gl.sin(gl.time)), gl.Eq(self.y, self.j)]
+
+
+class Shaken(gl.Component):
+    y = gl.Variable("rad/s3")
+
+    def assemble(self) -> Any:
+        self.jerk = Jerk()
+        return []
+
+    def equations(self) -> Any:
+        return [gl.Eq(self.y, 2 * self.jerk.j)]
+
+
+def test_names_of_derivatives_are_written_as_what_they_stand_for() -> None:
+    lines = [line.strip() for line in gl.to_modelica(Shaken()).splitlines()]
+    assert "y = der(der(w));" in lines
+    assert "y = 2*der(der(jerk.w));" in lines
+    flat = [line.strip() for line in gl.to_modelica(Shaken(), flat=True).splitlines()]
+    assert "jerk_y = der(der(jerk_w));" in flat
+    assert "y = 2*der(der(jerk_w));" in flat
+
+
 def test_flat_names_are_unique() -> None:
     class Twice(gl.Component):
         a_x = gl.Variable("any", start=math.pi)
