@@ -27,7 +27,7 @@ NOTHING = 1e-11  # relative to the highest frequency: a smaller eigenvalue count
 # damping, by the square root of the unit roundoff, a triple one by its cube root.
 REAL = 1e-5
 FULL = 800  # states up to which the dense matrix takes no longer than a second search
-ENLARGED = 25  # times that a disc is made larger, at most
+WINDOWS = 25  # frequencies to search near, at most
 SWEEP = (0.08, 0.17, 0.27, 0.38, 0.49, 0.6, 0.7, 0.8, 0.9, 1.0)  # frequencies to search about, as fractions of a radius
 SWEEP_SIZE = 180  # dimension of each of these searches
 
@@ -70,15 +70,23 @@ def lowest(A: Any, count: int, at_zero: int) -> Lowest | None:
             return None
         known = _swept(S, size, radius, known)
         missing = missing_inside(S, radius, known.values, at_zero)
-    for _ in range(ENLARGED):
+    idle = 0
+    for _ in range(WINDOWS):
         inside = np.flatnonzero(np.abs(known.values) < radius)
         if missing == 0 and (known.values[inside].imag > REAL * np.abs(known.values[inside])).sum() >= count:
             inside = inside[np.argsort(np.abs(known.values[inside]), kind="stable")]
             return Lowest(known.values[inside], scale[:, None] * known.vectors[:, inside])
-        if missing:
-            return None
-        # Real eigenvalues take places, or the edge of the disc cuts through an eigenvalue
-        radius *= 1.5 if missing == 0 else 1.003
+        if not missing:  # real eigenvalues take places, or the edge of the disc cuts through an eigenvalue
+            radius *= 1.5 if missing == 0 else 1.003
+        else:
+            window = _where_missing(S, size, radius, known, at_zero, missing)
+            if window is None or idle > 1 or radius > size:
+                return None
+            space = _Space(S, 1j * np.sqrt(window[0] * window[1]))
+            space.grow(min(4 * window[2] + 60 + 60 * idle, S.shape[0] // 2))
+            before = len(known.values)
+            known = _joined(known, *space.pairs())
+            idle = 0 if len(known.values) > before else idle + 1
         missing = missing_inside(S, radius, known.values, at_zero)
     return None
 
@@ -164,6 +172,29 @@ def _enough(S: Any, size: float, count: int, known: Lowest, at_zero: int) -> flo
         if low > 0.9 * size:
             break
     return 0.0
+
+
+def _where_missing(
+    S: Any, size: float, radius: float, known: Lowest, at_zero: int, total: int
+) -> tuple[float, float, int] | None:
+    """A narrow ring (inner and outer radius, number) with missing eigenvalues; None where they are at 0."""
+    low, high, below = 0.0, radius, 0
+    if total < 0:
+        return None
+    for _ in range(40):
+        if low and high < 1.15 * low:
+            break
+        middle = np.sqrt(low * high) if low else high / 8
+        if middle < NOTHING * size:
+            return None
+        found = missing_inside(S, middle, known.values, at_zero)
+        if found is None:
+            break
+        if (found > 0 and not low) or found - below > total - found:
+            high, total = middle, found
+        else:
+            low, below = middle, found
+    return low or high / 8, high, total - below
 
 
 def _joined(known: Lowest, values: Complexes, vectors: Complexes) -> Lowest:

@@ -179,6 +179,29 @@ def test_what_the_first_search_misses_is_searched_for(
     assert A @ found.vectors == pytest.approx(found.vectors * found.values, abs=1e-6)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 5])
+def test_what_a_sweep_of_the_disc_misses_is_searched_for_in_windows(seed: int) -> None:
+    """A chain on springs and dampers to the ground: decays lie between modes of very different damping; against all eigenvalues."""
+    draw, n = np.random.default_rng(seed), 410
+    links = 10 ** draw.uniform(2, 5, n - 1)
+    losses = links * 10 ** draw.uniform(-6, -1, n - 1)
+    springs = np.where(draw.random(n) < 0.3, 10 ** draw.uniform(0, 5, n), 0.0)
+    dampers = np.where(draw.random(n) < 0.25, 10 ** draw.uniform(-2, 3, n), 0.0)
+    springs[0] += 1e3
+    inverse = sparse.diags(1 / 10 ** draw.uniform(-1, 1, n))
+
+    def forces(between: Floats, ground: Floats) -> Any:
+        return inverse @ sparse.diags([np.r_[between, 0] + np.r_[0, between] + ground, -between, -between], [0, 1, -1])
+
+    A = sparse.csc_matrix(sparse.bmat([[None, sparse.identity(n)], [-forces(links, springs), -forces(losses, dampers)]]))
+    found = lowest(A, 5, 0)
+    assert found is not None
+    expected = np.sort(np.abs(eig(A.toarray(), right=False)))[: len(found.values)]
+    assert np.abs(found.values) == pytest.approx(expected, rel=1e-6)
+    assert (found.values.imag > 1e-5 * np.abs(found.values)).sum() >= 5
+
+
 def test_random_trains_of_springs_and_bodies() -> None:
     rng = np.random.default_rng(3)
     n = 260
