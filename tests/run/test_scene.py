@@ -11,6 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import NameLookupError, SingularError
+from gearlib.run.afterwards.branch import iterated_unknowns
 from gearlib.run.scene import (
     Scene,
     guess_of,
@@ -162,9 +163,8 @@ def test_start_values_of_iterations() -> None:
     found = guess_of(program, start)
     for (v, k), slot in program.slots.items():
         assert found[slot] == (start[v] if k == 0 else 0.0)
-    (unknown,) = translation.scene.iterated
-    assert translation.model.name(unknown) == "b"
-    assert everything().scene.iterated == ()
+    _, ((unknown, order),) = iterated_unknowns(program)
+    assert (translation.model.name(unknown), order) == ("b", 0)
 
 
 def test_data_of_a_run() -> None:
