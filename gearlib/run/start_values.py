@@ -303,10 +303,10 @@ def _satisfy(
     nothing = _rounding(value for value, _ in fixed.values())
     least = LEAST * structure.model.nominal[[v for v, _ in others]]
     last = np.inf
-    slots, found, gradient, wrong = (np.empty(0) for _ in range(4))
+    slots, found, gradient, allowed, wrong = (np.empty(0) for _ in range(5))
 
     def equations(free_states: Floats) -> tuple[Floats, Correction]:
-        nonlocal slots, discrete, found, gradient, wrong, moved
+        nonlocal slots, discrete, found, gradient, allowed, wrong, moved
         if (x[free] != free_states).any():
             x[free] = free_states
             discrete = settle(x)
@@ -316,7 +316,8 @@ def _satisfy(
             moved = {free[i] for i in _independent(gradient[:, free] * scale)}
         # an error is relative to its own terms, not to other values: even at 1e9 rad, 3 rad are not rounding
         terms = np.abs(gradient) @ np.abs(x) + np.abs(found - gradient @ x) + np.abs(wanted)
-        wrong = ~(np.abs(found - wanted) <= ROUNDING * terms + nothing + least * (np.abs(wanted) <= least))
+        allowed = ROUNDING * terms + nothing + least * (np.abs(wanted) <= least)
+        wrong = ~(np.abs(found - wanted) <= allowed)
         return found - wanted, correction
 
     def correction(error: Floats) -> Floats:
@@ -326,7 +327,7 @@ def _satisfy(
         if not wrong.any() and not worst < 0.1 * before:
             return np.zeros(len(free))
         last = worst
-        return _basic_solution(gradient[:, free] * scale, error) * scale
+        return _basic_solution(gradient[:, free] * scale, error, allowed) * scale
 
     newton(equations, x[free], lambda _, step, error: not step.any(), 30)
     bad = np.flatnonzero(wrong)
@@ -373,10 +374,14 @@ def _independent(matrix: Floats) -> NDArray[np.int64]:
     return chosen
 
 
-def _basic_solution(matrix: Floats, rhs: Floats) -> Floats:
-    """A least-squares solution with few nonzero entries."""
+def _basic_solution(matrix: Floats, rhs: Floats, allowed: Floats | None = None) -> Floats:
+    """A least-squares solution with few nonzero entries; each error counts by what is ``allowed`` there, within eight decades."""
     chosen = _independent(matrix)
     result = np.zeros((matrix.shape[1], *rhs.shape[1:]))
     if len(chosen):
-        result[chosen] = np.linalg.lstsq(matrix[:, chosen], rhs, rcond=None)[0]
+        rows = matrix[:, chosen]
+        if allowed is not None and (most := allowed.max()) > 0:
+            size = np.maximum(allowed, 1e-8 * most)
+            rows, rhs = rows / size[:, None], rhs / size
+        result[chosen] = np.linalg.lstsq(rows, rhs, rcond=None)[0]
     return result

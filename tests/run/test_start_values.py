@@ -154,6 +154,31 @@ def test_a_contradiction_is_measured_by_its_own_terms(size: float) -> None:
                 start(system, "left.phi", parameters={"a": size, "b": size * factor})
 
 
+class Measured(gl.Component):
+    """A state, its error, and a large sum that the state is a small part of."""
+
+    w = gl.Variable("1", "a state")
+    offset = gl.Variable("1", "the other part of the sum", start=1e8)
+    total = gl.Variable("1", "the sum")
+    error = gl.Variable("1", "of the state", start=0.0)
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.w), -self.w),
+            gl.Eq(gl.der(self.offset), 0.0),
+            gl.Eq(self.total, 100.0 * self.w + self.offset),
+            gl.Eq(self.error, self.w - 2.9),
+        ]
+
+
+def test_an_error_is_left_where_it_is_rounding() -> None:
+    """The sum is given with eleven digits, so that the state follows from its error; with six, they contradict each other."""
+    system = gl.compile(Measured())
+    assert start(system, "w", "error", start={"total": 1e8 + 290.0 + 1e-3}) == pytest.approx([2.9, 0.0], abs=1e-9)
+    with pytest.raises(StartError, match="start values contradict each other"):
+        start(system, "w", start={"total": 1e8 + 390.0})
+
+
 @pytest.mark.parametrize("twist", [1.2345678912345e-9, 1.2345678912345e-6, 0.3])
 def test_a_deflection_with_a_start_value_keeps_its_digits_at_large_angles(twist: float) -> None:
     system = gl.compile(Twisted())
