@@ -539,7 +539,17 @@ def tried_in_place(mutants: list[Mutant], copy: Path, budget: float) -> list[Mut
             sys.path[:0] = [str(copy), str(copy / "library")]
             files = sorted({test.partition("::")[0] for one in mutants for some in rounds(one) for test in some})
             found = InPlace(mutants, copy, budget)
-            options = ["-q", "-W", "ignore::pytest.PytestAssertRewriteWarning", "-p", "no:xdist", "--tb=no", "-s"]
+            options = [
+                "-q",
+                "-W",
+                "ignore::pytest.PytestAssertRewriteWarning",
+                "-p",
+                "no:xdist",
+                "-p",
+                "no:faulthandler",
+                "--tb=no",
+                "-s",
+            ]
             pytest.main([*options, "--continue-on-collection-errors", *files], plugins=[found])
             file.write_text("".join(json.dumps(asdict(one)) + "\n" for one in found.done))
         os._exit(0)
