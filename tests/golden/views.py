@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -32,6 +35,7 @@ from tests.drawing.test_diagram_picture import DIAGRAMS
 from tests.drawing.test_histories import Rattle
 from tests.drawing.test_sankey_picture import FLOWS, LOSSES
 from tests.fitting.test_fit_result import fitted, series
+from tests.gearparts.test_declared_numbers import CLASSES
 from tests.golden import told
 from tests.linear.test_response_by_hand import response
 from tests.periodic.test_harmonic_response import response as orbits
@@ -66,7 +70,7 @@ class Drive(gl.Component):
 TORQUE = {"torque.tau": -10.0}
 LOOP = control.tf([3.0, 0.2, 30], [1, 0.3, 16, 2, 5], name="loop")
 STICKS = ("xp", "two stages", "simpson", "ravigneaux", "one set", "losses")
-BLOCKS = ("several", "xp, top", "chain", "control, inside", "heat")
+DIAGRAMMED = ("several", "xp, top", "chain", "control, inside", "heat")
 
 
 @cache
@@ -118,13 +122,45 @@ def report() -> str:
     return re.sub(r">\s*<", ">\n<", text)
 
 
+def declarations() -> str:
+    """What each part of the library declares beside names, kinds and units: defaults, bounds, choices, sizes."""
+    return "\n".join(line for kind in CLASSES for line in _declared(kind))
+
+
+def _declared(kind: type[gl.Component]) -> Iterator[str]:
+    yield kind.__name__
+    for name, declared in sorted(kind._declarations.items()):
+        standard = {f.name: f.default for f in fields(declared) if f.name not in ("description", "unit")}
+        values = {n: getattr(declared, n) for n in standard if getattr(declared, n) is not standard[n]}
+        if values:
+            yield f"  {name} {' '.join(f'{n}={_shown(v)}' for n, v in values.items())}"
+
+
+def defaults() -> str:
+    """What the functions and methods of the public names take for the arguments that are not given."""
+    return "\n".join(f"{name}({given})" for name, given in _defaults() if given)
+
+
+def _defaults() -> Iterator[tuple[str, str]]:
+    for name, value in ((n, getattr(module, n)) for module in (gl, gp, gp.blocks) for n in module.__all__):
+        methods = {f"{name}.{n}": m for n, m in vars(value).items() if not n.startswith("_")} if isinstance(value, type) else {}
+        for where, called in {name: value, **methods}.items():
+            with suppress(TypeError, ValueError):  # no function
+                given = inspect.signature(getattr(called, "__func__", called)).parameters.values()
+                yield where, ", ".join(f"{p.name}={_shown(p.default)}" for p in given if p.default not in (p.empty, None))
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.9g}" if isinstance(value, float) else re.sub(r" at 0x[0-9a-f]+", "", str(value))
+
+
 def signal(rows: int = 256) -> History:
     t = np.arange(rows) / 64.0
     return History("x", "m", t, 0.3 + np.sin(10 * np.pi * t) + 0.1 * np.cos(22.6 * np.pi * t))
 
 
 PICTURES: dict[str, Callable[[], str]] = {
-    **{f"blocks {name}": (lambda name=name: DIAGRAMS[name]().svg) for name in BLOCKS},
+    **{f"blocks {name}": (lambda name=name: DIAGRAMS[name]().svg) for name in DIAGRAMMED},
     **{f"scheme {name}": (lambda name=name: scheme_of(name).svg) for name in STICKS},
     "scheme_mode_in_phase": lambda: gl.modes(gl.compile(Geared())).scheme(1).svg,
     "scheme_mode_damped": lambda: modes().scheme(0).svg,
@@ -184,6 +220,8 @@ TEXTS: dict[str, Callable[[], str]] = {
     "parts_page": lambda: Drive()._repr_html_(),
     "system_page": lambda: drive()._repr_html_(),
     "report": report,
+    "declarations": declarations,
+    "defaults": defaults,
     "modelica": lambda: gl.to_modelica(Drive()),
     "modelica_own_classes": lambda: gl.to_modelica(Rattle(), standard_library=False),
     "modelica_flat": lambda: gl.to_modelica(Damped(), flat=True),
