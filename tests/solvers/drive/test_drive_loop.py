@@ -1,0 +1,230 @@
+"""The loop of all runs with a stepper whose steps, crossings and restarts are prescribed: what it asks for, keeps and refuses."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gearlib.errors import SolverError
+from gearlib.solvers.drive.drive_loop import BURST, FOUND, PASSES, RETRY, ROOT, START, STEPPED, TIMED
+from gearlib.solvers.drive.driver import Driver, integrate
+from gearlib.solvers.drive.python_stepper import PythonStepper
+from gearlib.solvers.problem import Floats
+from tests.run.python_problem import driver, problem
+
+FAILURE = -7
+
+
+class Prescribed(PythonStepper):
+    """The state is the time plus what events have added; ``roots`` are times with what crosses there, ``restarts`` what these return."""
+
+    def __init__(
+        self, h: float = 0.25, roots: Mapping[float, tuple[int, ...]] | None = None, restarts: Iterable[int] = ()
+    ) -> None:
+        self.h, self.roots, self.restarts = h, dict(roots or {}), iter(restarts)
+        self.asked: list[tuple[float, int, int]] = []
+        self.rejects = self.interpolated = 0
+        self.added = 0.0
+        self.looked: list[tuple[float, float, float]] = []
+
+    def step(self, stop: float) -> int:
+        t = self.record.t
+        self.looked.append((t, *self.driver.data[:2]))
+        if self.rejects:
+            self.rejects -= 1
+            return RETRY
+        found = min((at for at in self.roots if at > t), default=math.inf)
+        self.record.reached = min(t + self.h, stop, found)
+        if self.record.reached < found:
+            return STEPPED
+        self.driver.fired[:] = self.roots.pop(found)
+        self.record.from_zero = int(0 in self.driver.fired and len(self.driver.fired) == 3)
+        return FOUND
+
+    def interpolate(self, t: float) -> Floats:
+        self.interpolated += 1
+        return np.array([t + self.added])
+
+    def accept(self) -> None:
+        self.driver.x[0] = self.record.reached + self.added
+
+    def restart(self, changed: int, why: int) -> int:
+        self.asked.append((self.record.t, changed, why))
+        self.added = self.driver.x[0] - self.record.t
+        return next(self.restarts, 0)
+
+    work = 0.0
+
+    def stats(self) -> dict[str, Any]:
+        return {}
+
+    def failure(self, code: int) -> SolverError:
+        return SolverError(f"code {code}")
+
+
+def run_of(stepper: Prescribed, times: Any, updates: Iterable[int] = (), n_roots: int = 1, **more: Any) -> Driver:
+    """A run in which an update that changes something adds 10 to the state and 1 to a count."""
+    coming = iter(updates)
+
+    def update(t: float, x: Any, fired: Any, data: Any) -> int:
+        did = next(coming, 0)
+        if did > 0:
+            x[0] += 10.0
+            data[2] += 1.0
+        return did
+
+    own = problem(
+        lambda *_: 0, [float(times[0])], roots=lambda *_: 0, n_roots=n_roots, update=update, discrete=slice(2, 3), **more
+    )
+    return driver(own, times, stepper)
+
+
+def test_restarts_are_repeated_until_nothing_crosses() -> None:
+    """With what the update before each did; after the first one because of a crossing, whatever the reason of that was."""
+    stepper = Prescribed(roots={0.6: (1,)}, restarts=[1, 0, 0, 2, 1, 0])
+    found = integrate(run_of(stepper, [0.0, 1.0], [0, 0, 2, 0, 1, 0], time_events=np.array([0.3])))
+    at = [(0.0, 0, START), (0.0, 0, ROOT), (0.3, 2, TIMED), (0.6, 0, ROOT), (0.6, 1, ROOT), (0.6, 0, ROOT)]
+    assert stepper.asked == at
+    assert found.event_times.tolist() == [0.3, 0.6]
+    assert found.event_roots.tolist() == [-1, 0]
+    assert found.x[-1, 0] == pytest.approx(21.0)
+    assert found.discrete.tolist() == [[0.0], [2.0]]
+
+
+@pytest.mark.parametrize(("updates", "logged"), [((0, 0), 0), ((1, 0), 1), ((0, 1), 1), ((2, 0), 1)])
+def test_leaving_zero_is_an_event_only_where_it_changes_something(updates: tuple[int, int], logged: int) -> None:
+    """In the first pass of the event iteration or in a later one; a time event at the same instant is one anyway."""
+    for timed in (False, True):
+        stepper = Prescribed(roots={0.5: (0, 1, 0)}, restarts=[0, 1, 0])
+        events = np.array([0.5]) if timed else np.empty(0)
+        found = integrate(run_of(stepper, [0.0, 1.0], [0, *updates], n_roots=3, time_events=events))
+        assert found.event_roots.tolist() == [-1] * timed + [1] * logged
+
+
+@pytest.mark.parametrize("before", [0, 1, 3])
+def test_failures_of_a_restart_end_the_run(before: int) -> None:
+    """At the start or at an event, at once or after further passes."""
+    for at_start in (True, False):
+        passes = [1] * before + [FAILURE]
+        stepper = Prescribed(roots={0.5: (1,)}, restarts=passes if at_start else [0, *passes])
+        with pytest.raises(SolverError, match=rf"^code {FAILURE}$"):
+            integrate(run_of(stepper, [0.0, 1.0]))
+        assert len(stepper.asked) == before + (1 if at_start else 2)
+
+
+@pytest.mark.parametrize("at_start", [True, False])
+def test_updates_that_fail_or_never_settle_end_the_run(at_start: bool) -> None:
+    first = [] if at_start else [0]
+    where = "t = 0 s after 0 steps" if at_start else "t = 0.5 s after 2 steps"
+    with pytest.raises(SolverError, match=rf"^an event could not be handled at {where}$"):
+        integrate(run_of(Prescribed(roots={0.5: (1,)}), [0.0, 1.0], [*first, -1]))
+    for passes, settles in ((PASSES - 1, True), (PASSES, False)):
+        stepper = Prescribed(roots={0.5: (1,)}, restarts=[*first, *[1] * passes])
+        run = run_of(stepper, [0.0, 1.0])
+        if settles:
+            assert integrate(run).status == "done"
+        else:
+            with pytest.raises(SolverError, match=rf"^the event iteration does not settle at {where}: the algebraic unknowns"):
+                integrate(run)
+            assert len(stepper.asked) == passes + len(first)
+
+
+def test_samples_are_of_the_step_that_they_lie_in() -> None:
+    """Those on the end of a step are the states there; on an event, the states after it; several may lie in one step, or none."""
+    times = [0.0, 0.0, 0.1, 0.2, 0.25, 0.6, 0.6, 0.9, 1.0]
+    stepper = Prescribed(roots={0.6: (1,)})
+    found = integrate(run_of(stepper, times, [0, 1]))
+    assert found.x[:, 0].tolist() == pytest.approx([t + 10.0 * (t >= 0.6) for t in times])
+    assert found.discrete[:, 0].tolist() == [float(t >= 0.6) for t in times]
+    assert stepper.interpolated == 3  # at 0.1, 0.2 and 0.9
+
+
+@pytest.mark.parametrize("kind", ["root", "time event", "neither"])
+def test_samples_just_before_an_event_are_on_it(kind: str) -> None:
+    """Nearer than a share of the time, or than an absolute slack: they hold the states after it."""
+    at = 0.625
+    times = np.array([0.0, *(at - d for d in (1e-3, 4e-7, 1e-7)), at, 1.0])
+    for slack, share, on in ((2e-7, 0.0, 2), (0.0, 2e-7 / at, 2), (6e-7, 2e-7 / at, 3), (0.0, 0.0, 1)):
+        stepper = Prescribed(roots={at: (1,)} if kind == "root" else {}, h=0.125)
+        run = run_of(stepper, times, [0, 1], time_events=np.array([at]) if kind == "time event" else np.empty(0))
+        run.record.slack, run.record.slack_share = slack, share
+        found = integrate(run)
+        after = [False] * (5 - on) + [True] * (1 + on) if kind != "neither" else [False] * 6
+        assert found.discrete[:, 0].astype(bool).tolist() == after
+        assert found.x[:, 0] == pytest.approx(times + 10.0 * np.array(after), abs=5e-7)
+
+
+def test_what_crosses_together_is_logged_together() -> None:
+    """After the time event of the same instant; only what has fired, and nothing of an instant before."""
+    stepper = Prescribed(roots={0.3: (1, 0, -1, 1), 0.5: (0, 0, 0, 1)})
+    found = integrate(run_of(stepper, [0.0, 1.0], [0, *[1] * 9], n_roots=4, time_events=np.array([0.3, 0.4])))
+    assert found.event_times.tolist() == [0.3, 0.3, 0.3, 0.3, 0.4, 0.5]
+    assert found.event_roots.tolist() == [-1, 0, 2, 3, -1, 3]
+
+
+def test_attempts_are_counted_and_leave_nothing_behind() -> None:
+    stepper = Prescribed(h=0.5)
+    stepper.rejects = 3
+    run = run_of(stepper, [0.0, 0.25, 1.0])
+    for steps, t in ((2, 0.0), (1, 0.0), (1, 0.5)):
+        assert run.advance(steps) == "more"
+        assert run.t == t
+    assert run.record.steps == 4
+    assert run.record.sample == 2
+    assert run.advance(5) == "done"
+    assert run.solution().x[:, 0].tolist() == [0.0, 0.25, 1.0]
+    assert run.record.steps == 5
+
+
+@pytest.mark.parametrize("number", [10, 400])
+def test_a_long_log_keeps_all_events(number: int) -> None:
+    at = np.arange(1, number + 1) / (number + 1)
+    stepper = Prescribed(h=1.0, roots={float(t): (1, -1) for t in at})
+    found = integrate(run_of(stepper, [0.0, 1.0], itertools.repeat(1), n_roots=2))
+    assert found.event_times.tolist() == at.repeat(2).tolist()
+    assert found.event_roots.tolist() == [0, 1] * number
+
+
+@pytest.mark.parametrize(
+    ("number", "gap", "rest"), [(BURST, 0.0, 0.0), (BURST + 1, 0.0, 0.0), (BURST + 1, 1e-4, 0.0), (2 * BURST, 0.0, 0.1)]
+)
+def test_only_many_events_in_a_short_time_chatter(number: int, gap: float, rest: float) -> None:
+    """So many instants, not crossings, within the window; after a rest they are counted anew."""
+    at = 0.1 + np.arange(number) * (gap or 5e-14) + rest * (np.arange(number) >= number // 2)
+    stepper = Prescribed(h=1.0, roots={float(t): (0, 1) for t in at})
+    run = run_of(stepper, [0.0, 1.0], n_roots=2)
+    if number == BURST + 1 and not gap:
+        with pytest.raises(
+            SolverError, match=rf"^events chatter at t = 0\.1 s after \d+ steps: more than {BURST} .* of root 1$"
+        ):
+            integrate(run)
+    else:
+        assert len(integrate(run).event_times) == number
+
+
+@pytest.mark.parametrize("first", [0.0, -2.0, 1e6])
+def test_inputs_are_looked_up_between_the_stops(first: float) -> None:
+    """Just beyond the last one, to just before the next; without a limit before the first one, and at the end of the run."""
+    stops = first + np.array([0.5, 1.5, 2.0])
+    stepper = Prescribed(h=0.5)
+    run = run_of(stepper, [first, first + 2.0], time_events=stops[:2], interval=0)
+    run.stepper.added = first - run.record.t  # type: ignore[attr-defined]
+    integrate(run)
+    spacing = 1e-14 * max(abs(first), 2.0)
+    assert len(stepper.looked) == 4
+    for t, low, high in stepper.looked:
+        now = run.record.origin + t
+        before, after = stops[stops <= now + spacing], stops[stops > now + spacing]
+        if len(before):
+            assert before[-1] <= low <= before[-1] + spacing
+            assert low > before[-1] or before[-1] == 0.0
+        else:
+            assert low == -math.inf
+        assert after[0] - spacing <= high < after[0]
+    assert run.data[1] == math.inf
+    assert run.data[0] == pytest.approx(stops[1], abs=spacing)
