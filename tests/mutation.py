@@ -299,6 +299,13 @@ def around(module: str, line: int) -> list[ast.stmt]:
     )
 
 
+def is_compiled(module: str, line: int) -> bool:
+    """Whether a line is machine code's, which is made of the text of the file."""
+    return any(
+        "native" in map(ast.unparse, node.decorator_list) for node in around(module, line) if isinstance(node, ast.FunctionDef)
+    )
+
+
 def inside(node: ast.AST) -> set[int]:
     """The lines of the functions in a syntax tree, which run when they are called."""
     functions = [inner for inner in ast.walk(node) if isinstance(inner, ast.FunctionDef)]
@@ -492,6 +499,7 @@ class InPlace:
             before, after = (dict(code_of(compile(text, path, "exec"))) for text in (source(one.module), mutated(*one.change)))
             changed = {name: code for name, code in after.items() if code != before.get(name)}
             swaps = [(f, changed[named(f.__code__)]) for f in functions.get(path, ()) if named(f.__code__) in changed]
+            swaps = [] if is_compiled(one.module, one.line) else swaps
             files = {name for some in rounds(one) for name in some if "::" not in name}
             tests = covering(one.module, one.line) | {name for name in by_name if name.partition("::")[0] in files}
             items = [by_name[name] for name in tests if name in by_name]

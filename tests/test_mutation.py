@@ -13,7 +13,7 @@ import pytest
 
 import gearlib as gl
 from gearlib.errors import SingularError
-from tests.mutation import FOUND, Mutant, around, is_claim, logged, mirrors, source, summary
+from tests.mutation import FOUND, Mutant, around, is_claim, is_compiled, logged, mirrors, source, summary
 
 
 def raised(error: BaseException) -> Any:
@@ -69,3 +69,14 @@ def test_a_mutant_is_first_tried_by_the_tests_of_its_module_and_by_those_around_
     )
     names = [getattr(node, "name", "") for node in around(module, line)]
     assert names == ["", "__init__", "Notice"]
+
+
+def test_what_is_compiled_is_not_tried_in_place() -> None:
+    """Machine code is made of the text of a file, whatever becomes of the Python function."""
+    module = "gearlib/solvers/drive/trace.py"
+    lines = source(module).splitlines()
+    compiled, called = (
+        next(n for n, text in enumerate(lines, 2) if text.startswith(head)) for head in ("def left_out", "def width")
+    )
+    assert is_compiled(module, compiled)
+    assert not is_compiled(module, called)

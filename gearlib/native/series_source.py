@@ -264,11 +264,6 @@ class _Writer:
                 return self.exponential(a)
             case "sqrt":
                 return self.root(a)
-            case "abs":
-                self.branches = True
-                return self.times(
-                    a, self._named(("sign", a), f"1.0 if {a.name} >= 0.0 else -1.0", "", PowerSeries("", varies=False))
-                )
         square = a if name == "log" else self.times(a, a)
         inner: dict[str, Callable[[], PowerSeries]] = {
             "log": lambda: self.over(one, a),
@@ -309,10 +304,6 @@ class _Writer:
         if number is not None and number == int(number) and abs(number) <= INTEGER_POWERS:
             found = self._multiplied(a, abs(int(number)))
             return found if number >= 0 else self.over(self.constant("1.0"), found)
-        if number == 0.5:
-            return self.root(a)
-        if number == -0.5:
-            return self.over(self.constant("1.0"), self.root(a))
         key = ("**", a, exponent)
         if key not in self._known:  # n' a = exponent a' n
             below, slope, inverse = self.row(a), self.slope_row(a), self._inverse(a)
@@ -326,8 +317,6 @@ class _Writer:
         return self._known[key]
 
     def _multiplied(self, a: PowerSeries, exponent: int) -> PowerSeries:
-        if exponent == 0:
-            return self.constant("1.0")
         if exponent == 1:
             return a
         half = self._multiplied(a, exponent // 2)
@@ -336,8 +325,6 @@ class _Writer:
 
     def chosen(self, test: str, a: PowerSeries, b: PowerSeries) -> PowerSeries:
         """One of two quantities, as a condition at the start of the step decides."""
-        if a == b:
-            return a
         flag = self._named(("flag", test), f"1.0 if {test} else 0.0", "", PowerSeries("", varies=False)).name
         first = f"{a.name} if {flag} != 0.0 else {b.name}"
         if not (a.varies or b.varies):
@@ -370,8 +357,6 @@ class _Reader:
                 return write.constant(ast.unparse(node))
             case ast.UnaryOp(ast.USub(), operand):
                 return write.negative(self.read(operand))
-            case ast.UnaryOp(ast.UAdd(), operand):
-                return self.read(operand)
             case ast.BinOp(left, ast.Pow(), right):
                 return write.power(self.read(left), self.read(right), _number(right))
             case ast.BinOp():
@@ -414,21 +399,8 @@ class _Reader:
         if not any(a.varies for a in arguments):
             return write.constant(f"{name}({', '.join(a.name for a in arguments)})")
         match name, arguments:
-            case "min" | "max", [first, *others]:
-                write.branches = True
-                for other in others:
-                    sign = "<=" if name == "min" else ">="
-                    first = write.chosen(f"{first.name} {sign} {other.name}", first, other)
-                return first
-            case "copysign", [size, a] if not size.varies:
-                write.branches = True
-                return write._named(
-                    ("copysign", size, a), f"copysign({size.name}, {a.name})", "", PowerSeries("", varies=False)
-                )
             case "atan2", [y, x]:
                 return write.angle(y, x)
-            case "pow", [a, b]:
-                return write.power(a, b, None)
             case _, [a]:
                 return write.function(name, a)
         raise NoSeriesError(f"has no Taylor series for {name}(...)")
@@ -446,8 +418,8 @@ class _Reader:
                 return f"({(' and ' if isinstance(operator, ast.And) else ' or ').join(map(self.condition, values))})"
             case ast.UnaryOp(ast.Not(), operand):
                 return f"(not {self.condition(operand)})"
-            case ast.Constant(bool()):
-                return "1.0 == 1.0" if node.value else "1.0 == 0.0"
+            case ast.IfExp(test, body, orelse):
+                return f"({self.condition(body)} if {self.condition(test)} else {self.condition(orelse)})"
         raise NoSeriesError(f"has no Taylor series for a choice by {ast.unparse(node)[:60]}")
 
 

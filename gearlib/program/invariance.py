@@ -19,7 +19,7 @@ from gearlib.program.program import Batch, Linear, Newton
 from gearlib.program.relations import Relations
 
 Floats = NDArray[np.float64]
-LOOKS = 24  # random arguments at which a nonlinear kernel is sampled
+LOOKS = 24  # random arguments at which a nonlinear kernel is sampled, besides one for each slope
 DECADES = (-6.0, 4.0)  # range of magnitudes of these arguments
 INDEPENDENT = 1e-9  # smallest singular value at which directions count as independent
 CANCELLED = 1e-13  # of the terms of a sum: a change that small is their rounding
@@ -138,17 +138,16 @@ class _Carried:
     def _directions(self, batch: Batch, slopes: Sequence[Batch]) -> Floats:
         """Per row, the directions of the arguments that its slopes belong to: one for a function of a difference."""
         random = np.random.default_rng(len(slopes))
-        shape = (LOOKS, len(batch.kernel.columns))
+        looks = LOOKS + len(slopes)  # fewer than the slopes could not tell all directions
+        shape = (looks, len(batch.kernel.columns))
         points = np.where(random.random(shape) < 0.5, -1, 1) * 10.0 ** random.uniform(*DECADES, shape)
-        flags = (random.random((LOOKS, len(batch.kernel.relations))) < 0.5).astype(float)
-        values = [self._slope(batch.kernel, slope, points, flags) * np.ones((len(batch), LOOKS)) for slope in slopes]
+        flags = (random.random((looks, len(batch.kernel.relations))) < 0.5).astype(float)
+        values = [self._slope(batch.kernel, slope, points, flags) * np.ones((len(batch), looks)) for slope in slopes]
         table = np.stack(values, axis=2)  # (rows, looks, arguments)
         size = np.abs(table).max(axis=2, keepdims=True)
         with np.errstate(all="ignore"):
             table = np.where(np.isfinite(size) & (size > 0), table / size, 0.0)
         _, sizes, right = np.linalg.svd(table, full_matrices=False)
-        if table.shape[1] < table.shape[2]:
-            return np.broadcast_to(np.eye(table.shape[2]), (len(batch), *table.shape[2:] * 2))
         return np.asarray(right * (sizes > INDEPENDENT * sizes[:, :1].clip(1e-300))[:, :, None], float)
 
     def _slope(self, kernel: Kernel, slope: Batch, points: Floats, flags: Floats) -> Floats:

@@ -57,11 +57,13 @@ def test_linear_equations_of_neighbours_have_runs() -> None:
     assert not has_runs(replace(part, argument_signs=signs))
 
 
+@pytest.mark.parametrize("gaps", [(), (9,), (3, 4, 20)])
 @pytest.mark.parametrize("number", range(3))
-def test_loops_over_runs_compute_what_the_interpreter_does(number: int) -> None:
-    """The lines are carried out by Python, on a block with the slots at 5 and the coefficients behind them."""
+def test_loops_over_runs_compute_what_the_interpreter_does(number: int, gaps: tuple[int, ...]) -> None:
+    """The lines are carried out by Python, on a block with the slots at 5 and the coefficients behind them; rows left out are ``gaps``."""
     scene, numbers, parts = long_chain()
     part = [part for part in parts if has_runs(part)][number]
+    part = part.take(np.delete(np.arange(len(part)), gaps))
     rng, n = np.random.default_rng(number), scene.program.n_slots
     slots = rng.normal(size=n)
     coefficients = [constant_values(b, numbers.parameters) for b in coefficient_batches(part)]

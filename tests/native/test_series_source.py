@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import mpmath as mp
@@ -13,7 +14,8 @@ from scipy.integrate import solve_ivp
 
 import gearlib as gl
 from gearlib.errors import ArgumentError
-from gearlib.native.series_source import ROW, SERIES
+from gearlib.native.series_source import ROW, SERIES, NoSeriesError, taylor_source
+from gearlib.native.source import LONGEST
 
 EXPRESSIONS: dict[str, tuple[Any, Any]] = {
     "polynomial": (lambda x, t: 1 - x**2 + x**3 / 5, lambda x, t: 1 - x**2 + x**3 / 5),
@@ -50,6 +52,7 @@ def test_runs_by_series(kind: str) -> None:
 FUNCTIONS: dict[str, tuple[Any, Any]] = {
     "powers": (lambda x, t: x**0 * t + x**5 - x**-3 + x**8 / t**9, lambda x, t: t + x**5 - x**-3 + x**8 / t**9),
     "broken powers": (lambda x, t: x**2.5 + (x * t) ** -0.5 + t**1.5, lambda x, t: x**2.5 + (x * t) ** -0.5 + t**1.5),
+    "high powers": (lambda x, t: x**9 - x**-11 + x**8 + t**-8, lambda x, t: x**9 - x**-11 + x**8 + t**-8),
     "powers of powers": (lambda x, t: x**t + 2**x + x ** (gl.sqrt(2) / 3), lambda x, t: x**t + 2**x + x ** (mp.sqrt(2) / 3)),
     "quotients": (lambda x, t: 3 / x + x / t - t / (x * 2) + x / 7, lambda x, t: 3 / x + x / t - t / (x * 2) + x / 7),
     "products with time": (lambda x, t: t * t * x + x * t, lambda x, t: t * t * x + x * t),
@@ -82,6 +85,14 @@ FUNCTIONS: dict[str, tuple[Any, Any]] = {
     "branches": (
         lambda x, t: gl.no_event(gl.Piecewise((x, (x > 1) & (t < 5)), (t, True)) - gl.Piecewise((1, x < t), (t, True))),
         lambda x, t: x - 1 if x < t else x - t,
+    ),
+    "the middle of three": (  # its conditions hold conditions
+        lambda x, t: gl.no_event(sympy.Min(x, 1, t) * x + sympy.Max(2, x, t) * t),
+        lambda x, t: t * x + 2 * t,
+    ),
+    "what is not so": (
+        lambda x, t: gl.no_event(gl.Piecewise((x, ~((x > 1) & (t > 5))), (t, True)) - gl.Piecewise((x, ~(x > 1)), (t**2, True))),
+        lambda x, t: x - t**2,
     ),
 }  # fmt: skip
 ORDER = 11
@@ -136,23 +147,68 @@ def test_what_has_no_series_is_refused() -> None:
 
 
 KINKS: dict[str, Any] = {
-    "none": lambda x, t: x**2 - gl.sin(t),
+    "none": lambda x, t: x**2 - gl.sin(t) + gl.no_event(gl.Piecewise((1, gl.pi > 3), (2, True))),
+    "magnitude": lambda x, t: gl.no_event(abs(x - 1)),
+    "magnitude of time": lambda x, t: gl.no_event(abs(t - 1)),
     "sign": lambda x, t: gl.no_event(gl.sign(x - 1)),
     "branch": lambda x, t: gl.no_event(gl.Piecewise((x, x > 1), (1, True))),
+    "one of two signs": lambda x, t: gl.no_event(gl.Piecewise((x, t > 1), (-x, True))),
+    "branch of branches": lambda x, t: gl.no_event(gl.Piecewise((x, (x > 1) | ~(t > 1)), (1, True))),
     "largest": lambda x, t: gl.no_event(sympy.Max(x, 1)),
-    "smallest": lambda x, t: gl.no_event(sympy.Min(x, 1)),
+    "smallest": lambda x, t: gl.no_event(sympy.Min(x, 1, 2 * t)),
+}
+PULSES: dict[str, Any] = {
+    "bell curve of time": lambda x, t: gl.exp(-(t**2)),
+    "bell curve of a state": lambda x, t: gl.exp(-x),
+    "growing exponent": lambda x, t: x**t,
+}
+STEADY: dict[str, Any] = {
+    "growth": lambda x, t: gl.exp(2 * t - 1) * x,
+    "constant base": lambda x, t: 2**t,
+    "oscillation": lambda x, t: gl.sin(t**2) + gl.tanh(x),
+    "power": lambda x, t: x**2.5,
 }
 
 
-@pytest.mark.parametrize("kind", KINKS)
-def test_series_with_kinks_that_no_event_marks_are_known(kind: str) -> None:
+def written(right: Any) -> tuple[str, Any]:
+    """Source of the coefficients of x' = f(x, t), and its writer."""
+
     class Kinked(gl.Component):
         rate = gl.Parameter("1/s", default=1.0)
         x = gl.Variable("1", start=0.7)
 
         def equations(self) -> list[Any]:
-            return [gl.Eq(gl.der(self.x), KINKS[kind](self.x, self.rate * gl.time))]
+            return [gl.Eq(gl.der(self.x), right(self.x, self.rate * gl.time))]
 
-    series = gl.compile(Kinked()).translation.scene.series
-    assert not isinstance(series, str)
-    assert series.branches == (kind != "none")
+    scene = gl.compile(Kinked()).translation.scene
+    return taylor_source(scene.program, scene.layout)
+
+
+@pytest.mark.parametrize("kind", [*KINKS, *PULSES, *STEADY])
+def test_what_a_series_does_not_show_is_known(kind: str) -> None:
+    """Kinks that no event marks, and exponentials of what is not affine in time."""
+    text, write = written((KINKS | PULSES | STEADY)[kind])
+    assert write.branches == (kind in KINKS and kind != "none")
+    assert write.pulses == (kind in PULSES)
+    assert write.products == text.count("for j in range(")
+    assert len({int(at) for at in re.findall(r"work\[(\d+)", text)} - {1 + k * ROW for k in range(write.rows)}) == write.rows
+
+
+def test_many_products_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of time, and repeated ones, cost nothing more."""
+
+    def right(x: Any, t: Any) -> Any:
+        return x**4 * t + gl.sin(x) * x**4 + gl.sin(x)
+
+    _, write = written(right)
+    assert write.products == 5  # x x, x^2 x^2, two for the sine and cosine, and their product
+    for most in (5, 4):
+        monkeypatch.setattr("gearlib.native.series_source.MOST_PRODUCTS", most)
+        if most == 5:
+            assert written(right)[1].products == 5
+        else:
+            with pytest.raises(NoSeriesError, match=r"^takes up to 4 products and functions of variables$"):
+                written(right)
+    monkeypatch.setattr("gearlib.native.source.LONGEST", 0)
+    with pytest.raises(NoSeriesError, match=rf"^takes up to {LONGEST} equations$"):
+        written(right)

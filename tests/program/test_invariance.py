@@ -85,3 +85,26 @@ def test_symmetries(kind: str) -> None:
         assert found.shape == basis.shape
         assert (found.T @ found) == pytest.approx(np.eye(found.shape[1]), abs=1e-12)
         assert found @ found.T == pytest.approx((basis @ basis.T)[np.ix_(order, order)], abs=1e-8)
+
+
+@pytest.mark.parametrize(("kind", "free"), [("of squares", 0), ("of two sums", 28)])
+def test_a_function_of_many_states(kind: str, free: int) -> None:
+    """Nothing that leaves its sums alone changes it, however many terms they have."""
+    n = 30
+    weights = 1.0 + np.arange(n) % 3
+
+    def equations(self: Any) -> list[Any]:
+        x = [getattr(self, f"x{i}") for i in range(n)]
+        one, other = (sum(float(w) * part for w, part in zip(weights[i::2], x[i::2], strict=True)) for i in (0, 1))
+        functions = {"of squares": sum(a**4 for a in x), "of two sums": gl.sin(one) * other**2}
+        return [gl.Eq(gl.der(a), self.rate * (functions[kind] if i == 0 else 1.0)) for i, a in enumerate(x)]
+
+    names = {f"x{i}": gl.Variable("1") for i in range(n)} | {"rate": gl.Parameter("1/s", default=1.0)}
+    translation = gl.compile(type("Many", (gl.Component,), names | {"equations": equations})()).translation
+    scene = translation.scene
+    numbers = scene.numbers(translation.parameter_values({}))
+    found = symmetries(numbers, scene.program.output_slots.tolist(), None, np.ones(n))
+    assert found.shape == (n, free)
+    places = np.array([int(name[1:]) for name in scene.state_names])
+    for i in range(2):
+        assert (weights * (np.arange(n) % 2 == i))[places] @ found == pytest.approx(np.zeros(free), abs=1e-8)
