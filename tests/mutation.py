@@ -374,8 +374,9 @@ FOUND = {"assertions": "assertion", "exceptions": "exception", "crashes": "crash
 class Notice:
     """A pytest plugin that runs likely and quick tests first, and stops at the first assertion that fails or when the time is up."""
 
-    def __init__(self, targets: list[str], budget: float, likely: str, took: dict[str, float], file: Path) -> None:
-        self.targets, self.budget, self.likely, self.took, self.file = {*targets}, budget, likely, took, file
+    def __init__(self, targets: list[str], budget: float, likely: tuple[str, str], took: dict[str, float], file: Path) -> None:
+        self.targets, self.budget, self.took, self.file = {*targets}, budget, took, file
+        self.folder, self.likely = likely
         self.assertions: list[str] = []
         self.exceptions: list[str] = []
         self.crashes: list[str] = []
@@ -392,11 +393,12 @@ class Notice:
 
         items.sort(key=self.order)
 
-    def order(self, item: pytest.Item) -> tuple[bool, float]:
-        """Tests that name the function, then the others, the quickest first."""
+    def order(self, item: pytest.Item) -> tuple[bool, bool, float]:
+        """Tests of the module's folder, then the others, of each those first that name the function; the quickest first."""
         function = getattr(item, "function", None)
         text = inspect.getsource(function) if function and self.likely else ""
-        return not re.search(rf"\b{self.likely}\b", text), self.took.get(item.nodeid, 0.2)
+        unlike = not re.search(rf"\b{self.likely}\b", text)
+        return Path(item.nodeid.partition("::")[0]).parent.name != self.folder, unlike, self.took.get(item.nodeid, 0.2)
 
     def pytest_exception_interact(self, node: pytest.Item | pytest.Collector, call: Any) -> None:
         failures = getattr(call.excinfo.value, "failures", [call.excinfo.value])  # a doctest's failures come together
@@ -418,8 +420,8 @@ class Notice:
 
 
 def in_child(
-    copy: Path, run: Callable[[Notice, tuple[str, ...]], None], targets: Sequence[str], budget: float, likely: str = "",
-    without: tuple[str, ...] = (),
+    copy: Path, run: Callable[[Notice, tuple[str, ...]], None], targets: Sequence[str], budget: float,
+    likely: tuple[str, str] = ("", ""), without: tuple[str, ...] = (),
 ) -> dict[str, Any]:  # fmt: skip
     """What the tests say that are run in a fork of this process.
 
@@ -472,9 +474,10 @@ def afresh(copy: Path, notice: Notice, without: tuple[str, ...]) -> None:
         notice.crashes.append(f"pytest: {code}")
 
 
-def definition(module: str, line: int) -> str:
-    """The innermost function or class around a line, as a test would write its name."""
-    return next((node.name.strip("_") for node in around(module, line) if isinstance(node, ast.FunctionDef | ast.ClassDef)), "")
+def definition(module: str, line: int) -> tuple[str, str]:
+    """The folder of a line, and the innermost function or class around it, as a test would write their names."""
+    named = (node.name.strip("_") for node in around(module, line) if isinstance(node, ast.FunctionDef | ast.ClassDef))
+    return Path(module).parent.name, next(named, "")
 
 
 class InPlace:
