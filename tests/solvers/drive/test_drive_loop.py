@@ -228,3 +228,49 @@ def test_inputs_are_looked_up_between_the_stops(first: float) -> None:
         assert after[0] - spacing <= high < after[0]
     assert run.data[1] == math.inf
     assert run.data[0] == pytest.approx(stops[1], abs=spacing)
+
+
+class Telling(Prescribed):
+    """Tells the derivatives at the ends of steps: those of the states are their numbers times the time."""
+
+    def attach(self, driver: Driver, memory: Any) -> None:
+        super().attach(driver, memory)
+        self.rates = np.zeros(3)
+        self.record.rates = self.rates.ctypes.data
+
+    def accept(self) -> None:
+        super().accept()
+        self.rates[:] = self.record.reached * np.arange(3)
+
+
+@pytest.mark.parametrize("traced", [[0, 1, 2], [2, 0], [1], []])
+def test_ends_of_steps_are_traced_and_those_with_an_event_twice(traced: list[int]) -> None:
+    """Before and after it, with the discrete state; within a step, the derivatives there are the model's."""
+    stepper = Telling(h=0.25, roots={0.6: (1,)})
+    coming = iter([0, 1, 1])
+
+    def update(t: float, x: Any, fired: Any, data: Any) -> int:
+        did = next(coming)
+        if did:
+            x[0], x[2], data[2] = x[0] + 10.0, -1.0, data[2] + 1.0
+            data[3] -= 3.0
+        return did
+
+    def rhs(t: float, x: Any, dx: Any, data: Any) -> None:
+        dx[0], dx[1], dx[2] = 100.0 * t, 200.0 * t, 300.0 * t
+
+    own = problem(
+        rhs, [0.0, 5.0, 7.0], roots=lambda *_: 0, n_roots=1, update=update, discrete=slice(2, 4), time_events=np.array([0.5]),
+        traced=np.array(traced, np.int64),
+    )  # fmt: skip
+    trace = integrate(driver(own, [0.0, 1.0], stepper)).trace
+    assert trace is not None
+    times = [0.0, 0.25, 0.5, 0.5, 0.6, 0.6, 0.85, 1.0]
+    number = np.array([0, 0, 0, 1, 1, 2, 2, 2])
+    states = np.column_stack([times + 10.0 * number, np.full(8, 5.0), np.where(number, -1.0, 7.0)])
+    rates = np.outer(times, [0.0, 1.0, 2.0])
+    rates[4:6] = 0.6 * np.array([100.0, 200.0, 300.0])
+    assert trace.times == pytest.approx(times, abs=1e-15)
+    assert trace.states == pytest.approx(states[:, traced], abs=1e-12)
+    assert trace.rates == pytest.approx(rates[:, traced], abs=1e-12)
+    assert trace.discrete.tolist() == np.column_stack([number, -3.0 * number]).tolist()

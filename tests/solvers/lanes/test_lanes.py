@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from gearlib.compiler.instructions import LANES
 from gearlib.compiler.object_code import compiled
@@ -78,3 +79,45 @@ def test_no_runs_are_done_at_once() -> None:
             SimpleNamespace(address=0), np.empty((0, 1)), np.empty((0, 1)), np.array([0.0, 1.0]), np.arange(1), np.ones(1), 1e-6
         )
     ).advance()
+
+
+@pytest.mark.parametrize("begin", [0.0, 40.0])
+@pytest.mark.parametrize("each", [True, False])
+def test_steps_end_at_the_corners_of_inputs(each: bool, begin: float) -> None:
+    """Values that jump there, of each run or of all: x' = u(t) t is a sum of areas; some runs have fewer corners."""
+    rng, n = np.random.default_rng(2), 2 * LANES + 3
+    rows = n if each else 1
+    corners = begin + np.sort(rng.uniform(0.1, 1.9, (rows, 3)), axis=1)
+    corners[::2, 2], corners[3::5, 0] = np.inf, begin + 1.0 / 3.0
+    corners.sort(axis=1)
+    pieces = rng.normal(size=(rows, 4, 1)) * 10.0 ** rng.integers(-2, 3, (rows, 4, 1))
+    times = begin + np.array([0.0, 0.2, 1.0 / 3.0, 0.9, 2.0])
+    rate = rng.uniform(0.5, 2.0, n)
+    runs = runs_of(
+        "dx[0] = data[0] * data[1] * time[0]", np.zeros((n, 1)), np.column_stack([np.full(n, 7.0), rate]), times,
+        corners=corners, pieces=pieces,
+    )  # fmt: skip
+    assert (runs.status == 1).all()
+    for run in range(n):
+        own, values = corners[run * each], pieces[run * each, :, 0]
+        edges = np.concatenate([[begin], own])
+        wanted = [
+            sum(
+                0.5 * u * max(min(b, t) ** 2 - a**2, 0.0)
+                for u, a, b in zip(values, edges, [*own, np.inf], strict=True)
+                if t > a
+            )
+            for t in times
+        ]
+        assert runs.out[run, :, 0] == pytest.approx(rate[run] * np.array(wanted), rel=1e-10, abs=1e-10)
+
+
+def test_a_run_of_too_many_steps_fails_alone() -> None:
+    omega = np.array([1.0, 300.0, 2.0])
+    runs = runs_of(
+        "dx[0] = data[0] * cos(data[0] * time[0])", np.zeros((3, 1)), omega[:, None], np.array([0.0, 2.0]), most_steps=200.0
+    )
+    assert runs.status.tolist() == [1, -1, 1]
+    assert runs.steps[1] in (200, 201)
+    assert (runs.steps[[0, 2]] < 200).all()
+    assert np.allclose(runs.out[[0, 2], 1, 0], np.sin(2.0 * omega[[0, 2]]), atol=1e-6)
