@@ -151,8 +151,9 @@ def from_header(header: str, time: Any, data: Any, path: Any) -> Record:
         raise damaged(path, f"it has no {problem.args[0]}") from None
     except (ValueError, TypeError, AttributeError) as problem:
         raise damaged(path, str(problem)) from None
-    if record.data.shape != (samples, len(set(record.columns))) or len(record.time) != samples:
-        raise damaged(path, f"it holds {len(record.time)} of {samples} samples")
+    expected, held = (samples, len(set(record.columns))), record.data.shape
+    if held != expected or len(record.time) != samples:
+        raise damaged(path, f"it holds {len(record.time)} times and data of the shape {held}; expected {samples} and {expected}")
     if record.checksum != checksum:
         raise damaged(path, "its numbers are not those that were written (checksum)")
     return record

@@ -90,7 +90,7 @@ def read(path: Path) -> Record:
 def _foreign(found: dict[str, Any], samples: Floats) -> Record:
     names, texts = _lines(found["name"], True), _lines(found["description"], True)
     block, column = np.asarray(found["dataInfo"], int)[:2]
-    moving = [i for i in range(len(names)) if block[i] == 2 and abs(column[i]) > 1]
+    moving = [i for i in range(1, len(names)) if block[i] == 2]  # the first is the time
     constants = np.asarray(found["data_1"], float)[:, 0]
     held = {names[i]: float(np.sign(column[i]) * constants[abs(column[i]) - 1]) for i in range(len(names)) if block[i] == 1}
     parts = [texts[i].rpartition(" [") if texts[i].endswith("]") else (texts[i], "", "]") for i in moving]

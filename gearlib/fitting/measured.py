@@ -311,7 +311,7 @@ class MeasuredModes(Measured):
         given = {**self.parameters, **split(free)[0]}
         found = modes(system, at=self.at, parameters=given)
         chosen = found.free + self.numbers
-        if chosen.min() < found.free or chosen.max() >= len(found):
+        if chosen.max() >= len(found):
             raise ArgumentError(
                 f"numbers names mode {self.numbers.max()}; the system has {len(found) - found.free} that vibrate"
             )

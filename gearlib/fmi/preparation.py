@@ -218,7 +218,7 @@ def _rows(body: Body, text: str, letter: str, targets: Integers, arguments: Inte
     def put(place: Callable[[int], str]) -> str:
         return re.sub(rf"\b{letter}(\d+)\b", lambda m: place(int(m[1])), text)
 
-    if body.literal or len(targets) == 1:
+    if body.literal:
         for target, row in zip(targets.tolist(), arguments.tolist(), strict=True):
             body.lines.append(f"data[{target}] = {put(lambda a, row=row: f'data[{row[a]}]')}")  # type: ignore[misc]
         return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 import shutil
 import struct
 import subprocess
@@ -20,7 +21,7 @@ import pytest
 import gearlib as gl
 from gearlib.errors import ArgumentError, FileError, NameLookupError
 from gearlib.files import formats
-from gearlib.files.contents import Record
+from gearlib.files.contents import Record, from_header
 from gearlib.files.formats import FORMATS, Format, load_record, save_record
 from tests.files.scenes import Drive, run, system
 
@@ -190,6 +191,17 @@ def test_a_zarr_folder_that_lacks_anything_is_refused(saved: Path, tmp_path: Pat
             gl.load_result(copy)
 
 
+def test_numbers_that_do_not_belong_to_the_header() -> None:
+    """Each of the two lengths, and the number of distinct histories, which aliases share."""
+    time, data = np.arange(3.0), np.arange(6.0).reshape(3, 2)
+    written = Record(time, data, ("a", "b", "c"), (0, 1, 1), (1, 1, -1), ("",) * 3, ("",) * 3).header()
+    assert np.array_equal(from_header(written, time, data, "r").history("c"), -data[:, 1])
+    for times, numbers in ((time[:2], data), (time, data[:2]), (time, data[:, :1]), (time, data.T), (time, data[:, 0])):
+        said = f"r is truncated or damaged: it holds {len(times)} times and data of the shape {numbers.shape}; expected 3 and (3, 2)"
+        with pytest.raises(FileError, match=f"^{re.escape(said)}$"):
+            from_header(written, times, numbers, "r")
+
+
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_numbers_that_were_changed_are_noticed(suffix: str, saved: Path, tmp_path: Path) -> None:
     record = load_record(saved / f"r{suffix}")
@@ -292,23 +304,27 @@ def test_a_file_of_openmodelica_is_read(saved: Path, tmp_path: Path) -> None:
         width = max(map(len, lines))
         return np.array([list(line.ljust(width)) for line in lines]).astype("S1")
 
-    names = ["time", "J.w", "J.w_back", "J.J", "J.minus"]
+    names = ["time", "J.w", "J.w_back", "J.J", "J.minus", "clock", "left"]
     content = {
         "Aclass": characters(["Atrajectory", "1.1", "", "binTrans"]),
         "name": characters(names).T,
-        "description": characters(["Simulation time [s]", "speed [rad/s|rpm]", "[rad/s]", "inertia [kg.m2]", "no unit"]).T,
-        "dataInfo": np.array([[0, 1, 0, -1], [2, 2, 0, -1], [2, -2, 0, -1], [1, 2, 0, -1], [1, -2, 0, -1]], np.int32).T,
+        "description": characters(
+            ["Simulation time [s]", "speed [rad/s|rpm]", "[rad/s]", "inertia [kg.m2]", "no unit", "time [s]", "time to zero [s]"]
+        ).T,
+        "dataInfo": np.array(
+            [[0, 1, 0, -1], [2, 2, 0, -1], [2, -2, 0, -1], [1, 2, 0, -1], [1, -2, 0, -1], [2, 1, 0, -1], [2, -1, 0, -1]], np.int32
+        ).T,
         "data_1": np.array([[0.0, 2.5], [1.0, 2.5]]).T,
         "data_2": np.array([[0.0, 0.5, 1.0], [3.0, 4.0, 5.0]]),
     }
     with (tmp_path / "om.mat").open("wb") as file:
         savemat(file, content, format="4")
     found = gl.load_result(tmp_path / "om.mat")
-    assert found.keys() == ["J.w", "J.w_back"]
+    assert found.keys() == ["J.w", "J.w_back", "clock", "left"]
     assert found["J.w_back"] == pytest.approx([-3.0, -4.0, -5.0])
     assert found.unit("J.w") == "rad/s"
     assert found.parameters == {"J.J": 2.5, "J.minus": -2.5}
-    assert found.at(0.25) == {"J.w": 3.5, "J.w_back": -3.5}
+    assert found.at(0.25) == {"J.w": 3.5, "J.w_back": -3.5, "clock": 0.25, "left": -0.25}  # the time may have aliases, too
 
 
 # ---------------------------------------------------------------- the result from a file

@@ -108,6 +108,18 @@ def test_files_are_resumed_as_they_were_left(suffix: str, tmp_path: Path) -> Non
     assert not reopen(path, layout).done.any()
 
 
+def test_numbers_in_netcdf_begin_at_whole_doubles(tmp_path: Path) -> None:
+    """So that programs can map them as they are, behind names and marks of any length."""
+    path = tmp_path / "s.nc"
+    for runs in (1, 3, 4):
+        coordinates = {**COORDINATES, "J": (("run",), np.arange(float(runs)), {})}
+        create(path, SweepLayout(runs, VALUES, coordinates, {}))
+        with netcdf_file(path, mmap=True) as file:  # whose pages begin at multiples of 4096
+            begins = {name: variable.data.ctypes.data % 4096 for name, variable in file.variables.items()}
+        assert len(set(begins.values())) == len(COORDINATES) + len(VALUES)  # the empty one is left out, the marks are added
+        assert all(begin % 8 == 0 for begin in begins.values()), begins
+
+
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_no_run_and_failures_only(suffix: str, tmp_path: Path) -> None:
     file = create(tmp_path / f"s{suffix}", LAYOUT)

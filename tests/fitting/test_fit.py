@@ -341,10 +341,11 @@ def test_values_may_be_numbers_of_any_kind() -> None:
     assert found.tolist() == [0.25, 0.5, 2j]
 
 
-@pytest.mark.parametrize("numbers", [[1e308], [0.5], [-1], [2.0**60]])
+@pytest.mark.parametrize("numbers", [[1e308], [0.5], [-1], [2.0**60], [2**53]])
 def test_numbers_of_modes_are_whole(numbers: Any) -> None:
     with pytest.raises(ArgumentError, match=r"numbers is .*; expected the index of each mode, a whole number, 0 or more"):
         gl.MeasuredModes([1.0], numbers=numbers)
+    assert gl.MeasuredModes([1.0], numbers=[2**53 - 1]).numbers == 2**53 - 1
 
 
 def test_measurements_that_are_none() -> None:

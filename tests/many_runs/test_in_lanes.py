@@ -122,6 +122,31 @@ def test_runs_that_fail_or_do_not_fit_are_carried_out_by_themselves(drive: gl.Sy
     assert runs["load.w"][5].tobytes() == single["load.w"].tobytes()
 
 
+class SideBySide(gl.Component):
+    """Two gears between the same two shafts, of which the second says nothing new while both have one ratio."""
+
+    def assemble(self) -> list[gl.Connection]:
+        self.torque, self.motor, self.load = gp.Torque(tau=3.0), gp.Inertia(J=0.5), gp.Inertia(J=1.0)
+        self.one, self.two = gp.IdealGear(ratio=2.0), gp.IdealGear(ratio=2.0)
+        return [
+            gl.connect(self.torque.flange, self.motor.flange_a),
+            gl.connect(self.motor.flange_b, self.one.flange_a, self.two.flange_a),
+            gl.connect(self.one.flange_b, self.two.flange_b, self.load.flange_a),
+        ]
+
+
+@pytest.mark.parametrize("method", ["rk5", "exact"])
+def test_a_run_whose_rigid_loop_cannot_turn_fails_among_others(method: str) -> None:
+    """The inertia that the torque drives is 0.5 + 1 / 2^2 at the motor."""
+    ratios = np.full(9, 2.0)
+    ratios[3] = 2.5
+    with pytest.warns(GearlibWarning, match="1 of 9 runs failed.*run 3: the rigid loop through one, two cannot turn"):
+        runs = gl.compile(SideBySide(), outputs=["load.w"]).sweep({"two.ratio": ratios}, 1.0, samples=3, method=method)
+    assert [*runs.errors] == [3]
+    assert np.isnan(runs["load.w"][3]).all()
+    assert np.allclose(np.delete(runs["load.w"], 3, axis=0), [0.0, 1.0, 2.0])
+
+
 def test_a_run_that_cannot_go_on_says_so_as_simulate_does() -> None:
     class Explosion(gl.Component):
         rate = gl.Parameter("1", default=1.0)

@@ -107,6 +107,33 @@ def test_units_of_variables_derivatives_and_parameters() -> None:
     }
 
 
+class Ends(gl.Component):
+    """Bodies of any inertia, also none, at both ends of a shaft."""
+
+    a, b = gl.Parameter("kg.m2", default=1.0), gl.Parameter("kg.m2", default=1.0)
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.shaft = gp.Torque(tau=3.0), gp.SpringDamper(c=10.0, d=1.0)
+        self.one, self.two = gp.Inertia(J=self.a), gp.Inertia(J=self.b)
+        ends = ((self.torque.flange, self.one.flange_a), (self.one.flange_b, self.shaft.flange_a))
+        return [*(gl.connect(*two) for two in ends), gl.connect(self.shaft.flange_b, self.two.flange_a)]
+
+
+def test_a_system_fits_parameters_that_are_not_those_it_was_compiled_with() -> None:
+    """From zeros, which are substituted into the equations, to others and back; a massless end follows the shaft at once."""
+    kinds = [{"a": a, "b": b} for a, b in ((1.0, 1.0), (0.0, 2.0), (0.5, 2.0))]
+    systems = [gl.compile(Ends(**kind), outputs=["two.w"]) for kind in kinds]
+    expected = [system.simulate(1.0, times=[0.5, 1.0])["two.w"] for system in systems]
+    assert expected[1] == pytest.approx([0.75, 1.5])  # the torque by the other inertia
+    for system, own in zip(systems, kinds, strict=True):
+        assert len(system.translation.special) == (own["a"] == 0.0)
+        for kind, speeds in zip(kinds, expected, strict=True):
+            assert system.simulate(1.0, times=[0.5, 1.0], parameters=kind)["two.w"] == pytest.approx(speeds), (own, kind)
+            fitted, numbers = system.translation.fitted(kind)
+            assert fitted.special == ["one.J = 0"] * (kind["a"] == 0.0)
+            assert numbers.tolist() == fitted.parameter_values(kind).tolist()
+
+
 class Driven(gl.Component):
     def assemble(self) -> list[Any]:
         self.one, self.two, self.body, self.other = gp.Torque(), gp.Torque(), gp.Inertia(J=1.0), gp.Inertia(J=1.0)
