@@ -153,7 +153,9 @@ def from_header(header: str, time: Any, data: Any, path: Any) -> Record:
         raise damaged(path, str(problem)) from None
     expected, held = (samples, len(set(record.columns))), record.data.shape
     if held != expected or len(record.time) != samples:
-        raise damaged(path, f"it holds {len(record.time)} times and data of the shape {held}; expected {samples} and {expected}")
+        raise damaged(
+            path, f"it holds {len(record.time)} times and data of the shape {held}; expected {samples} and {expected}"
+        )
     if record.checksum != checksum:
         raise damaged(path, "its numbers are not those that were written (checksum)")
     return record

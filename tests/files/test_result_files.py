@@ -309,10 +309,19 @@ def test_a_file_of_openmodelica_is_read(saved: Path, tmp_path: Path) -> None:
         "Aclass": characters(["Atrajectory", "1.1", "", "binTrans"]),
         "name": characters(names).T,
         "description": characters(
-            ["Simulation time [s]", "speed [rad/s|rpm]", "[rad/s]", "inertia [kg.m2]", "no unit", "time [s]", "time to zero [s]"]
+            [
+                "Simulation time [s]",
+                "speed [rad/s|rpm]",
+                "[rad/s]",
+                "inertia [kg.m2]",
+                "no unit",
+                "time [s]",
+                "time to zero [s]",
+            ]
         ).T,
         "dataInfo": np.array(
-            [[0, 1, 0, -1], [2, 2, 0, -1], [2, -2, 0, -1], [1, 2, 0, -1], [1, -2, 0, -1], [2, 1, 0, -1], [2, -1, 0, -1]], np.int32
+            [[0, 1, 0, -1], [2, 2, 0, -1], [2, -2, 0, -1], [1, 2, 0, -1], [1, -2, 0, -1], [2, 1, 0, -1], [2, -1, 0, -1]],
+            np.int32,
         ).T,
         "data_1": np.array([[0.0, 2.5], [1.0, 2.5]]).T,
         "data_2": np.array([[0.0, 0.5, 1.0], [3.0, 4.0, 5.0]]),
