@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -77,15 +78,14 @@ class PackageText:
         wanted = type(component).__name__
         wanted = f"{wanted}_" if wanted in _TAKEN else wanted
         body, lifted = self.class_text(component).body(is_root)
-        name, number = wanted, 1
-        while True:
-            text = _class_text("model", name, component, body)
-            if self.texts.get(name) in (None, text):
-                break
-            number += 1
-            name = f"{wanted}_{number}"
-        self.texts.setdefault(name, text)
+        name = self._kept(wanted, lambda name: _class_text("model", name, type(component), body))
         self.lifted[name] = lifted
+        return name
+
+    def _kept(self, wanted: str, text: Callable[[str], str]) -> str:
+        """Name under which a text is kept; two classes of one name that differ are numbered."""
+        name = free_name(wanted, lambda name: self.texts.get(name) not in (None, text(name)))
+        self.texts.setdefault(name, text(name))
         return name
 
     def connector_name(self, connector: Connector) -> str:
@@ -93,13 +93,11 @@ class PackageText:
         kind = type(connector)
         if self.standard_library and (full := interface_of(kind)) is not None:
             return full
-        name = kind.__name__
         lines = []
         for variable, declared in connector.variables.items():
             flow = "flow " if isinstance(declared, Flow) else ""
             lines.append(f"  {flow}Real {variable}{attributes_text({}, declared.unit)}{comment(declared.description)};")
-        self.texts.setdefault(name, f"connector {name}{comment(kind.__doc__)}\n" + "\n".join(lines) + f"\nend {name};")
-        return name
+        return self._kept(kind.__name__, lambda name: _class_text("connector", name, kind, lines))
 
     def counterpart(self, part: Component) -> tuple[str, Counterpart] | None:
         """The standard library's class for a part, if it is to be used and can express all given values."""
@@ -146,6 +144,7 @@ class ClassText:
         self.declared = declared_by(component)
         self.counterparts = {name: package.counterpart(part) for name, part in self.parts.items()}
         self.names: dict[str, str] = {}  # parts that cannot be elements of an array
+        self.taken: set[str] = set()
         self.lifted: list[Lifted] = []
         self.separated: dict[str, list[str]] | None = None
         for name, part in self.parts.items():
@@ -217,7 +216,7 @@ class ClassText:
             kind = "Integer" if name in integers else "discrete Real"
             declarations.append(f"{kind} {safe_name(name)}(start = {number}, fixed = true){comment(discrete.description)};")
         parts = [line for family, members in families.items() for line in self._family(family, members, joined, outer)]
-        lifted = [f"input Real {safe_name(i.name)}{attributes_text({}, i.unit)}{comment(i.description)};" for i in self.lifted]
+        lifted = [f"input Real {i.name}{attributes_text({}, i.unit)}{comment(i.description)};" for i in self.lifted]
         stated = [*self._equations(integers), *self._connects()]
         lines = [*declarations, *lifted, *parts]
         return ["  " + line for line in lines] + (["equation", *("  " + line for line in stated)] if stated else []), tuple(
@@ -266,6 +265,15 @@ class ClassText:
         for name in self.parts:
             found = _ELEMENT.match(name)
             families.setdefault(found[1] if found else name, []).append(name)
+        declared = self.declared
+        variables = (name for name in declared.variables if "." not in name)
+        for name in (*declared.parameters, *declared.connectors, *variables, *declared.discretes, *families):
+            if safe_name(name) in self.taken:
+                raise ModelicaError(
+                    f"{type(self.component).__name__}: {name} would be called {safe_name(name)}, as another one is; "
+                    "flat=True writes such a model"
+                )
+            self.taken.add(safe_name(name))
         separated: dict[str, list[str]] = {}
         for family, members in families.items():
             alike = len({self._kind(name) for name in members}) == 1
@@ -273,10 +281,15 @@ class ClassText:
                 separated[family] = members
                 continue
             for name in members:
-                own = name.replace("[", "_").replace("]", "")
-                self.names[name] = own
+                self.names[name] = self._free(name.replace("[", "_").replace("]", ""))
                 separated[name] = [name]
         return separated
+
+    def _free(self, wanted: str) -> str:
+        """A name that nothing else in the class has."""
+        name = free_name(safe_name(wanted), self.taken.__contains__)
+        self.taken.add(name)
+        return name
 
     def _kind(self, name: str) -> str:
         found = self.counterparts[name]
@@ -305,7 +318,12 @@ class ClassText:
         def at(path: str) -> Change:
             if found is not None:
                 return change.within(_outward(found[1], path).split("."))
-            return change.within([safe_name(modelica_name(step)) for step in path.split(".")])
+            inner = self.package.class_text(part).naming(path)
+            if not re.fullmatch(r"[\w.]+", inner):
+                raise ModelicaError(
+                    f"{name}.{path} is one of a family in its class, or a derivative; flat=True writes such a model"
+                )
+            return change.within(inner.split("."))
 
         if found is not None:
             for choice, value in given.choices.items():
@@ -362,9 +380,9 @@ class ClassText:
         if known is None:
             unbound += self.package.lifted.get(self.package.class_name(part), ())
         for each in unbound:
-            own = f"{name}_{each.name}".replace("[", "_").replace("]", "").replace(".", "_")
+            own = self._free(f"{name}_{each.name}".replace("[", "_").replace("]", "").replace(".", "_"))
             self.lifted.append(Lifted(own, each.unit, each.description))
-            at(each.name).value = safe_name(own)
+            at(each.name).value = own
 
     # ------------------------------------------------------------ equations
 
@@ -519,5 +537,11 @@ def safe_name(name: str) -> str:
     return f"{name}_" if name in _TAKEN else name
 
 
-def _class_text(kind: str, name: str, component: Component, lines: list[str]) -> str:
-    return "\n".join([f"{kind} {name}{comment(type(component).__doc__)}", *lines, f"end {name};"])
+def free_name(wanted: str, is_taken: Callable[[str], bool]) -> str:
+    """A name, with a number where it is taken."""
+    names = itertools.chain([wanted], (f"{wanted}_{number}" for number in itertools.count(2)))
+    return next(name for name in names if not is_taken(name))
+
+
+def _class_text(keyword: str, name: str, kind: type, lines: list[str]) -> str:
+    return "\n".join([f"{keyword} {name}{comment(kind.__doc__)}", *lines, f"end {name};"])

@@ -23,6 +23,7 @@ from gearlib.modelica.class_writing import (
     attributes_text,
     comment,
     equation_lines,
+    free_name,
     integer_discretes,
     safe_name,
     variable_attributes,
@@ -61,13 +62,9 @@ class FlatText:
 
     def _name(self, path: str) -> None:
         """A unique name of letters, digits and underscores."""
-        wanted = name = safe_name(_NO_LETTER.sub("_", re.sub(r"\[(\d+)\]", lambda m: f"_{int(m[1]) + 1}", path)))
-        number = 1
-        while name in self.taken:
-            number += 1
-            name = f"{wanted}_{number}"
-        self.names[path] = name
-        self.taken.add(name)
+        wanted = safe_name(_NO_LETTER.sub("_", re.sub(r"\[(\d+)\]", lambda m: f"_{int(m[1]) + 1}", path)))
+        self.names[path] = free_name(wanted, self.taken.__contains__)
+        self.taken.add(self.names[path])
 
     def text(self, value: Any, prefix: str) -> str:
         """A value written in the scope of a part."""

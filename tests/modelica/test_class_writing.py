@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -120,6 +121,21 @@ def test_parts_with_what_they_are_given() -> None:
   end Outer;
 end OuterPackage;"""
     )
+
+
+@pytest.mark.parametrize("flat", [False, True])
+def test_start_values_and_guesses_of_the_root_itself(flat: bool) -> None:
+    """A guess in place of a start value leaves the variable free, and the other way round."""
+    for given, x, y in (
+        ({}, {"start = 1.0", "fixed = true"}, {"start = 2.0"}),
+        ({"start": {"x": 4, "y": 5}}, {"start = 4", "fixed = true"}, {"start = 5", "fixed = true"}),
+        ({"guess": {"y": 5}, "start": {"x": 4}}, {"start = 4", "fixed = true"}, {"start = 5"}),
+        ({"guess": {"y": 5}, "start": {"y": 6}}, {"start = 1.0", "fixed = true"}, {"start = 6", "fixed = true"}),
+    ):
+        text = gl.to_modelica(Inner(free=1, **given), flat=flat)
+        for name, expected in (("x", x), ("y", y)):
+            (attributes,) = re.findall(rf"^ +Real {name}\((.*)\);", text, re.MULTILINE)
+            assert {a for a in attributes.split(", ") if a.startswith(("start", "fixed"))} == expected
 
 
 def test_flat_models_have_the_same_declarations_and_expanded_connections() -> None:
@@ -242,8 +258,109 @@ def test_what_the_library_does_not_have_is_written_as_a_class() -> None:
     assert gl.to_modelica(type("Real", (gl.Component,), {})(), name="P") == "package P\n  model Real_\n  end Real_;\nend P;"
 
 
+class Accelerated(gl.Component):
+    y = gl.Variable("rad/s2")
+
+    def assemble(self) -> Any:
+        self.i = gp.Inertia(J=2.0)
+        return []
+
+    def equations(self) -> Any:
+        return [gl.Eq(self.y, 2 * self.i.a)]
+
+
+class Left(gl.Connector):
+    """Of one module."""
+
+    v, i = gl.Potential("V"), gl.Flow("V")
+
+
+class Right(gl.Connector):
+    """Of another."""
+
+    p, q = gl.Potential("Pa"), gl.Flow("Pa")
+
+
+Left.__name__ = Right.__name__ = "Pin"
+
+
+def test_classes_of_one_name_are_told_apart() -> None:
+    """Connectors, and the classes of parts with one of their names."""
+
+    def of(pin: gl.Connector, name: str) -> gl.Component:
+        equations = lambda self: [gl.Eq(*(getattr(self.pin, variable) for variable in pin.variables))]  # noqa: E731
+        return type(name, (gl.Component,), {"pin": pin, "equations": equations})()
+
+    def make(self: Any) -> Any:
+        self.a, self.b, self.c, self.d = (
+            of(Left("end"), "A"),
+            of(Right("end"), "B"),
+            of(Left("end"), "C"),
+            of(Right("end"), "Pin"),
+        )
+
+    text = gl.to_modelica(composite(make))
+    declared = [line.strip() for line in text.splitlines() if line.startswith(("  connector", "  model", "    Pin"))]
+    assert declared == [
+        'connector Pin "Of one module."', "model A", 'Pin pin "end";', 'connector Pin_2 "Of another."', "model B", 'Pin_2 pin "end";',
+        "model C", 'Pin pin "end";', "model Pin_3", 'Pin_2 pin "end";', "model Composite", "Pin_3 d;",
+    ]  # fmt: skip
+    read = gl.compile(gl.read_modelica(text)()).translation
+    assert [read.unit(f"{part}.pin.{name}") for part, name in (("a", "v"), ("b", "q"), ("c", "i"), ("d", "p"))] == [
+        "V",
+        "Pa",
+    ] * 2
+
+
+def test_names_in_a_class_are_unique() -> None:
+    """What is made of a member's name, or of an input within a part, gives way to what has that name already."""
+
+    def taking(name: str) -> gl.Component:
+        equations = lambda self: [gl.Eq(self.y, getattr(self, name))]  # noqa: E731
+        return type(f"Taking_{name}", (gl.Component,), {name: gl.Input("m"), "y": gl.Variable("m"), "equations": equations})()
+
+    def make(self: Any) -> Any:
+        self.links, self.links_0 = [gp.Spring(c=1.0), gp.Damper(d=2.0)], gp.Inertia(J=3.0)
+        self.a, self.a_b, self.a_b_c = taking("b_c"), taking("c"), taking("d")
+        return [gl.connect(self.links[0].flange_a, self.links_0.flange_b)]
+
+    parts = "Modelica.Mechanics.Rotational.Components"
+    assert members(make) == [
+        *(f'input Real {name}(unit = "m");' for name in ("a_b_c_2", "a_b_c_3", "a_b_c_d")),
+        f"{parts}.Spring links_0_2(c = 1.0);", f"{parts}.Damper links_1(d = 2.0);", f"{parts}.Inertia links_0(J = 3.0);",
+        "Taking_b_c a(b_c = a_b_c_2);", "Taking_c a_b(c = a_b_c_3);", "Taking_d a_b_c(d = a_b_c_d);",
+        "equation", "connect(links_0_2.flange_a, links_0.flange_b);",
+    ]  # fmt: skip
+
+
+class Nested(gl.Component):
+    """Members that stand alone, a name that Modelica has taken, and a family."""
+
+    def assemble(self) -> Any:
+        self.links, self.outer = [gp.Inertia(J=1.0), gp.Damper(d=1.0)], gp.Inertia(J=2.0)
+        self.own, self.spin = [Accelerated(), gp.Fixed()], [gp.Inertia(J=1.0), gp.Inertia(J=2.0)]
+        return []
+
+
+def test_what_is_given_from_above_reaches_parts_by_their_written_names() -> None:
+    def make(self: Any) -> Any:
+        self.sub = Nested(start={"links[0].w": 2.0}, nominal={"outer.w": 3.0}, state={"own[0].i.w": "prefer"})
+
+    assert members(make) == [
+        "Nested sub(links_0(w(start = 2.0, fixed = true)), outer_(w(nominal = 3.0)), own_0(i(w(stateSelect = StateSelect.prefer))));",
+    ]
+
+
 def partly(self: Any) -> Any:
     self.i = [gp.Inertia(J=1.0, nominal={"w": 2.0}), gp.Inertia(J=2.0)]
+
+
+def within_a_family(self: Any) -> Any:
+    self.sub = Nested(start={"spin[1].w": 2.0})
+
+
+def taken_twice(self: Any) -> Any:
+    self.outer, self.outer_ = gp.Inertia(J=1.0), gp.Inertia(J=2.0)
 
 
 def beneath(self: Any) -> Any:
@@ -260,6 +377,8 @@ def signalled(self: Any) -> Any:
     ("make", "said"),
     [
         (partly, "'nominal' is given to some parts of a family only; flat=True writes such a model"),
+        (within_a_family, "sub.spin[1].w is one of a family in its class, or a derivative; flat=True writes such a model"),
+        (taken_twice, "Composite: outer_ would be called outer_, as another one is; flat=True writes such a model"),
         (signalled, "u of a part within a part takes a signal; flat=True writes such a model"),
         (beneath, "<Flange a.i.flange_b> is a connector of a part within a part, which Modelica does not connect; "
                       "flat=True writes such a model"),
@@ -289,16 +408,6 @@ def test_options_are_checked(options: dict[str, Any], said: str) -> None:
 
 
 def test_a_derivative_with_a_name_of_its_own_is_written_as_one() -> None:
-    class Accelerated(gl.Component):
-        y = gl.Variable("rad/s2")
-
-        def assemble(self) -> Any:
-            self.i = gp.Inertia(J=2.0)
-            return []
-
-        def equations(self) -> Any:
-            return [gl.Eq(self.y, 2 * self.i.a)]
-
     assert "  y = 2*der(i_w);" in gl.to_modelica(Accelerated(), flat=True).splitlines()
     assert "    y = 2*der(i.w);" in gl.to_modelica(Accelerated()).splitlines()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from math import pi
+from math import copysign, pi
 
 from gearlib.drawing.icons import INK
 from gearlib.drawing.sankey import watts
@@ -84,6 +84,6 @@ def _arrow(x1: float, x2: float, y: float, share: float) -> Iterator[str]:
     width = max(WIDEST * abs(share), 2.0)
     start, end = (x1, x2) if share > 0 else (x2, x1)
     yield line(start, y, end, y, stroke=POWER, stroke_width=width, stroke_opacity="0.45")
-    if abs(end - start) > 30:
-        sense = 1 if share > 0 else -1
-        yield polygon([(end - 12 * sense, y - width / 2 - 4), (end, y), (end - 12 * sense, y + width / 2 + 4)], fill=POWER)
+    if x2 - x1 > 30:
+        back = end - copysign(12, share)
+        yield polygon([(back, y - width / 2 - 4), (end, y), (back, y + width / 2 + 4)], fill=POWER)
