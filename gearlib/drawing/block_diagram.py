@@ -89,8 +89,8 @@ class Outline:
 def folded(outline: Outline) -> Outline:
     """The outline with each family of identical parts drawn once.
 
-    Parts ``planet[0]``, ``planet[1]``, ... of one class and with the same ports become one ``planet`` with their count, and nets that
-    differ only in the members become one. Where members are connected to each other, as in a chain, the first and the last of each
+    Parts ``planet[0]``, ``planet[1]``, ... of one class, with the same ports and the same parts inside, become one ``planet`` with their
+    count, and nets that differ only in the members become one. Where members are connected to each other, as in a chain, the first and the last of each
     family remain, with one box for all between.
 
     >>> wheels = tuple(Outline(f"wheel[{i}]", "Wheel", ports=(Terminal("a"),)) for i in range(3))
@@ -103,10 +103,7 @@ def folded(outline: Outline) -> Outline:
     for part in outline.parts:
         if found := MEMBER.match(part.name):
             families.setdefault(found[1], []).append(part)
-    merged = {
-        name: members for name, members in families.items()
-        if len(members) > 1 and len({(m.kind, m.ports, m.composite) for m in members}) == 1
-    }  # fmt: skip
+    merged = {name: members for name, members in families.items() if len(members) > 1 and len(set(map(_shape, members))) == 1}
     chains: list[list[Outline]] = []
     while linked := _linked(merged, outline.nets):
         chains += [merged[name] for name in linked if len(merged[name]) > 3]
@@ -128,6 +125,12 @@ def folded(outline: Outline) -> Outline:
     return replace(
         outline, parts=tuple(stands_for[name] if name in stands_for else folded(own[name]) for name in shown), nets=nets
     )
+
+
+def _shape(outline: Outline) -> tuple[object, ...]:
+    """What members of a family have in common."""
+    inside = tuple((part.name, _shape(part)) for part in outline.parts)
+    return outline.kind, outline.ports, outline.composite, outline.nets, inside
 
 
 def _listed(members: list[Outline]) -> str:

@@ -304,6 +304,41 @@ def test_families_and_chains_are_folded():
     assert len(Chain().diagram(fold=False).arrangement.boxes) == 202
 
 
+class Stage(gl.Component):
+    """As many discs as are chosen."""
+
+    discs = gl.Structural(1, "how many")
+
+    def assemble(self):
+        self.disc = [gp.Inertia(J=1.0) for _ in range(self.discs)]
+        return []
+
+
+@pytest.mark.parametrize(
+    ("sizes", "depth", "drawn"),
+    [
+        ((2, 2, 2), 2, {"stage": (3, ("stage[0]", "stage[1]", "stage[2]"))}),
+        ((2, 1, 2), 2, {"stage[0]": (1, ()), "stage[1]": (1, ()), "stage[2]": (1, ())}),
+        ((2, 1, 2), 1, {"stage": (3, ("stage[0]", "stage[1]", "stage[2]"))}),
+        ((2,), 2, {"stage[0]": (1, ())}),
+    ],
+)
+def test_members_are_drawn_once_where_they_look_alike(sizes, depth, drawn):
+    """To the depth that is drawn; the note names the first and the last, and says what the first is."""
+
+    class Train(gl.Component):
+        def assemble(self):
+            self.stage = [Stage(discs=n) for n in sizes]
+            return []
+
+    found = Train().diagram(depth).outline
+    assert {part.name: (part.count, part.members) for part in found.parts} == drawn
+    for part in found.parts:
+        if part.count > 1:
+            assert part.note.splitlines()[:2] == ["stage[0] ... stage[2]", "Stage"]
+            assert [(disc.name, disc.count) for disc in part.parts] == ([("disc", 2)] if depth == 2 else [])
+
+
 def test_signals_are_drawn_as_arrows():
     diagram = Controlled().diagram()
     signals = {frozenset((p.part, p.port) for p in net.pins) for net in diagram.outline.nets if net.domain == "signal"}
