@@ -167,7 +167,7 @@ class System(Compiled):
         differential  body.w
         algebraic     der(body.phi), der(drag.flange_b.phi), der(drag.phi_rel), drag.w_rel, drag.tau
         """
-        from gearlib.run.forms.scene_form import scene_form
+        from gearlib.run.scene_form import scene_form
         from gearlib.run.summary import summary
 
         own = self.translation

@@ -89,9 +89,9 @@ class Outline:
 def folded(outline: Outline) -> Outline:
     """The outline with each family of identical parts drawn once.
 
-    Parts ``planet[0]``, ``planet[1]``, ... of one class, with the same ports and the same parts inside, become one ``planet`` with their
-    count, and nets that differ only in the members become one. Where members are connected to each other, as in a chain, the first and the last of each
-    family remain, with one box for all between.
+    Parts ``planet[0]``, ``planet[1]``, ... of one class with the same ports and the same inside become one ``planet`` with their count,
+    and nets that differ only in the members become one. Where members are connected to each other, as in a chain, the first and the
+    last of each family remain, with one box for all between.
 
     >>> wheels = tuple(Outline(f"wheel[{i}]", "Wheel", ports=(Terminal("a"),)) for i in range(3))
     >>> nets = (Net((Pin("", "in"), *(Pin(w.name, "a") for w in wheels))),)

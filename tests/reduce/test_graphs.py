@@ -9,7 +9,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError
-from gearlib.run.forms.scene_form import scene_form
+from gearlib.run.scene_form import scene_form
 from gearlib.structure import dulmage_mendelsohn, pantelides
 from gearlib.structure.dulmage_mendelsohn import matching_by_lists
 from gearlib.structure.sorting import sort_blocks

@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError, SolverError
-from gearlib.run.forms.scene_form import scene_form
 from gearlib.run.request import BACKENDS, FORMS
+from gearlib.run.scene_form import scene_form
 from gearparts.trains import zhou_cui_2022
 from tests.run.test_constrained import CAR_AXIS, CarAxis, released, swing
 

@@ -19,7 +19,7 @@ from gearlib.solvers.problem import Problem, Solution
 
 if TYPE_CHECKING:
     from gearlib.native.scene_functions import NativeScene
-    from gearlib.run.forms.scene_form import SceneForm
+    from gearlib.run.scene_form import SceneForm
     from gearlib.solvers.inputs.moving import Callbacks
 
 Floats = NDArray[np.float64]

@@ -17,7 +17,7 @@ from gearlib.run.start_values import Start
 from gearlib.solvers.inputs.table import Table
 
 if TYPE_CHECKING:
-    from gearlib.run.forms.scene_form import SceneForm
+    from gearlib.run.scene_form import SceneForm
     from gearlib.run.tangents.tangents import Tangents
 
 Floats = NDArray[np.float64]
@@ -54,7 +54,7 @@ class Run:
         """The form of the scene with the algebraic unknowns left to IDA, if any."""
         if self.form == "ode":
             return None
-        from gearlib.run.forms.scene_form import scene_form
+        from gearlib.run.scene_form import scene_form
 
         return scene_form(self.scene, self.form)
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gearlib as gl
-from gearlib.run.forms.scene_form import SceneForm, scene_form
 from gearlib.run.scene import node_name
+from gearlib.run.scene_form import SceneForm, scene_form
 from gearlib.run.start_values import Start
 from tests.program.test_derivatives import Loop
 

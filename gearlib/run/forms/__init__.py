@@ -1,1 +1,0 @@
-"""Forms of the equations for IDA: ODE, torn, index-reduced DAE."""
