@@ -412,7 +412,7 @@ class System(Compiled):
                [0., 2., 4.],
                [0., 1., 2.]])
         """
-        from gearlib.many_runs.simulations import sweep_runs
+        from gearlib.many_runs.simulating import sweep_runs
 
         return sweep_runs(
             self.translation, parameters, t_end, names=names, outputs=outputs, reduce=reduce, executor=executor, threads=threads,

@@ -9,7 +9,6 @@ import math
 import os
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -188,7 +187,7 @@ def _exponents(unit: str) -> dict[str, str]:
         exponents = dimension(unit) or ()
     except DeclarationError as problem:
         raise ArgumentError(str(problem)) from None
-    found = {name: str(e) for name, e in zip(BASE, exponents, strict=False) if e and Fraction(e).denominator == 1}
+    found = {name: str(e) for name, e in zip(BASE, exponents, strict=False) if e}
     return found | ({"rad": "1"} if unit == "rad" else {})
 
 

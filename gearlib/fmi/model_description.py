@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, pi
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from gearlib.fmi.fmu_variables import FmuVariable, FmuVariables
-from gearlib.fmi.unit_definitions import DISPLAYED, has_unit, unit_definitions
+from gearlib.language.units import BASE, dimension
 from gearlib.native.jacobian import Pattern
 
 _NAME = r"[A-Za-z_]\w*(?:\[\d+(?:,\d+)*\])?"
 _STRUCTURED = re.compile(rf"{_NAME}(?:\.{_NAME})*|der\({_NAME}(?:\.{_NAME})*(?:,\d+)?\)", re.ASCII)
+DISPLAYED = {  # display unit, its factor on a value in the unit, and its offset
+    "rad": ("deg", 180.0 / pi, 0.0),
+    "rad/s": ("rev/min", 30.0 / pi, 0.0),
+    "K": ("degC", 1.0, -273.15),
+    "m": ("mm", 1e3, 0.0),
+    "W": ("kW", 1e-3, 0.0),
+}
+_ANGLE = re.compile(r"^rad(-?\d+)?$")
 CATEGORIES = {"logStatusError": "what went wrong", "logEvents": "events in co-simulation, with time and equation"}
 
 
@@ -196,3 +204,44 @@ def _attributes(v: FmuVariable, derivative: int | None) -> dict[str, str]:
 def _printed(root: Element) -> bytes:
     indent(root)
     return bytes(tostring(root, encoding="UTF-8", xml_declaration=True))
+
+
+# ---------------------------------------------------------------- units
+
+
+def has_unit(unit: str) -> bool:
+    """Whether a variable has a unit: neither a plain number, nor "any"."""
+    return unit not in ("1", "any", "")
+
+
+def unit_definitions(root: Element, units: Iterable[str]) -> None:
+    """Add the definitions of some units to a model description.
+
+    Examples
+    --------
+    >>> from xml.etree.ElementTree import tostring
+    >>> root = Element("UnitDefinitions")
+    >>> unit_definitions(root, ["N.m/rad"])
+    >>> tostring(root[0])
+    b'<Unit name="N.m/rad"><BaseUnit kg="1" m="2" s="-2" rad="-1" /></Unit>'
+    """
+    for unit in sorted(set(filter(has_unit, units))):
+        exponents = {base: int(e) for base, e in zip(BASE, dimension(unit) or (), strict=True) if e}
+        exponents["rad"] = _angles(unit)
+        element = SubElement(root, "Unit", name=unit)
+        SubElement(element, "BaseUnit", {base: str(e) for base, e in exponents.items() if e})
+        if unit in DISPLAYED:
+            name, factor, offset = DISPLAYED[unit]
+            more = {"offset": repr(offset)} if offset else {}
+            SubElement(element, "DisplayUnit", {"name": name, "factor": repr(factor), **more})
+
+
+def _angles(unit: str) -> int:
+    """Exponent of the radian in a unit."""
+    above, _, below = unit.partition("/")
+    total = 0
+    for sense, side in ((1, above), (-1, below.strip("()"))):
+        for factor in side.split("."):
+            if found := _ANGLE.match(factor):
+                total += sense * int(found[1] or 1)
+    return total

@@ -1,4 +1,4 @@
-"""`Simulating`: simulations as the work of a sweep: output histories, and reduced quantities of each run."""
+"""`Simulating`: simulations as the work of a sweep: output histories, and reduced quantities of each run. `sweep_runs` performs them."""
 
 from __future__ import annotations
 
@@ -13,17 +13,21 @@ from numpy.typing import NDArray
 from gearlib.arguments import by_name, name_list, real
 from gearlib.compiler.instructions import LANES
 from gearlib.errors import ArgumentError, GearlibError, NameLookupError, nearest
+from gearlib.files.sweep_files import sweep_path
 from gearlib.many_runs.by_exponentials import ExactSweep, why_not_by_exponentials
+from gearlib.many_runs.execution import check_executor, execute
 from gearlib.many_runs.identity import of_functions, of_model, of_values
-from gearlib.many_runs.in_lanes import LaneSweep, most_steps, why_not_in_lanes
+from gearlib.many_runs.in_lanes import LaneSweep, check_lanes, most_steps, why_not_in_lanes
 from gearlib.many_runs.reductions import Reduction
-from gearlib.many_runs.samples import Samples, rows
+from gearlib.many_runs.runs import Runs
+from gearlib.many_runs.samples import Samples, as_samples, rows
 from gearlib.many_runs.side_by_side import KeptStates, SideBySide
 from gearlib.many_runs.work import ManyRows, Row, Work, reduced
+from gearlib.progress import check_progress
 from gearlib.run.methods.run import is_function
 from gearlib.run.request import Request
 from gearlib.run.result import SimulatedResult
-from gearlib.run.simulate import run
+from gearlib.run.simulate import checked_request, run, warn_of_zero_inputs
 from gearlib.run.start_values import start_named, start_variable
 from gearlib.run.translation import Translation
 
@@ -152,6 +156,38 @@ class Simulating(Work):
         yield repr((request.t_start, request.method, request.rtol, request.max_step, self.outputs)).encode()
         yield from of_values([request.times, request.atol, request.parameters, request.start, list(request.signals)])
         yield from of_functions(self.reduce)
+
+
+def sweep_runs(
+    translation: Translation, parameters: Any, t_end: float, *, names: Sequence[str] | None, outputs: Sequence[str] | None,
+    reduce: Mapping[str, Callable[[Any], Any]] | None, executor: Any, threads: int | None, to: Any, progress: Any, lanes: Any,
+    start: Any, inputs: Mapping[str, Any] | None, **options: Any,
+) -> Runs:  # fmt: skip
+    """Perform a sweep of simulations; arguments as for `System.sweep`."""
+    samples = as_samples(parameters, names)
+    check_executor(executor, threads)
+    check_progress(progress)
+    check_lanes(lanes)
+    path = None if to is None else sweep_path(to)
+    kinds = {name: kind_of(translation, name) for name in samples.names}
+    fixed = {name: value for name, value in samples.fixed.items() if kinds[name] == "parameter"}
+    given = {name: value for name, value in samples.fixed.items() if kinds[name] == "input"}
+    first = {name: samples.columns[name][0] for name in samples.columns if kinds[name] == "input"}
+    starts = {start_named(name) or name: value for name, value in samples.fixed.items() if kinds[name] == "start"}
+    if starts and not (start is None or isinstance(start, Mapping)):
+        raise ArgumentError(f"parameters give {next(iter(starts))} a start value, and start={start!r:.60} gives all of them")
+    if inputs is not None:
+        inputs = by_name("inputs", inputs, "a mapping of paths to numbers, functions of time or tables", "torque.tau")
+    if twice := {*given, *first} & {*(inputs or {})}:
+        raise ArgumentError(f"the input {twice.pop()} is given in parameters and in inputs; give it once")
+    all_inputs = {**(inputs or {}), **given, **first} if inputs is not None or given or first else None
+    own, request = checked_request(
+        translation, t_end, start={**(start or {}), **starts} if starts else start, inputs=all_inputs, **options
+    )  # fmt: skip
+    warn_of_zero_inputs(translation, request.zero_inputs, "all runs of this sweep", "sweep")
+    common = {**(inputs or {}), **given}
+    work = simulating(own, samples, request, fixed, common, outputs, reduce, lanes)
+    return execute(work, own.name, samples, executor=executor, threads=threads, to=path, progress=progress)
 
 
 def simulating(

@@ -11,10 +11,9 @@ import pytest
 import gearlib as gl
 from gearlib.fmi.exported_model import exported_model
 from gearlib.fmi.fmu_variables import fmu_variables
-from gearlib.fmi.model_description import Description, description_2, description_3
+from gearlib.fmi.model_description import Description, description_2, description_3, unit_definitions
 from gearlib.fmi.model_source import model_source
 from gearlib.fmi.model_tables import model_tables
-from gearlib.fmi.unit_definitions import unit_definitions
 
 
 class Both(gl.Component):

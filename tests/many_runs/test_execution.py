@@ -16,7 +16,7 @@ import pytest
 import gearlib as gl
 from gearlib.errors import ArgumentError, BoundError, FileError, GearlibError, GearlibWarning, WorkerError
 from gearlib.many_runs.execution import execute
-from gearlib.many_runs.identity import of_function, of_functions, of_values
+from gearlib.many_runs.identity import of_function, of_functions, of_model, of_values
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import as_samples
 from gearlib.many_runs.work import ManyRows, Row, Work
@@ -247,6 +247,105 @@ def test_values_that_differ_have_different_bytes() -> None:
     assert digest({"a": [1.0, np.array([2.0])]}) == digest({"a": (1.0, np.array([2.0]))})
     assert digest(adding(3.0)) == digest(adding(3.0))
     assert digest(gl.Table(*table)) == digest(gl.Table(*table))
+
+
+class Factor:
+    """A function with a state."""
+
+    def __init__(self, k: Any) -> None:
+        self.k = k
+
+    def __call__(self, x: Any) -> Any:
+        return self.k * x
+
+    def method(self, x: Any) -> Any:
+        return x - self.k
+
+
+class Plain(Factor):
+    __call__ = None  # type: ignore[assignment]
+
+
+class Offset(Factor):
+    def __call__(self, x: Any) -> Any:
+        return self.k + x
+
+
+SCALE, TABLE = 3.0, {"a": [1.0]}
+
+
+def scaled(x: Any) -> Any:
+    return SCALE * x
+
+
+def by_table(x: Any) -> Any:
+    return [scaled(x), TABLE]
+
+
+def test_functions_that_differ_in_what_they_use_have_different_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Defaults, what a closure holds, bound arguments, the state of objects, and what has a name in the module."""
+
+    def repeated(n: int) -> Any:
+        return lambda x: repeated(n - 1) if n else x  # refers to itself
+
+    def functions() -> list[Any]:
+        return [
+            lambda x, k=1: k * x, lambda x, k=2: k * x, lambda x, *, k=1: k * x, lambda x, *, k=2: k * x,
+            *(adding(k) for k in ([1.0], [2.0], {"a": 1.0}, {"a": 2.0}, np.array([1.0]), np.array([2.0]), np.array(["b"]), 1j, np.sin)),
+            *(functools.partial(max, k) for k in (1.0, 2.0)), functools.partial(min, 1.0), functools.partial(sorted, reverse=True),
+            *(kind(k) for kind in (Factor, Offset) for k in (1.0, 2.0)), *(kind(k).method for kind in (Factor, Plain) for k in (1.0, 2.0)),
+            adding(Plain(1.0)), adding(Plain(2.0)), *(f(name) for f in (gl.final, gl.peak) for name in ("a.w", "b.w")),
+            lambda x: x in {"one", "other"}, lambda x: x in {"one", "another"}, repeated(1), repeated(2), scaled, by_table, Factor,
+            [].append,
+        ]  # fmt: skip
+
+    found = [digest(function) for function in functions()]
+    assert [(i, j) for i in range(len(found)) for j in range(i) if found[i] == found[j]] == []
+    assert [digest(function) for function in functions()] == found, "nothing depends on where an object is in memory"
+    monkeypatch.setitem(globals(), "SCALE", 4.0)
+    assert digest(scaled) != found[functions().index(scaled)]
+    assert digest(by_table) != found[functions().index(by_table)]  # through the function that it calls
+    monkeypatch.undo()
+    monkeypatch.setitem(TABLE, "a", [2.0])
+    assert digest(scaled) == found[functions().index(scaled)]
+    assert digest(by_table) != found[functions().index(by_table)]
+
+
+def test_a_function_with_a_variable_that_is_not_assigned_yet() -> None:
+    found = digest(lambda x: later * x)
+    later = 2.0
+    assert digest(lambda x: later * x) != found
+
+
+def counting(
+    start: float = 1.0, rate: float = 2.0, step: float = 3.0, first: float = 0.0, factor: float = 4.0, most: float = 9.0,
+    after: float = 0.5, reset: float = 5.0, period: float = 0.1,
+) -> gl.System:  # fmt: skip
+    def equations(self: Any) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), self.n + self.twice - rate * self.x + self.u),
+            gl.When(gl.time > after, gl.Eq(self.n, gl.pre(self.n) + step), gl.reinit(self.x, reset)),
+        ]
+
+    def assemble(self: Any) -> list[Any]:
+        self.count = inner()
+        self.control = gl.Sampled(lambda t, x: step * x[0], period, inputs=[self.count.x], outputs=[self.count.u])
+        return []
+
+    own = {
+        "k": gl.Parameter("any", default=0.0, max=most), "twice": gl.Parameter("any", default=lambda c: factor * c.k),
+        "x": gl.Variable("any", start=start), "n": gl.Discrete(start=first), "u": gl.Input("any"), "equations": equations,
+    }  # fmt: skip
+    inner = type("Counting", (gl.Component,), own)
+    return gl.compile(type("Controlled", (gl.Component,), {"assemble": assemble})(), outputs=["count.x"])
+
+
+def test_models_that_would_move_otherwise_have_different_bytes() -> None:
+    """Start values, equations, those at events, bindings and bounds of parameters, and sampled controllers."""
+    options = ({}, *({name: 7.0} for name in ("start", "rate", "step", "first", "factor", "most", "after", "reset", "period")))
+    found = [list(of_model(counting(**given).translation)) for given in options]
+    assert [(i, j) for i in range(len(found)) for j in range(i) if found[i] == found[j]] == []
+    assert list(of_model(counting().translation)) == found[0]
 
 
 def test_a_function_is_that_which_it_wraps() -> None:
