@@ -88,8 +88,6 @@ def entry_changes(plan: DerivativePlan, at: At, along: Direction, weights: Float
 
 def _sums_changed(sums: Sums, at: At, along: Direction, numbers: Floats, changes: Floats) -> Floats:
     """The product rule."""
-    if not len(sums):
-        return np.empty((0, changes.shape[1]))
     moved = []
     for batch, slots in zip(sums.factors, sums.multiplied, strict=True):
         change = along.of(batch, at)

@@ -81,6 +81,27 @@ def test_numbers_that_are_the_same_in_all_runs_are_written() -> None:
     assert (code.tables, code.kept) == ((), frozenset())
 
 
+def test_what_cancels_in_all_runs_is_not_computed() -> None:
+    """Sums of which nothing or one term is left; otherwise constants come first, then slots in order."""
+
+    class Cancelled(gl.Component):
+        x, y, z = (gl.Variable("1") for _ in range(3))
+        a, b, c = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(self.a, 2 * self.x - self.y), gl.Eq(self.b, self.a + self.y), gl.Eq(self.c, 2 * self.x),
+                gl.Eq(gl.der(self.x), self.c - self.b), gl.Eq(gl.der(self.y), self.c - self.a),
+                gl.Eq(gl.der(self.z), 3 - 0.5 * self.y + self.x),
+            ]  # fmt: skip
+
+    scene = gl.compile(Cancelled(), outputs=["x", "y", "z"]).translation.scene
+    code = lane_code(scene.program, len(scene.model.parameters.names))
+    assert scene.state_names == ("x", "y", "z")
+    lines = [line.strip() for line in code.source.splitlines()[5:-1]]
+    assert lines == ["dx[0] = 0.0", "dx[1] = v1", "dx[2] = 3.0 + v0 - 0.5 * v1"]
+
+
 def test_what_is_used_twice_is_computed_once() -> None:
     """A sum of three parameters' products that two equations take; a sine of time is called before the states are read."""
 

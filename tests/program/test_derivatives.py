@@ -297,6 +297,39 @@ def test_time_and_discrete_variables_as_seeds() -> None:
     np.testing.assert_allclose(native_values(scene, numbers, plan, x, np.zeros(0), now, flags)[0], expected, rtol=1e-12)
 
 
+@pytest.mark.parametrize("kind", ["state", "time", "discrete variable", "parameter", "slot"])
+def test_each_seed_has_the_column_that_it_has_beside_others(kind: str) -> None:
+    """Whatever else is differentiated by: seeds are numbered by where they enter, in any order; a number without a place is zero."""
+    translation = gl.compile(Held()).translation
+    scene, numbers = translation.scene, translation.scene.numbers(translation.parameter_values({}))
+    program = scene.program
+    t, x, flags = np.array([0.7, 1.1]), np.array([[0.4, -0.2]]), np.zeros((scene.n_discrete, 2))
+    flags[scene.model.n_relations] = 1.3
+    at = At(numbers, t, evaluate(numbers, t, x, np.zeros((0, 2)), flags), flags)
+    used = sorted({int(p) for s in program.steps for b in _batches(s) for p in b.parameters.ravel()})
+    places = {
+        "state": 0, "time": TIME, "discrete variable": discrete_entry(scene.model.n_relations), "parameter": program.n_slots + used[0],
+        "slot": int(program.output_slots[-1]),
+    }  # fmt: skip
+
+    def matrix(seeds: list[tuple[int, int]], n_seeds: int | None = None) -> Floats:
+        plan = derivative_plan(program, seeds, program.output_slots, n_seeds)
+        return dense(plan, entries(plan, at))
+
+    whole = matrix([(place, k) for k, place in enumerate(places.values())])
+    own = whole[:, :, [*places].index(kind)]
+    assert own.any()
+    assert matrix([(places[kind], 0)])[:, :, 0] == pytest.approx(own, rel=1e-14)
+    assert matrix([(places[kind], 2)], 4) == pytest.approx(np.stack([0 * own, 0 * own, own, 0 * own], axis=2), rel=1e-14)
+    for other, place in places.items():
+        if other != kind:
+            pair = matrix([(place, 1), (places[kind], 0)])
+            assert pair[:, :, 0] == pytest.approx(own, rel=1e-14), other
+            assert pair[:, :, 1] == pytest.approx(whole[:, :, [*places].index(other)], rel=1e-14), other
+            together = matrix([(place, 0), (places[kind], 0)])[:, :, 0]
+            assert together == pytest.approx(own + pair[:, :, 1], rel=1e-13), other
+
+
 @pytest.mark.parametrize("number", range(4))
 def test_reverse_mode_is_the_transpose(number: int) -> None:
     """Through sums, a constant block whose matrix depends on parameters, and blocks that are solved by iteration; at two times."""
@@ -343,6 +376,19 @@ def test_what_is_not_linear_is_not_written_as_one_function() -> None:
         used = {int(p) for s in program.steps if isinstance(s, Linear) for b in s.matrix for p in b.parameters.ravel()}
         entering = [(program.n_slots + p, k) for k, p in enumerate(sorted(used))] if of_parameters else [(0, 0)]
         assert linear_function(program, derivative_plan(program, entering)) is None
+
+
+def test_a_seed_that_enters_twice_counts_twice() -> None:
+    """At an unknown of a block; no single function is written of that."""
+    numbers = gl.compile(Bound()).translation.scene.numbers(gl.compile(Bound()).translation.parameter_values({}))
+    program = numbers.program
+    (block,) = program.linear_blocks
+    place = int(block.unknowns[0])
+    at = At(numbers, np.zeros(1), np.zeros((program.n_slots, 1)), np.zeros((1, 1)))
+    once, twice = (derivative_plan(program, [(place, 0)] * count) for count in (1, 2))
+    assert dense(twice, entries(twice, at)) == pytest.approx(2 * dense(once, entries(once, at)))
+    assert linear_function(program, once) is not None
+    assert linear_function(program, twice) is None
 
 
 def test_what_no_seed_reaches_has_no_entries() -> None:
