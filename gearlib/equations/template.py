@@ -100,8 +100,7 @@ class Template:
     @cached_property
     def local_columns(self) -> tuple[tuple[int, int], ...]:
         """The columns as (position in ``locals``, derivative order)."""
-        position = {name: i for i, name in enumerate(self.locals)}
-        return tuple((position[name], order) for name, order in self.columns)
+        return columns_among(self, self.locals)
 
     @cached_property
     def symbols(self) -> tuple[Any, ...]:
@@ -181,6 +180,19 @@ class Template:
         )
         residual = total_derivative(self.residual, constant)
         return make_template(f"der({self.label})", residual, self.parameters, self.relations, self.discretes)
+
+
+@memoised
+def columns_among(template: Template, names: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
+    """The columns as (position among some names, derivative order); a derivative has its variables in another order than its equation.
+
+    >>> a, b = real_symbol("a"), real_symbol("b")
+    >>> rate = template_of(Eq(a, b**2), "square", lambda name: False).derivative
+    >>> rate.columns, columns_among(rate, ("a", "b"))
+    ((('b', 0), ('a', 1), ('b', 1)), ((1, 0), (0, 1), (1, 1)))
+    """
+    position = {name: i for i, name in enumerate(names)}
+    return tuple((position[name], order) for name, order in template.columns)
 
 
 def relation_symbol(number: int) -> Any:

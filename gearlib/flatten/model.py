@@ -18,7 +18,7 @@ from gearlib.arguments import shown
 from gearlib.equations.bindings import parameter_function
 from gearlib.equations.class_record import ClassRecord
 from gearlib.equations.kernel import Kernel, differentiated, scalar_source
-from gearlib.equations.template import Column, Template, parse_column
+from gearlib.equations.template import Column, Template, columns_among, parse_column
 from gearlib.errors import NameLookupError, nearest
 from gearlib.language.declarations import Declared, Variable
 from gearlib.recent import recent
@@ -350,7 +350,7 @@ class FlatModel:
         if group.template.linear:
             return [(v, order + k) for v, order in self.rows[e]]
         variables, signs = group.lists
-        columns = differentiated(group.template, k).local_columns
+        columns = columns_among(differentiated(group.template, k), group.template.locals)
         return list(dict.fromkeys((variables[i][j], order) for j, order in columns if signs[i][j]))
 
     @cached_property

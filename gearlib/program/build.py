@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.equations.kernel import Kernel, differentiated, partial_kernel, relation_kernel, residual_kernel, solve_kernel
-from gearlib.equations.template import Template
+from gearlib.equations.template import Template, columns_among
 from gearlib.program.program import Batch, Linear, Newton, Program
 from gearlib.program.schedule import renumber, schedule
 from gearlib.reduce.reduction import Structure
@@ -137,26 +137,15 @@ class Builder:
     def _positions(self, template: Template, g: int, i: int) -> list[tuple[int, Node, int]]:
         """(column, node, sign) of one equation; what is identically zero is left out."""
         variables, signs = (rows[i] for rows in self.model.groups[g].lists)
-        base = self.model.groups[g].template.locals
-        if template.locals == base:
-            return [(c, (variables[j], o), signs[j]) for c, (j, o) in enumerate(template.local_columns) if signs[j]]
-        where = {name: j for j, name in enumerate(base)}
-        result = []
-        for c, (name, order) in enumerate(template.columns):
-            j = where[name]
-            if signs[j]:
-                result.append((c, (variables[j], order), signs[j]))
-        return result
+        columns = columns_among(template, self.model.groups[g].template.locals)
+        return [(c, (variables[j], order), signs[j]) for c, (j, order) in enumerate(columns) if signs[j]]
 
     def _assign(self, block: Block, scalar: Found, pivots: Found) -> bool:
         """Emit an explicit assignment; False where the equation is not linear in the unknown."""
         (node,) = block
         e, k = self.structure.equation(node)
         template, g, i = self.template(e, k)
-        mine = [(c, sign) for c, n, sign in self._positions(template, g, i) if n == node]
-        if len(mine) != 1:
-            return False
-        column, sign = mine[0]
+        ((column, sign),) = ((c, sign) for c, n, sign in self._positions(template, g, i) if n == node)
         kernel = solve_kernel(template, column)
         if kernel is None:
             return False
@@ -262,6 +251,7 @@ class Builder:
             used = argument_signs[:, a] != 0
             if used.any():
                 arguments[used, a] = self.table[order, group.variables[rows[used], j]]
+        assert (arguments >= 0).all(), "what an equation reads is computed before it, or known"
         own = {name: j for j, name in enumerate(group.template.parameters)}
         parameters = group.parameters[rows][:, [own[template.parameters[p]] for p in kernel.parameters]]
         continuous = g < len(self.model.groups)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import gearlib as gl
+from gearlib.equations.kernel import differentiated
 from gearlib.program.interpret import evaluate
 from tests.program.programs import KINDS, compiled, point
 
@@ -83,3 +84,40 @@ def test_a_condition_that_a_derivative_no_longer_holds() -> None:
     assert run["f"] == pytest.approx((np.sin(t) - 1) / 2, abs=1e-9)
     assert run["x"] == pytest.approx((t**2 / 2 + t - np.sin(t)) / 2, abs=1e-9)
     assert run["y"] == pytest.approx((run["x"] - 0.2) / 2, abs=1e-12)
+
+
+@pytest.mark.parametrize("wanted", [("w",), ("w", "second"), ("first", "z")])
+@pytest.mark.parametrize(("first", "second"), [("a", "b"), ("x", "y")])
+def test_derivatives_read_the_variables_of_their_equations(first: str, second: str, wanted: tuple[str, ...]) -> None:
+    """a = sin(b) gives a' = cos(b) b', whatever the names are, and whether or not anything else needs b; a' = (1 - a) / 2."""
+
+    def equations(self: Any) -> list[gl.Eq]:
+        a, b = getattr(self, first), getattr(self, second)
+        return [
+            gl.Eq(gl.der(a), 0.5 * self.rate * (1 - a)), gl.Eq(self.w, gl.der(b)), gl.Eq(a, gl.sin(b)), gl.Eq(gl.der(self.z), self.w),
+        ]  # fmt: skip
+
+    names = {first: gl.Variable("1", start=0.3), second: gl.Variable("1"), "w": gl.Variable("1/s"), "z": gl.Variable("1")}
+    rate = gl.Parameter("1/s", default=1.0)
+    model = type("Driven", (gl.Component,), names | {"rate": rate, "equations": equations})
+    outputs = [{"first": first, "second": second}.get(name, name) for name in wanted]
+    times = np.linspace(0.0, 1.0, 3)
+    run = gl.compile(model(), outputs=outputs).simulate(1.0, times=times, rtol=1e-9, method="rk", start={"z": 0.0})
+    a = 1 - 0.7 * np.exp(-0.5 * times)
+    right = {"w": 0.5 * (1 - a) / np.sqrt(1 - a**2), "z": np.arcsin(a) - np.arcsin(0.3), first: a, second: np.arcsin(a)}
+    for name in outputs:
+        assert run[name] == pytest.approx(right[name], abs=1e-8), name
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_equations_and_their_derivatives_hold_what_their_texts_do(kind: str) -> None:
+    """The variables of an instance are in the order of its equation, which is not that of a derivative of it."""
+    model = compiled(kind).translation.model
+    for e, (g, i) in enumerate(model.places):
+        group = model.groups[g]
+        own = dict(
+            zip(group.template.locals, zip(group.variables[i].tolist(), group.signs[i].tolist(), strict=True), strict=True)
+        )
+        for k in range(3):
+            columns = differentiated(group.template, k).columns
+            assert {*model.nodes(e, k)} == {(own[name][0], order) for name, order in columns if own[name][1]}
