@@ -184,13 +184,7 @@ class Template:
 
 @memoised
 def columns_among(template: Template, names: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
-    """The columns as (position among some names, derivative order); a derivative has its variables in another order than its equation.
-
-    >>> a, b = real_symbol("a"), real_symbol("b")
-    >>> rate = template_of(Eq(a, b**2), "square", lambda name: False).derivative
-    >>> rate.columns, columns_among(rate, ("a", "b"))
-    ((('b', 0), ('a', 1), ('b', 1)), ((1, 0), (0, 1), (1, 1)))
-    """
+    """The columns as (position among some names, derivative order). A derivative has its variables in another order."""
     position = {name: i for i, name in enumerate(names)}
     return tuple((position[name], order) for name, order in template.columns)
 
