@@ -21,7 +21,7 @@ import numpy as np
 import sympy
 
 from gearlib.equations.kernel import differentiated, partial_kernel
-from gearlib.equations.template import Relation, Template, column_symbol, make_template
+from gearlib.equations.template import Relation, Template, column_symbol, make_template, relation_symbol
 from gearlib.flatten.model import EquationGroup, FlatModel, Floats
 from gearlib.reduce.coefficients import some
 from gearlib.reduce.reduction import Structure
@@ -240,7 +240,7 @@ def _combined(structure: Structure, combination: CancellingSum) -> EquationGroup
             discretes[f"d{group.discretes[i, j]}"] = int(group.discretes[i, j])
             table[sympy.Symbol(name, real=True)] = sympy.Symbol(f"d{group.discretes[i, j]}", real=True)
         for j in range(len(row.template.relations)):
-            table[sympy.Symbol(f"relation_{j}", real=True)] = sympy.Symbol(f"relation_{len(relations) + j}", real=True)
+            table[relation_symbol(j)] = relation_symbol(len(relations) + j)
         relations += [Relation(r.g.xreplace(table), r.strict, r.negated) for r in row.template.relations]
         absent = {column_symbol((f"v{v}", order)): sympy.S.Zero for v, order in gone}
         value = sympy.Integer(int(weight)) if float(weight).is_integer() else sympy.Float(weight)

@@ -33,10 +33,11 @@ class Block(gl.Component):
 
     ratio = gl.Parameter("1", "of the set", default=4.0)
     spring = gl.Structural(gp.Spring)
+    planetary = gl.Structural(gp.IdealPlanetary)
 
     def assemble(self) -> list[Any]:
         self.torque, self.a, self.b = gp.Torque(tau=3.0), gp.Inertia(J=2.0, start={"w": 1.0}), gp.Inertia(J=1.0)
-        self.s, self.p, self.k = self.spring(c=22.0), gp.IdealPlanetary(ratio=self.ratio), gp.Spring(c=10.0)
+        self.s, self.p, self.k = self.spring(c=22.0), self.planetary(ratio=self.ratio), gp.Spring(c=10.0)
         self.d = gp.Damper(d=2.0)
         return [
             c(self.torque.flange, self.a.flange_a), c(self.a.flange_b, self.s.flange_a), c(self.s.flange_b, self.p.sun),
@@ -110,6 +111,36 @@ def test_the_sum_may_hold_relations_and_discrete_variables() -> None:
         state = found.y[:, -1].tolist()
     system = gl.compile(Block(spring=Stiffening))
     result = system.simulate(2.0, samples=3, rtol=1e-9, method="ida")
+    assert [result["a.w"][-1], result["b.w"][-1]] == pytest.approx([state[1], state[3]], rel=1e-6)
+
+
+class Pushed(gl.Component):
+    """A planetary set with torques on its ring and its carrier that begin at different times."""
+
+    ratio = gl.Parameter("1", "of the set")
+    sun, carrier, ring = gp.Flange("sun"), gp.Flange("carrier"), gp.Flange("ring")
+
+    def equations(self) -> list[Any]:
+        sun, carrier, ring = self.sun, self.carrier, self.ring
+        on_ring, on_carrier = (gl.Piecewise((tau, gl.time > begin), (0, True)) for tau, begin in ((1.0, 0.5), (2.0, 1.2)))
+        return [
+            gl.Eq(carrier.phi * (1 + self.ratio), self.ratio * ring.phi + sun.phi),
+            gl.Eq(ring.tau, self.ratio * sun.tau + on_ring),
+            gl.Eq(carrier.tau, -(1 + self.ratio) * sun.tau + on_carrier),
+        ]
+
+
+def test_each_equation_of_the_sum_keeps_its_own_relations() -> None:
+    """The springs meet at the angle q, where 22 (a - q) + 10 (b - q) is the torque on the set: 0, then 1, then 3."""
+
+    def rates(t: float, x: Any, torque: float) -> Any:
+        q = (22 * x[0] + 10 * x[2] - torque) / 32
+        return [x[1], (3.0 - 22 * (x[0] - q)) / 2.0, x[3], 10 * (q - x[2])]
+
+    state = [0.0, 1.0, 0.0, 0.0]
+    for start, end, torque in ((0.0, 0.5, 0.0), (0.5, 1.2, 1.0), (1.2, 2.0, 3.0)):
+        state = solve_ivp(rates, (start, end), state, args=(torque,), method="DOP853", rtol=1e-10, atol=1e-12).y[:, -1].tolist()
+    result = gl.compile(Block(planetary=Pushed)).simulate(2.0, samples=2, rtol=1e-9, method="ida")
     assert [result["a.w"][-1], result["b.w"][-1]] == pytest.approx([state[1], state[3]], rel=1e-6)
 
 
