@@ -275,14 +275,20 @@ def measure() -> None:
 
 
 @cache
+def exists(file: str) -> bool:
+    return (ROOT / file).exists()
+
+
+@cache
 def lines_run(module: str) -> dict[int, set[str]]:
-    """The tests that run each line of a module, by the lines as they are now; those that have changed since are left out."""
+    """The tests that run each line of a module, by the lines and files as they are now; what has changed since is left out."""
     from coverage import CoverageData
 
     data = CoverageData(str(COVERED / "lines"))
     data.read()
     tests = {
-        number: {name.rpartition("|")[0] for name in names if name} for number, names in data.contexts_by_lineno(module).items()
+        number: {name.rpartition("|")[0] for name in names if name and exists(name.partition("::")[0])}
+        for number, names in data.contexts_by_lineno(module).items()
     }
     before = (COVERED / module).read_text(encoding="utf-8").splitlines() if (COVERED / module).exists() else []
     same = difflib.SequenceMatcher(None, before, source(module).splitlines(), autojunk=False).get_matching_blocks()

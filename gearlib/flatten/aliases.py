@@ -40,9 +40,7 @@ def unite(n: int, left: Integers, right: Integers, sign: Integers, rank: Integer
     zero = n  # an extra node that stands for zero
     parent = list(range(n + 1))
     parity = [1] * (n + 1)
-    size = [1] * (n + 1)
     redundant = 0
-    vanishing: list[int] = []
 
     def find(x: int) -> tuple[int, int]:
         root = parent[x]
@@ -56,7 +54,7 @@ def unite(n: int, left: Integers, right: Integers, sign: Integers, rank: Integer
         for node in reversed(path):
             s *= parity[node]
             parent[node], parity[node] = x, s
-        return x, s if path else 1
+        return x, s
 
     for a, b, s in zip(left.tolist(), right.tolist(), sign.tolist(), strict=True):
         if b < 0:
@@ -66,15 +64,9 @@ def unite(n: int, left: Integers, right: Integers, sign: Integers, rank: Integer
             if ra == find(zero)[0] or sa == s * sb:
                 redundant += 1
             else:
-                vanishing.append(ra)  # x = -x
-                parent_zero, _ = find(zero)
-                if parent_zero != ra:
-                    parent[ra], parity[ra] = parent_zero, 1
+                parent[ra], _ = find(zero)  # x = -x
             continue
-        if size[ra] < size[rb]:
-            ra, rb, sa, sb = rb, ra, sb, sa
         parent[rb], parity[rb] = ra, sa * s * sb
-        size[ra] += size[rb]
 
     roots, signs = np.array(parent), np.array(parity)
     while (roots[roots] != roots).any():

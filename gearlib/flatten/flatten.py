@@ -205,7 +205,7 @@ def check_bounds(table: ParameterTable, values: Floats, given: Mapping[int, floa
 def _parameter_table(tree: Tree) -> ParameterTable:
     level = _parameter_levels(tree)
     steps: dict[tuple[int, Any], tuple[list[tuple[int, ...]], list[int]]] = {}
-    for (_, expression), pairs in tree.dependents.items():
+    for expression, pairs in tree.dependents.items():
         for arguments, target in zip(*pairs, strict=True):
             rows, targets = steps.setdefault((level[target], expression), ([], []))
             rows.append(arguments)

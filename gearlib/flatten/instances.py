@@ -269,8 +269,7 @@ def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, u
     check_depth(value, path)
     expression, names = canonical(value)
     arguments = tuple(_parameter(tree, scope, n, path) for n in names)
-    depth = 1 + path.count(".")
-    rows, targets = tree.dependents.setdefault((depth, expression), ([], []))
+    rows, targets = tree.dependents.setdefault(expression, ([], []))
     rows.append(arguments)
     targets.append(slot)
 

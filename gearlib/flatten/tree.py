@@ -23,7 +23,7 @@ class Tree:
     lower: list[float] = field(default_factory=list)
     upper: list[float] = field(default_factory=list)
     written: list[int] = field(default_factory=list)  # parameters that are numbers in the expression of a binding
-    dependents: dict[tuple[int, Any], tuple[list[tuple[int, ...]], list[int]]] = field(default_factory=dict)
+    dependents: dict[Any, tuple[list[tuple[int, ...]], list[int]]] = field(default_factory=dict)
     starts: list[tuple[int, int, bool]] = field(default_factory=list)
     started: set[int] = field(default_factory=set)  # variables whose start value an enclosing component sets
     choices: list[tuple[int, str, Any]] = field(default_factory=list)  # see gearlib.flatten.attributes
