@@ -318,7 +318,7 @@ def _one_loop(body: Body, part: Batch, statement: str, indent: str, extra: Integ
         return f"({at(first_sign + 1 + a)} * data[v + {at(1 + a)}])" if signed else f"data[v + {at(1 + a)}]"
 
     value = expression(
-        replace(part, signs=part.signs * part.signs, argument_signs=np.ones_like(part.argument_signs)) if signed else part, 0,
+        replace(part, signs=np.ones_like(part.signs), argument_signs=np.ones_like(part.argument_signs)) if signed else part, 0,
         argument, lambda a: f"data[{at(1 + n_x + a)}]", lambda a: f"data[r + {at(1 + n_x + n_p + a)}]",
     )  # fmt: skip
     if signed:

@@ -18,7 +18,7 @@ from gearlib.program.derivative_plan import derivative_plan, state_plan
 from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import block_solve, evaluate
 from gearlib.program.program import Linear, Newton
-from tests.compiler.test_translate import by_python
+from tests.compiler.test_translate import Chain, by_python
 from tests.program.programs import KINDS, Point, point
 
 SETTINGS = {
@@ -44,14 +44,33 @@ class Quotients(gl.Component):
         ]  # fmt: skip
 
 
+class Blocks(gl.Component):
+    """Two linear blocks, the second of which needs the first."""
+
+    p, q = gl.Parameter("1", default=2.0), gl.Parameter("1", default=0.5)
+    rate = gl.Parameter("1/s", default=1.5)
+    x, y, a, b, c, d, e = (gl.Variable("1") for _ in range(7))
+
+    def equations(self) -> list[gl.Eq]:
+        a, b, c, d, e = self.a, self.b, self.c, self.d, self.e
+        return [
+            gl.Eq(gl.der(self.x), self.rate * (a - 2 * e)), gl.Eq(gl.der(self.y), self.rate * (d + b)),
+            gl.Eq(a + self.p * b, self.x), gl.Eq(self.q * a - b, self.y + self.rate * gl.time),
+            gl.Eq(c - self.q * d, b), gl.Eq(c + d + self.p * e, self.x + a), gl.Eq(d - 3 * e + c, 1.0),
+        ]  # fmt: skip
+
+
+MORE = {"quotients": Quotients, "blocks": Blocks, "chain": lambda: Chain(n=12)}
+
+
 @cache
 def at_point(kind: str) -> Point:
-    if kind != "quotients":
+    if kind not in MORE:
         return point(kind)
-    translation = gl.compile(Quotients()).translation
+    translation = gl.compile(MORE[kind]()).translation
     scene, t = translation.scene, np.array([0.3, 1.7])
     numbers = scene.numbers(translation.parameter_values({}))
-    x, none = np.random.default_rng(5).uniform(0.3, 1.0, (3, 2)), np.zeros((0, 2))
+    x, none = np.random.default_rng(5).uniform(0.3, 1.0, (len(scene.states), 2)), np.zeros((0, 2))
     return Point(scene, numbers, t, evaluate(numbers, t, x, none, none), none)
 
 
@@ -101,7 +120,7 @@ def setting(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     return str(request.param)
 
 
-kinds = pytest.mark.parametrize("kind", [*KINDS, "quotients"])
+kinds = pytest.mark.parametrize("kind", [*KINDS, *MORE])
 
 
 @kinds
