@@ -13,6 +13,7 @@ import gearparts as gp
 from gearlib.run.tangents.requested import directions
 from gearlib.run.tangents.tangents import TangentCode, tangent_plan
 from tests.benchmarks.equations import BacklashPair, RigidLoop
+from tests.native.test_generated import Quotients
 from tests.run.tangents.other_runs import off
 from tests.trains import Chain
 
@@ -62,6 +63,7 @@ def test_any_number_of_columns(train: gl.System, count: int) -> None:
         (Driven(n=5, grounded=True, d=0.4), ["J", "c", "fan.w_nominal", "start(body[0].w)", "body[1].J"]),
         (BacklashPair(start={"w_1": 800.0, "w_2": 400.0}), ["k", "d", "b", "J_1", "r_1"]),
         (RigidLoop(), ["load.J", "motor.J", "planetary.ratio"]),
+        (Quotients(), ["p", "q"]),
     ],
 )
 def test_blocks_conditions_and_functions(component: Any, names: list[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -230,3 +231,55 @@ def test_a_constant_block_is_solved_again_where_its_own_entries_change() -> None
     first = prepared(rotated(1))
     others = [CONSTANT.scene.numbers(parameters_of(matrix, q)) for matrix, q in ((rotated(1), 3.0), (rotated(2), 3.0))]
     assert [numbers.solutions[0] is first.solutions[0] for numbers in others] == [True, False]
+
+
+@pytest.mark.parametrize("most", [400, 0], ids=["dense", "sparse"])
+def test_entries_of_all_solutions_as_one_list(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Block by block, row by row: -inverse(A) with a column for each right-hand side that is not zero."""
+    monkeypatch.setattr("gearlib.program.interpret.MOST_DENSE", most)
+    (block,) = CONSTANT.scene.program.linear_blocks
+    numbers = prepared(rotated(5))
+    whole = -block_solve(numbers, 0, np.eye(3))[:, block.known_rows]
+    assert numbers.listed == pytest.approx(whole.ravel().tolist(), rel=1e-12)
+    assert all(isinstance(x, float) for x in numbers.listed)
+
+
+class Ratio(gl.Component):
+    """``(p / q) y = x``, beside ``y + z = r / q`` and ``y - sqrt(s) z = 0``."""
+
+    x, y, z, v = (gl.Variable("1") for _ in range(4))
+    rate, p, q = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=3.0), gl.Parameter("1", default=2.0)
+    s = gl.Parameter("1", default=4.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.rate * (self.v + self.z)), gl.Eq(self.p / self.q * self.y, self.x),
+            gl.Eq(self.v + self.z, self.x), gl.Eq(self.v - gl.sqrt(self.s) * self.z / self.q, 1.0 + self.y),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("values", "refused"),
+    [
+        ({"p": 0.0}, "cannot be solved with p = 0, q = 2; division by zero"),
+        ({"q": 0.0}, "cannot be solved with p = 3, q = 0; division by zero"),
+        ({"p": np.inf}, "cannot be solved with p = inf, q = 2; division by zero"),
+        ({"s": -1.0}, "are singular with these parameters"),
+        ({"p": 1e308, "q": 1e-308}, "cannot be solved with p = 1e+308, q = 1e-308; division by zero"),
+        ({}, ""), ({"p": 1e-3}, ""), ({"s": 0.0}, ""),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_numbers_for_which_python_and_arrays_differ(values: dict[str, float], refused: str) -> None:
+    """Python raises where an array has infinities: the same word for both, which names the parameters."""
+    scene = gl.compile(Ratio(), outputs=["x", "y"]).translation.scene
+    table = scene.model.parameters.values.copy()
+    table[[scene.model.parameters.index[name] for name in values]] = [*values.values()]
+    if refused:
+        with pytest.raises(SingularError, match=re.escape(refused)):
+            scene.numbers(table)
+        return
+    slots = evaluate(scene.numbers(table), np.zeros(1), np.array([[0.5]]), *(np.empty((0, 1)),) * 2)[:, 0]
+    p, q = values.get("p", 3.0), values.get("q", 2.0)
+    assert slots[scene.program.slots[scene.model.variable("y"), 0]] == pytest.approx(0.5 * q / p, rel=1e-14)
+    assert slots[scene.program.output_slots[0]] == pytest.approx(0.5)

@@ -11,6 +11,7 @@ import pytest
 import gearlib as gl
 from gearlib.program.build import build
 from gearlib.program.event_iteration import compares_with_before, relation_of, right_hand
+from gearlib.program.interpret import owner_of
 from gearlib.program.relations import relations_of, slot_table, used_discrete
 
 
@@ -129,3 +130,26 @@ def test_the_right_hand_limit_of_time_is_just_later() -> None:
     """By a trillionth of the time, and of a millisecond at least."""
     t = np.array([0.0, 1e-3, -1e-3, 2.0, -5.0, 1e6])
     assert right_hand(t) - t == pytest.approx([1e-15, 1e-15, 1e-15, 2e-12, 5e-12, 1e-6], rel=1e-3)
+
+
+def test_rules_know_their_components() -> None:
+    """By path, each its own: for messages that name what an event iteration keeps changing."""
+
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.other = Counters(), Counters()
+            return []
+
+    translation = gl.compile(Two(), outputs=["one.x", "other.x"]).translation
+    model, structure = translation.model, translation.structure
+    program = build(structure, translation.scene.rates, translation.scene.states, dynamic=True)
+    found, owners = relations_of(structure, program), set()
+    for batch in found.discretes:
+        for target, equation in zip(batch.targets.tolist(), batch.equations.tolist(), strict=True):
+            owners.add(owner_of(structure, equation))
+            assert model.discretes[target - model.n_relations].startswith(f"{owner_of(structure, equation)}.")
+    assert owners == {"one", "other"}
+    (reinit,) = found.reinits
+    assert [owner_of(structure, e) for e in reinit.equations] == [
+        model.name(program.states[state][0]).rpartition(".")[0] for state in reinit.targets
+    ]

@@ -15,6 +15,7 @@ from scipy.linalg import expm
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import SolverError
 from gearlib.solvers.exponential.corners import Intervals, solve
 from gearlib.solvers.inputs.table import Table
 
@@ -151,3 +152,12 @@ def test_chains_of_integrators_with_a_rate_that_is_rounding(rate: float, n: int)
     for k in range(1, n + 1):
         expected = -4.0 * times**k / math.factorial(k) + 3.0 * times ** (k + 1) / math.factorial(k + 1)
         assert found[:, k - 1] == pytest.approx(expected, rel=1e-9, abs=1e-18)
+
+
+@pytest.mark.parametrize(("rate", "when"), [(800.0, "0.9"), (1500.0, "0.5")])
+@pytest.mark.parametrize("corners", [2, 40])
+def test_a_solution_that_overflows_is_refused(rate: float, when: str, corners: int) -> None:
+    """With the first sample that is not finite: exp(710) is the last power."""
+    times, table = np.array([0.0, 0.4, 0.5, 0.7, 0.9, 1.0]), gl.Table(np.linspace(0.0, 1.0, corners), np.ones(corners))
+    with pytest.raises(SolverError, match=rf"^the solution leaves the range of floating-point numbers before t = {when} s$"):
+        solve(np.array([[rate]]), np.ones((1, 1)), [table], np.ones(1), times, Intervals.of(times, [table]))

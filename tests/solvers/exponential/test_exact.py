@@ -339,7 +339,7 @@ def test_the_faster_algorithm_is_taken() -> None:
 # ---------------------------------------------------------------- refusals
 
 
-def test_refusals() -> None:
+def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
     forcing = recognise([t], 0.0, 1.0)
     assert isinstance(forcing, Forcing)
     A, B = -np.eye(2), np.ones((2, 1))
@@ -359,6 +359,15 @@ def test_refusals() -> None:
         integrate(A, B, forcing, [0, 0], [1.0], algorithm="fast")
     with pytest.raises(SolverError, match=r"leaves the range of floating-point numbers before t = 1 s"):
         integrate(1e4 * np.eye(2), B, forcing, [1, 1], [0.0, 0.01, 1.0])
+    with pytest.raises(ArgumentError, match="in increasing order"):
+        integrate(A, B, forcing, [0, 0], [[0.0, 1.0]])
+    for limit in (1, 2):
+        monkeypatch.setattr("gearlib.solvers.exponential.exact.DENSE_LIMIT", limit)
+        if limit == 1:
+            with pytest.raises(SolverError, match=r"^2 states: a dense exponential of more than 1 takes too much memory$"):
+                integrate(A, B, forcing, [0, 0], [1.0], algorithm="dense")
+        else:
+            assert integrate(A, B, forcing, [0, 0], [1.0], algorithm="dense")[-1] == pytest.approx(math.exp(-1.0), rel=1e-12)
 
 
 def test_too_large_and_too_stiff() -> None:
