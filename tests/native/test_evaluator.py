@@ -113,3 +113,26 @@ def test_a_guess_for_each_point_is_followed() -> None:
     found = evaluate(numbers, t, x, none, none, guess)[b]
     first = np.arcsin(0.9 * np.sin(0.5))
     np.testing.assert_allclose(found, [first, np.pi - first], rtol=1e-12)
+
+
+class Square(gl.Component):
+    """``y^2 = 4 + x``: no direction from the guess y = 0, where compiled code gives up and the interpreter moves on."""
+
+    x, y = gl.Variable("1"), gl.Variable("1")
+    rate = gl.Parameter("1/s", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.rate * self.y), gl.Eq(self.y**2, 4.0 + self.x)]
+
+
+def test_points_that_compiled_code_leaves_are_interpreted() -> None:
+    """The same values and derivatives, dy/dx = 1 / (2 y)."""
+    system = gl.compile(Square())
+    scene = system.translation.scene
+    numbers, evaluator = scene.compiled_numbers(system.translation.parameter_values({}))
+    t, x, none = np.zeros(3), np.array([[0.0, 5.0, 12.0]]), np.empty((0, 3))
+    slots, found = evaluator.derivatives(t, x, none, none)
+    y = slots[scene.program.output_slots[0]]
+    np.testing.assert_allclose(np.abs(y), [2.0, 3.0, 4.0], rtol=1e-12)
+    np.testing.assert_allclose(found[:, 0, 0], 0.5 / y, rtol=1e-10)
+    np.testing.assert_allclose(evaluate(numbers, t, x, none, none), slots, rtol=1e-12)

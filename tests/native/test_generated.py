@@ -14,10 +14,10 @@ from gearlib.native.jacobian import inverted_blocks, jacobian_body, pattern_of, 
 from gearlib.native.layout import Shared, fill, lay_out
 from gearlib.native.linear_solve import SOLVE
 from gearlib.native.source import Body, function, is_small, looped, written_out
-from gearlib.program.derivative_plan import derivative_plan, state_plan
+from gearlib.program.derivative_plan import TIME, derivative_plan, state_plan
 from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import block_solve, evaluate
-from gearlib.program.program import Linear, Newton
+from gearlib.program.program import Batch, Linear, Newton
 from tests.compiler.test_translate import Chain, by_python
 from tests.program.programs import KINDS, Point, point
 
@@ -169,6 +169,28 @@ def test_jacobian(kind: str, tangents: int) -> None:
         for copy in range(tangents):
             place = n + np.arange(n) * tangents + copy
             close(matrix[np.ix_(place, place)], expected[which])
+
+
+@kinds
+@pytest.mark.usefixtures("setting")
+def test_derivatives_by_what_is_computed(kind: str) -> None:
+    """Seeds that enter at computed slots, of blocks too, at parameters and at time, some of them together."""
+    p = at_point(kind)
+    program, n = p.program, len(p.program.states)
+    blocks = [int(u) for step in program.steps if not isinstance(step, Batch) for u in step.unknowns[:2]]
+    used = sorted({int(q) for batch in p.batches for q in batch.parameters.ravel()})[:2]
+    places = [0, *blocks, int(program.output_slots[-1]), *(program.n_slots + q for q in used), TIME]
+    seeds = [*((place, k) for k, place in enumerate(places)), (n - 1, len(places)), (places[-2], len(places))]
+    plan = derivative_plan(program, seeds, program.output_slots)
+    expected, pattern = dense(plan, entries(plan, At(p.numbers, p.t, p.slots, p.flags))), pattern_of(plan)
+    for which in range(2):
+        own = Carried(p, which)
+        layout = lay_out(program, own.shared, own.shared.size, plan.multiplied)
+        body, end = jacobian_body(program, layout, plan)
+        found = own("jac", ["x", "values", "data", "index"], body, layout, own.states, len(pattern.indices), end)
+        matrix = np.zeros(plan.shape)
+        matrix[pattern.indices, np.repeat(np.arange(plan.n_seeds), np.diff(pattern.indptr))] = found
+        close(matrix, expected[which])
 
 
 @kinds
