@@ -399,7 +399,7 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool, kept: KeptMa
             left,
         ]
     else:
-        sides, determinant = "1", "data[w + q + q * q + q]" if kept is None else "data[a + q * q + q]"
+        sides, determinant = "1", "data[a + q * q + q]"
         if kept is not None:
             sides = "(1 + index[h + 4]) if data[p] == 0.0 else 1"
             body.lines += [

@@ -103,9 +103,16 @@ class Carried:
             data[at : at + len(values)] = values
         index = np.concatenate([np.array([5, 0, 0, 0, 0], np.int64), body.packed(5)])
         out = np.full(size + 1, np.nan)
+        before = data.copy()
         source = SOLVE + function(name, arguments, body, 0)
         assert by_python(source, name, float(p.t[self.which]), np.array(x), out, data, index) == 0
         assert np.isnan(out[-1])
+        for first, last in (
+            (0, shared.size),
+            (layout.size, layout.size + body.n_coefficients),
+            *((a, a + len(v)) for a, v in numbers),
+        ):
+            assert data[first:last].tolist() == before[first:last].tolist()
         return out[:-1]
 
 
