@@ -174,9 +174,7 @@ def _null_space(matrix: Floats) -> Floats:
         factors = np.sqrt(np.abs(matrix).max(axis=0))
         factors[factors == 0] = 1.0
         matrix, column = matrix / factors, column / factors
-    if len(matrix) > matrix.shape[1]:
-        matrix = np.asarray(np.linalg.qr(matrix, mode="r"))
-    _, sizes, right = np.linalg.svd(matrix)
+    _, sizes, right = np.linalg.svd(matrix, full_matrices=len(matrix) < matrix.shape[1])
     rank = int((sizes > INDEPENDENT * max(float(sizes[0]), 1e-300)).sum())
     kept: Floats = column[:, None] * right[rank:].T
     return np.asarray(kept / np.abs(kept).max(axis=0, initial=1e-300), float)
