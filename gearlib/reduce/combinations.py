@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import sympy
 
+from gearlib.equations.bindings import discrete_name
 from gearlib.equations.kernel import differentiated, partial_kernel
 from gearlib.equations.template import Relation, Template, column_symbol, make_template, relation_symbol
 from gearlib.flatten.model import EquationGroup, FlatModel, Floats
@@ -237,8 +238,10 @@ def _combined(structure: Structure, combination: CancellingSum) -> EquationGroup
             parameters[f"p{group.parameters[i, j]}"] = int(group.parameters[i, j])
             table[sympy.Symbol(name, real=True)] = sympy.Symbol(f"p{group.parameters[i, j]}", real=True)
         for j, name in enumerate(group.template.discretes):
-            discretes[f"d{group.discretes[i, j]}"] = int(group.discretes[i, j])
-            table[sympy.Symbol(name, real=True)] = sympy.Symbol(f"d{group.discretes[i, j]}", real=True)
+            place = int(group.discretes[i, j])
+            held = name if name == "initial()" else discrete_name(place, name.startswith("pre("))
+            discretes[held] = place
+            table[sympy.Symbol(name, real=True)] = sympy.Symbol(held, real=True)
         for j in range(len(row.template.relations)):
             table[relation_symbol(j)] = relation_symbol(len(relations) + j)
         relations += [Relation(r.g.xreplace(table), r.strict, r.negated) for r in row.template.relations]

@@ -211,6 +211,15 @@ def test_divisors_change_sign_where_the_kernel_has_a_pole(expression: Any, divis
         assert sorted(got) == pytest.approx(sorted(abs(float(d.subs(table))) for d in divisors))
 
 
+@pytest.mark.parametrize("expression", [1 / x, 1 / x**2, 1 / x**3, 1 / abs(x), 1 / gl.sin(x)], ids=str)
+def test_a_divisor_has_opposite_signs_on_the_two_sides_of_a_pole(expression: Any) -> None:
+    """Also where the kernel itself has the same on both."""
+    (divisor,) = residual_kernel(make(expression)).divisors
+    near = [float(divisor.function(T, at, *[at >= 0] * len(divisor.relations))) for at in (-0.01, 0.01)]
+    assert near[0] * near[1] < 0
+    assert near[0] == pytest.approx(-near[1], rel=1e-12)
+
+
 def test_a_divisor_of_a_branch_counts_while_the_branch_is_taken() -> None:
     both = gl.Piecewise((1 / x, y > 0), (2 / x, True))
     one = gl.Piecewise((1 / x, y > 0), (z, True))

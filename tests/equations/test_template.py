@@ -10,7 +10,7 @@ import sympy
 
 import gearlib as gl
 from gearlib.equations.kernel import partial_kernel
-from gearlib.equations.template import Template, parse_column, piecewise, template_of
+from gearlib.equations.template import Template, lift_relations, parse_column, piecewise, relation_symbol, template_of
 from gearlib.errors import DeclarationError, NameLookupError
 
 x, y, z, p, q = sympy.symbols("x y z p q", real=True)
@@ -125,6 +125,19 @@ def test_absolute_value_sign_and_extrema_are_events() -> None:
 def test_equality_is_no_event() -> None:
     with pytest.raises(DeclarationError, match="use <, <=, >, >="):
         make(y, gl.Piecewise((1, sympy.Ne(x, 0)), (0, True)))
+
+
+def test_comparisons_of_discrete_variables_stay_and_those_beside_them_are_lifted() -> None:
+    """They change at events only; whichever of the two comes first in the alphabet."""
+    for discrete, variable in ((x, y), (y, x)):
+        condition = gl.And(discrete > 0, variable > 2)
+        lifted, relations = lift_relations(gl.Piecewise((p, condition), (0, True)), lambda name, own=discrete: name == own.name)
+        assert [(r.g, r.strict, r.negated) for r in relations] == [(variable - 2, True, False)]
+        assert lifted == sympy.Piecewise((p, (discrete > 0) & sympy.Ne(relation_symbol(0), 0)), (0, True))
+    equal = sympy.Piecewise((1, sympy.Eq(x, 2)), (0, True))
+    assert lift_relations(equal, lambda name: name == "x") == (equal, ())
+    with pytest.raises(DeclarationError, match=r"the comparison Eq\(x, 2\): use <, <=, >, >=; equality"):
+        lift_relations(equal)
 
 
 def test_names_of_derivatives() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -99,6 +100,9 @@ def test_bounds_are_inclusive_and_named(model: FlatModel) -> None:
             == right
             == (not out_of_bounds(table, values).any())
         )
+    k = table.number("k")
+    for value, right in ((5.0, True), (5.1, False)):  # which is half of part[0].a
+        assert table.within_bounds(table.evaluate({k: value}), {k: value}) == right
     both = np.column_stack([table.defaults, table.evaluate({a: 11.0})])
     assert out_of_bounds(table, both).sum(axis=0).tolist() == [0, 1]
     wrong = {
@@ -180,6 +184,16 @@ def test_variables_in_the_derivatives_of_an_equation(model: FlatModel) -> None:
                 expected |= {(int(group.variables[i, j]), order)} if group.signs[i, j] else set()
             assert set(model.nodes(e, k)) == expected
             assert len(model.nodes(e, k)) == len(expected)
+
+
+@pytest.mark.parametrize("signs", [[[1, 1]], [[0, 1]], [[0, -1], [1, -1], [0, 0]], [[-1, 0], [-1, -1]]])
+def test_variables_that_are_zero_are_in_no_equation(model: FlatModel, signs: list[list[int]]) -> None:
+    (group,) = (g for g in model.groups if set(g.template.columns) == {("y", 0), ("x", 0)})
+    rows = np.zeros(len(signs), np.int64)
+    some = replace(group.take(rows, group.template), signs=np.array(signs, np.int64))
+    (whole,) = {tuple(nodes) for nodes in replace(some, signs=np.ones_like(some.signs)).nodes}
+    columns = [j for j, _ in group.template.local_columns]
+    assert some.nodes == [[node for node, j in zip(whole, columns, strict=True) if row[j]] for row in signs]
 
 
 def test_ranks_do_not_depend_on_the_order_of_declaration() -> None:

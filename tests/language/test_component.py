@@ -545,6 +545,7 @@ def test_a_name_is_given_to_one_part() -> None:
     [
         (lambda s: s.flange.phi if s.x > 0 else 1, r"use gl\.Piecewise\(\(value, condition\), \(other, True\)\) instead of if"),
         (lambda s: s.flange * 2, "a connector is not a variable; name one that it has"),
+        (lambda s: np.sqrt(s.x), r"use gl\.sin, gl\.sqrt, \.\.\. instead of those of math or numpy"),
         (lambda s: __import__("math").sqrt(s.x), r"use gl\.sin, gl\.sqrt, \.\.\. instead of those of math or numpy"),
         (lambda s: gl.sin("x"), r"Leaf\.equations\(\): the argument of sin\(\) is 'x'"),
     ],

@@ -180,3 +180,22 @@ def test_what_is_not_connected_cannot_be_cut() -> None:
         gl.cut(Line(), "load.flange_b")
     with pytest.raises(gl.GearlibError, match="expected a component"):
         gl.cut(gl.compile(Line()), "load")
+
+
+@pytest.mark.parametrize(("potentials", "flows"), [(2, 1), (1, 2), (2, 2)])
+def test_a_connector_is_cut_where_one_flow_answers_one_potential(potentials: int, flows: int) -> None:
+    members: dict[str, Any] = {f"p{k}": gl.Potential("rad") for k in range(potentials)}
+    members |= {f"f{k}": gl.Flow("N.m") for k in range(flows)}
+    port = type("Pair", (gl.Connector,), members)
+
+    class Side(gl.Component):
+        end = port("side")
+
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.other = Side(), Side()
+            return [gl.connect(self.one.end, self.other.end)]
+
+    message = rf"cut: a Pair has {potentials} potentials and {flows} flows; expected one of each"
+    with pytest.raises(gl.GearlibError, match=message):
+        gl.compile(gl.cut(Two(), "one.end"))

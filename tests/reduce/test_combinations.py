@@ -115,19 +115,36 @@ def test_the_sum_may_hold_relations_and_discrete_variables() -> None:
 
 
 class Pushed(gl.Component):
-    """A planetary set with torques on its ring and its carrier that begin at different times."""
+    """A planetary set with torques on its ring and its carrier."""
 
     ratio = gl.Parameter("1", "of the set")
     sun, carrier, ring = gp.Flange("sun"), gp.Flange("carrier"), gp.Flange("ring")
 
+    def torques(self) -> Any:
+        """They begin at different times."""
+        return [gl.Piecewise((tau, gl.time > begin), (0, True)) for tau, begin in ((1.0, 0.5), (2.0, 1.2))]
+
     def equations(self) -> list[Any]:
         sun, carrier, ring = self.sun, self.carrier, self.ring
-        on_ring, on_carrier = (gl.Piecewise((tau, gl.time > begin), (0, True)) for tau, begin in ((1.0, 0.5), (2.0, 1.2)))
+        on_ring, on_carrier = self.torques()
         return [
             gl.Eq(carrier.phi * (1 + self.ratio), self.ratio * ring.phi + sun.phi),
             gl.Eq(ring.tau, self.ratio * sun.tau + on_ring),
             gl.Eq(carrier.tau, -(1 + self.ratio) * sun.tau + on_carrier),
         ]
+
+
+class Counting(Pushed):
+    """Torques while a clock is beyond a limit, which its passing raises at once: so there are none."""
+
+    clock, limit = gl.Variable("1", start=0.0), gl.Discrete("limit", start=0.5)
+
+    def torques(self) -> Any:
+        return [gl.Piecewise((1.0, self.clock > gl.pre(self.limit)), (0, True)), 0]
+
+    def equations(self) -> list[Any]:
+        raised = gl.Piecewise((gl.pre(self.limit) + 1, self.clock > gl.pre(self.limit)), (gl.pre(self.limit), True))
+        return [gl.Eq(gl.der(self.clock), 1), gl.Eq(self.limit, raised)]
 
 
 def test_each_equation_of_the_sum_keeps_its_own_relations() -> None:
@@ -142,6 +159,13 @@ def test_each_equation_of_the_sum_keeps_its_own_relations() -> None:
         state = solve_ivp(rates, (start, end), state, args=(torque,), method="DOP853", rtol=1e-10, atol=1e-12).y[:, -1].tolist()
     result = gl.compile(Block(planetary=Pushed)).simulate(2.0, samples=2, rtol=1e-9, method="ida")
     assert [result["a.w"][-1], result["b.w"][-1]] == pytest.approx([state[1], state[3]], rel=1e-6)
+
+
+@pytest.mark.parametrize("method", ["rk", "ida"])
+def test_what_the_sum_compares_with_values_before_an_event_is_decided_again(method: str) -> None:
+    result = gl.compile(Block(planetary=Counting)).simulate(2.0, samples=2, rtol=1e-9, method=method)
+    assert result["p.limit"][-1] == 2.5
+    assert [result["a.w"][-1], result["b.w"][-1]] == pytest.approx(two_bodies(lambda q: q / (1 / 22 + 1 / 10)), rel=1e-6)
 
 
 def test_linear_analyses_know_the_constraint() -> None:

@@ -42,6 +42,22 @@ def test_every_flat_equation_can_be_matched(system: gl.System) -> None:
     assert all(data["path"] for _, data in graph.nodes(data=True))
 
 
+def test_flat_equations_know_their_variables_and_orders(system: gl.System) -> None:
+    graph, model = system.graph(), system.translation.structure.model
+    assert {n[1:] for n in graph if n[0] == "equation"} == {(e, 0) for e in range(len(model.places))}
+    given = set(model.inputs.tolist())
+    for node, data in graph.nodes(data=True):
+        number = node[1]
+        if node[0] == "variable":
+            highest = max(order for other in graph[node] for order in graph.edges[node, other]["orders"])
+            assert node[2] == 0
+            assert data == {"bipartite": 1, "path": model.name(number), "given": number in given, "order": highest}
+        else:
+            found = sorted((v[1], order) for v in graph[node] for order in graph.edges[node, v]["orders"])
+            assert found == sorted(model.nodes(number, 0))
+            assert all(list(graph.edges[node, v]["orders"]) == sorted(graph.edges[node, v]["orders"]) for v in graph[node])
+
+
 def test_blocks_are_the_strong_components_in_an_order_of_computation(system: gl.System) -> None:
     graph = system.graph(reduced=True)
     blocks = graph.graph["blocks"]

@@ -92,6 +92,38 @@ def test_what_decides_relations_and_discrete_variables_through_others() -> None:
     assert discrete_nodes(model, numbers["apart"]) == []
 
 
+def test_a_state_that_is_set_anew_decides_no_discrete_variable() -> None:
+    """Whichever of the components comes first: updates of a class are listed together."""
+
+    class Bounce(gl.Component):
+        x, hits = gl.Variable("1", start=1.0), gl.Discrete()
+
+        def equations(self) -> list[Any]:
+            again = gl.When(self.x < 0, gl.reinit(self.x, 1), gl.Eq(self.hits, gl.pre(self.hits) + 1))
+            return [gl.Eq(gl.der(self.x), -1), again]
+
+    class Count(gl.Component):
+        y, n = gl.Variable("1", start=0.0), gl.Discrete()
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.y), 1), gl.Eq(self.n, gl.Piecewise((1, self.y > 2), (0, True)))]
+
+    class Both(gl.Component):
+        swapped = gl.Structural(False)
+
+        def assemble(self) -> list[Any]:
+            kinds = [("one", Bounce), ("other", Count)]
+            for name, kind in reversed(kinds) if self.swapped else kinds:
+                setattr(self, name, kind())
+            return []
+
+    for swapped in (False, True):
+        model = flatten(Both(swapped=swapped))
+        numbers = {name: k for k, name in enumerate(model.discretes)}
+        for discrete, variable in (("one.hits", "one.x"), ("other.n", "other.y")):
+            assert discrete_nodes(model, numbers[discrete]) == [(int(model.representative[model.variable(variable)]), 0)]
+
+
 def test_positions_are_what_plain_rates_belong_to() -> None:
     class Rates(gl.Component):
         p = gl.Parameter("1", default=2.0)
