@@ -104,6 +104,7 @@ def bind_input(
     if expression.is_Number or expression.is_NumberSymbol:
         return _template(real_symbol("p0"), (), ("p0",)), {}, {"p0": float(expression)}
     values: dict[str, str | float] = {}
+    renamed: dict[Any, Any] = {}
     tabulated = sum(node.is_Number for node in sympy.preorder_traversal(expression)) > MOST_NUMBERS
 
     def lift(e: Any) -> Any:
@@ -114,7 +115,9 @@ def bind_input(
                 return sympy.Integer(int(e))
             key = f"p{len(values)}"
             values[key] = float(e)
-            return real_symbol(key)
+            lifted_number = sympy.Dummy(real=True)  # a symbol of the expression may have the key's name
+            renamed[lifted_number] = real_symbol(key)
+            return lifted_number
         if e.is_Pow and e.exp.is_Number:
             return sympy.Pow(lift(e.base), e.exp)
         if e.is_Piecewise:
@@ -127,10 +130,9 @@ def bind_input(
     lifted_relations = tuple(type(r)(lift(r.g), r.strict, r.negated) for r in relations)
     symbols = set(lifted.free_symbols).union(*(r.g.free_symbols for r in lifted_relations))
     variables: dict[str, str] = {}
-    renamed: dict[Any, Any] = {}
     for symbol in sorted(symbols, key=str):
         name = symbol.name
-        if symbol == time or name in values or is_relation(name) or is_discrete_name(name):
+        if symbol == time or symbol in renamed or is_relation(name) or is_discrete_name(name):
             continue
         base, order = parse_column(name)
         if is_parameter(base):

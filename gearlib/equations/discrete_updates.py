@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -61,11 +62,16 @@ def split_equations(
     samples: dict[Any, Any] = {}  # condition -> the condition of its sample instants, in discrete variables
     states: dict[str, Any] = {}
 
+    def unused(kind: str) -> str:
+        """Name of a hidden discrete variable that, like its ``..._before``, the class has not declared."""
+        names = (f"{kind}_{k}" for k in itertools.count())
+        return next(n for n in names if not any(m in known or m in variables or is_parameter(m) for m in (n, f"{n}_before")))
+
     def sampled(expression: Any) -> Any:
         """An expression with `gl.sample` replaced by comparisons of hidden discrete variables."""
         for found in sorted(expression.atoms(Sample), key=str):
             if found not in samples:
-                samples[found] = _instants(name, found, f"sample_{len(samples)}", is_parameter, known, values)
+                samples[found] = _instants(name, found, unused("sample"), is_parameter, known, values)
             expression = expression.xreplace({found > 0: samples[found], found: value_of(samples[found])})
         return expression
 
@@ -92,7 +98,7 @@ def split_equations(
 
     def when(branch: When, earlier: list[Any]) -> dict[str, list[tuple[Any, Any]]]:
         """New values of the discrete variables that a branch assigns, with their conditions; ``earlier`` branches take precedence."""
-        hidden = sympy.Symbol(f"when_{sum(n.startswith('when_') for n in known)}", real=True)
+        hidden = real_symbol(unused("when"))
         condition = value_of(branch.condition, f"{name}: the condition of When")
         at_start = any(symbol.name == "initial()" for symbol in condition.free_symbols)
         if not condition.has(Sample) and all(is_parameter(symbol.name) for symbol in condition.free_symbols):

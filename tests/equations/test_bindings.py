@@ -19,7 +19,7 @@ t = gl.time
 
 
 def bound(expression: Any, **known: Any) -> tuple[Template, dict[str, str], dict[str, Any]]:
-    return bind_input(expression, lambda name: name in {"k", "b"}, "motor.tau", **known)
+    return bind_input(expression, lambda name: name in {"k", "b", "p0", "p1"}, "motor.tau", **known)
 
 
 def meant(expression: Any, **known: Any) -> Any:
@@ -56,6 +56,22 @@ def test_a_binding_says_what_was_written(expression: Any) -> None:
             g = g.subs({sympy.Symbol(p, real=True): 0.7 for p, v in bound(expression)[2].items() if v == "k"}).subs(t, time)
             flags[sympy.Symbol(f"relation({i})", real=True)] = int(bool(g < 0 if r.negated else g > 0))
         assert float(said.subs(point).subs(t, time).subs(flags)) == pytest.approx(wanted, rel=1e-15)
+
+
+def test_symbols_may_have_the_names_that_the_shared_equation_uses() -> None:
+    p0, p1, v0, v1, own = symbols = sympy.symbols("p0 p1 v0 v1 bound", real=True)
+    beyond = gl.Piecewise((4 * v1, p1 - 3 * v0 > 0), (2 * p0, True))
+    expression = 10 * p0 + 7 * p1 * gl.sin(2 * t) - 3 * v1 * v0 + own / 4
+    said = meant(expression) - expression
+    assert float(said.subs(dict(zip(symbols, (1.1, 1.3, 1.7, 1.9, 2.3), strict=True))).subs(t, 0.6)) == pytest.approx(
+        0, abs=1e-14
+    )
+    template, variables, values = bound(beyond)
+    (relation,) = template.relations
+    point = {key: {"v0": 1.7, "v1": 1.9}[path] for key, path in variables.items()}
+    point |= {key: {"p0": 1.1, "p1": 1.3}.get(value, value) for key, value in values.items()}
+    g = relation.g.subs({sympy.Symbol(key, real=True): value for key, value in point.items()})
+    assert float(g) == pytest.approx(1.3 - 3 * 1.7)
 
 
 def test_numbers_become_parameters_except_zero_one_and_exponents() -> None:

@@ -132,6 +132,16 @@ def test_samples_are_taken_at_their_instants_and_at_a_start_that_is_one(start: f
     assert found == counts
 
 
+def test_hidden_variables_take_no_name_of_the_class() -> None:
+    """Nor one whose value before an event would have a name of the class."""
+    own = {"when_0": gl.Variable("1"), "sample_1_before": gl.Variable("1")}
+    discretes = {name: Discrete("own") for name in ("n", "m", "when_2")}
+    equations = [gl.When(x > 1, gl.Eq(n, 1)), gl.When(gl.sample(0.5), gl.Eq(m, 1)), gl.Eq(sympy.Symbol("when_2", real=True), m)]
+    _, updates, known = split_equations("Part", equations, discretes, lambda name: name in ("when_1", "sample_0"), own)
+    assert sorted(known) == ["m", "n", "sample_2", "sample_2_before", "when_2", "when_3", "when_4"]
+    assert sorted(u.target for u in updates) == sorted(known)
+
+
 def test_names_of_hidden_variables_are_counted() -> None:
     every = gl.When(gl.sample(0.5), gl.Eq(m, 1)), gl.When(gl.sample(p, 1), gl.reinit(x, 2))
     _, updates, known = split(gl.When(x > 1, gl.Eq(n, 1)), gl.When(x > 2, gl.reinit(x, 1)), *every)
