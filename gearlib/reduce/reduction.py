@@ -308,7 +308,7 @@ def _badness(model: FlatModel, result: Differentiation) -> dict[Node, tuple[floa
             bad[v, k] = (declared[v] if k == 0 else max(2.0, declared[v]), float(v not in wanted))
     for v in _reinitialised(model):
         if (v, 0) in bad:
-            bad[v, 0] = (-1.0, 0.0)
+            bad[v, 0] = (-1.0,)
     return bad
 
 

@@ -41,7 +41,8 @@ def test_what_a_record_knows_of_its_class() -> None:
     assert [u.target for u in plain.updates] == ["n"]
     assert not plain.local, "an update needs the numbers of its instance"
     assert class_record(leaf(lambda s: gl.Eq(s.n, 1), side=True)).connector_index == {"flange": 0, "extra": 1}
-    assert class_record(gp.Inertia(J=1.0)).local
+    law = {"x": gl.Variable("1"), "k": gl.Parameter("1", default=1.0), "equations": lambda s: [gl.Eq(s.x, s.k)]}
+    assert class_record(type("Plain", (gl.Component,), law)()).local
 
 
 def test_equations_of_parts_and_with_discrete_variables_are_not_local() -> None:

@@ -50,6 +50,19 @@ def test_wrong_structural_choices_are_named(given: dict[str, Any], message: str)
         gp.PlanetaryUnit(**given)
 
 
+def test_a_value_that_cannot_be_compared_is_no_choice() -> None:
+    class Odd:
+        def __eq__(self, other: object) -> bool:
+            raise RuntimeError("no")
+
+        __hash__ = None  # type: ignore[assignment]
+
+    kind = type("Kind", (gl.Component,), {"mode": gl.Structural(None, choices=("one", None))})
+    assert kind(mode="one").mode == "one"
+    with pytest.raises(BindingError, match=r"'mode' is <.* \.\.\.; valid choices: 'one', None"):
+        kind(mode=Odd())
+
+
 def declare(name: str, value: Any) -> type[gl.Component]:
     return type("Wrong", (gl.Component,), {name: value})
 

@@ -340,3 +340,28 @@ def test_three_instances_and_three_causes_are_named(count: int) -> None:
         gl.compile(connect({"a": gp.Inertia(J=1.0), **kinds}, *(f"a.flange_b k{i}.flange_a" for i in range(count))))
     assert str(told.value).count("has 2 equations for 3 unknowns") == min(count, 3)
     assert f"{count} too few." in str(told.value)
+
+
+def test_a_class_is_named_only_if_its_count_goes_the_way_of_the_models() -> None:
+    """What one class leaves out an enclosing one may give; then only what is too much there is told."""
+
+    class Part(gl.Component):
+        x, y = gl.Variable("1"), gl.Variable("1")
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(self.x, gl.sin(gl.time))]
+
+    def told(*also: Any) -> str:
+        with pytest.raises(BalanceError) as caught:
+            gl.compile(connect({"part": Part()}, also=lambda s: [equation(s) for equation in also]))
+        return str(caught.value)
+
+    too_many = told(lambda s: gl.Eq(s.part.y, 2 * s.part.x), lambda s: gl.Eq(s.part.y**2, gl.time))
+    assert "(Drive) has" in too_many
+    assert "(Part) has" not in too_many
+    assert "over-determined" in too_many
+    assert "under-determined" not in too_many
+    too_few = told()
+    assert "part (Part) has" in too_few
+    assert "(Drive) has" not in too_few
+    assert "over-determined" not in too_few

@@ -141,6 +141,27 @@ def test_positions_are_what_plain_rates_belong_to() -> None:
     assert integrals(model) == {int(model.representative[model.variable(n)]) for n in "xy"}
 
 
+def test_angles_are_positions_on_which_nothing_depends() -> None:
+    """An integral of anything else is none, though nothing may depend on it; nor is the angle of a spring's end."""
+
+    class Bodies(gl.Component):
+        x, y = gl.Variable("1", start=1.0), gl.Variable("1", start=0.0)
+
+        def assemble(self) -> list[Any]:
+            self.free, self.held, self.spring = gp.Inertia(J=1.0), gp.Inertia(J=1.0), gp.Spring(c=3.0)
+            self.ground = gp.Fixed()
+            return [gl.connect(self.held.flange_b, self.spring.flange_a), gl.connect(self.spring.flange_b, self.ground.flange)]
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), -self.x), gl.Eq(gl.der(self.y), gl.sin(self.x))]
+
+    translation = gl.compile(Bodies(), ["free.phi", "y"]).translation
+    structure = translation.structure
+    states = {structure.model.name(v) for v, _ in structure.states}
+    assert {"x", "y", "free.phi", "free.w"} < states
+    assert {structure.model.name(v) for v, _ in structure.angles} == {"free.phi"}
+
+
 def test_what_followed_from_others_has_to_go_on_doing_so() -> None:
     """Two planetary sets on the same three shafts: with other ratios they turn as a block only."""
 
