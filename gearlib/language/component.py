@@ -243,7 +243,7 @@ class Component:
         super().__init_subclass__(**kwargs)
         inherited: dict[str, Declaration] = {}
         for base in reversed(cls.__mro__[1:]):
-            inherited.update(vars(base).get("_declarations", {}))
+            inherited.update((n, d) for n, d in vars(base).get("_declarations", {}).items() if n in vars(base))
         own = {name: value for name, value in vars(cls).items() if isinstance(value, Declaration)}
         for name in own:
             if name.startswith("_") or name in RESERVED:

@@ -26,6 +26,18 @@ def test_declarations_are_inherited_in_order() -> None:
     assert (Derived.b.unit, Derived.b.description) == ("m", "third")
 
 
+def test_of_several_bases_that_declares_a_name_which_python_finds_first() -> None:
+    """A base that only inherits a declaration does not hide the one of a class behind it."""
+    plain = {"k": gl.Parameter("1", default=1.0), "n": gl.Parameter("1", default=7.0)}
+    first = type("First", (gl.Component,), {**plain, "x": gl.Variable("1"), "equations": lambda s: [gl.Eq(s.x, s.k)]})
+    other, same = type("Other", (first,), {"k": gl.Parameter("1", default=2.0)}), type("Same", (first,), {})
+    for bases in ((other, same), (same, other)):
+        part: Any = type("Both", bases, {})()
+        assert part.k == 2.0
+        assert gl.compile(part).parameters["k"] == 2.0
+        assert list(declared_by(part).parameters) == ["k", "n"]
+
+
 def test_outside_equations_a_parameter_is_the_value_given() -> None:
     assert gp.Inertia(J=3.0).J == 3.0
     assert gp.Inertia().J is None
