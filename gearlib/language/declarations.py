@@ -355,8 +355,8 @@ class Connector(Declaration):
             )
 
     def __init_subclass__(cls) -> None:
-        own = {name: value for name, value in vars(cls).items() if isinstance(value, (Potential, Flow))}
-        cls.variables = {**cls.variables, **own}
+        members = (member for base in reversed(cls.__mro__) for member in vars(base).items())
+        cls.variables = {name: value for name, value in members if isinstance(value, (Potential, Flow))}
         cls.ends = {}
         if len({type(v) for v in cls.variables.values()}) == 1:
             raise DeclarationError(f"connector {cls.__name__} declares only one half; a Potential and a Flow are needed")

@@ -118,6 +118,17 @@ def test_a_connector_needs_both_halves() -> None:
         type("Half", (gl.Connector,), {"phi": gl.Potential("rad", "angle")})
 
 
+def test_a_connector_of_several_bases_has_the_variables_of_all() -> None:
+    class Hot(gl.Connector):
+        T, Q = gl.Potential("K"), gl.Flow("W")
+
+    class HotShaft(gp.Flange, Hot):
+        pass
+
+    assert {*HotShaft.variables} == {"phi", "tau", "T", "Q"}
+    assert {*gp.Flange.variables} == {"phi", "tau"}
+
+
 def test_conditional_connector() -> None:
     assert gp.IdealGear(ratio=2.0, use_support=True).support.connector.name == "support"
     with pytest.raises(gl.GearlibError, match="IdealGear has no 'support' here; make it with use_support=True"):
