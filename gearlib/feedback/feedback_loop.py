@@ -25,6 +25,7 @@ from gearlib.run.subject import is_compiled, translation_of
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+BESIDE = 1e-7  # relative to its frequency: distance of the nearest samples from a pole on the imaginary axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +139,7 @@ class Loop:
         return points[~np.isin(points, self.open_poles.on_axis)]
 
     def _marks(self, start: float, end: float) -> list[Floats]:
-        distances = np.geomspace(1e-7, 0.5, 40)
+        distances = np.geomspace(BESIDE, 0.5, 40)
         marks = []
         for w in (*self.open_poles.on_axis, *self.closed_poles.on_axis):
             if w > 0:

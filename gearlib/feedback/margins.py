@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.feedback.feedback_loop import Loop
+from gearlib.feedback.feedback_loop import BESIDE, Loop
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -145,9 +145,13 @@ def _phase_crossings(loop: Loop, omega: Floats, curve: Complexes) -> list[PhaseC
             found.append(PhaseCrossing(0.0, -1 / start))
     # The tangent of the phase is well scaled even where L changes by orders of magnitude.
     ratio = curve.imag / np.maximum(np.abs(curve), 1e-300)
-    noise = np.abs(ratio) < 1e-12
-    omega, ratio, curve = omega[~noise], ratio[~noise], curve[~noise]
+    clear = np.abs(ratio) >= 1e-12  # elsewhere rounding decides the sign
+    omega, ratio = omega[clear], ratio[clear]
+    on_axis = loop.open_poles.values.real == 0
+    jumps, reach = loop.open_poles.values.imag[on_axis], loop.open_poles.tolerances[on_axis]
     for w in _roots(omega, ratio, lambda x: float((lambda z: z.imag / abs(z))(loop.response(1j * x)))):
+        if (np.abs(w - jumps) <= np.maximum(reach, BESIDE * w)).any():
+            continue  # a pole on the axis, which rounding puts on one side of it
         value = loop.response(1j * w)
         if value.real < 0 and abs(value.imag) < 1e-6 * abs(value) and abs(value) > 10 * loop.rounding(1j * w):
             found.append(PhaseCrossing(w, float(-1 / value.real)))

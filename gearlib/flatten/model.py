@@ -48,6 +48,11 @@ class Instance(NamedTuple):
     first_parameter: int
 
     @property
+    def name(self) -> str:
+        """Its path; of the model itself, which has none, the name of its class."""
+        return self.path or self.kind
+
+    @property
     def declared(self) -> Declared:
         return self.record.declared
 
@@ -504,7 +509,7 @@ class FlatModel:
     def owner(self, group: int, row: int) -> str:
         """Path of the component that an equation comes from."""
         i = int(self.groups[group].owners[row])
-        return (self.instances[i].path or self.instances[i].kind) if i >= 0 else "connection"
+        return self.instances[i].name if i >= 0 else "connection"
 
     def with_groups(self, groups: tuple[EquationGroup, ...], redundant: int) -> FlatModel:
         return replace(self, groups=groups, redundant=redundant)

@@ -164,7 +164,7 @@ class _Continuation:
             direction = np.asarray(np.linalg.solve(np.vstack([gradient, self.normal(point)]), forward), np.float64)
         except np.linalg.LinAlgError:
             return point
-        return _BranchPoint(y, direction / np.sqrt(self.inner(direction, direction, point)), 0, self.size(y))
+        return replace(point, tangent=direction / np.sqrt(self.inner(direction, direction, point)))
 
     def normal(self, point: _BranchPoint) -> Floats:
         """Row vector whose product with a change is its arclength along the tangent."""

@@ -180,18 +180,8 @@ class Forced:
         }
         translation, numbers = self.translation.fitted(self.values(omega))
         start = dict(guess) if guess else None
-        request = Request(
-            0.0,
-            times,
-            "auto",
-            1e-8,
-            None,
-            numbers,
-            start,
-            tuple(translation.input_signals(timed)),
-            progress=False,
-            max_step=None,
-        )
+        signals = tuple(translation.input_signals(timed))
+        request = Request(0.0, times, "auto", 1e-8, None, numbers, start, signals, progress=False, max_step=None)
         found = run(translation, request)
         x = np.array([found.history_of(s)[1:] for s in scene.states])
         basis = fourier(omega * times[1:], self.harmonics)

@@ -71,7 +71,7 @@ def drifting(model: FlatModel, parameters: Floats, motion: Motion) -> list[str]:
             evenly = np.abs(last - later - growth) <= STEADY * np.abs(growth)
         away = (growth > 0.0) != (motion.discrete[_values_at(model, g, c)] != relation.negated)
         wrong = np.isfinite(growth) & (growth != 0.0) & evenly & away
-        found += [model.instances[i].path for i in group.owners[wrong].tolist() if i >= 0]
+        found += [model.instances[i].name for i in group.owners[wrong].tolist() if i >= 0]
     return list(dict.fromkeys(found))
 
 

@@ -342,8 +342,7 @@ def _refuse_open(model: FlatModel, motion: Motion) -> None:
 
 def _shared_names(model: FlatModel, torques: set[int]) -> tuple[str, ...]:
     """Flanges of basic components whose torque is not determined by equilibrium alone."""
-    composite = {i.path.rsplit(".", depth)[0] for i in model.instances for depth in range(1, i.path.count(".") + 1)}
-    found = []
+    composite, found = _composites(model), []
     for i, _, flow, flange in _mechanical(model):
         path = model.instances[i].path
         if path not in composite and model.sign[flow] and int(model.representative[flow]) in torques:
@@ -352,10 +351,7 @@ def _shared_names(model: FlatModel, torques: set[int]) -> tuple[str, ...]:
 
 
 def _flanges(model: FlatModel, motion: Motion) -> list[FlangePower]:
-    composite = {i.path.rsplit(".", depth)[0] for i in model.instances for depth in range(1, i.path.count(".") + 1)}
-    composite.add("")
-    alone = len(model.instances) == 1
-    rows = []
+    composite, rows = _composites(model), []
     for i, potential, flow, flange in _mechanical(model):
         path = model.instances[i].path
         p, f = int(model.representative[potential]), int(model.representative[flow])
@@ -363,6 +359,10 @@ def _flanges(model: FlatModel, motion: Motion) -> list[FlangePower]:
         torque = float(motion.constants[f]) * int(model.sign[flow]) + 0.0
         shaft = p if model.sign[potential] else -1
         sliding = (declared := model.declaration(potential)) is not None and declared.unit == "m"
-        leaf = alone or path not in composite
-        rows.append(FlangePower(path, flange, speed, torque, speed * torque + 0.0, shaft, leaf, sliding))
+        rows.append(FlangePower(path, flange, speed, torque, speed * torque + 0.0, shaft, path not in composite, sliding))
     return rows
+
+
+def _composites(model: FlatModel) -> set[str]:
+    """Paths of the components that have parts."""
+    return {i.path.rpartition(".")[0] for i in model.instances if i.path}

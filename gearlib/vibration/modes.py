@@ -180,7 +180,7 @@ class Modes:
     @cached_property
     def components(self) -> tuple[str, ...]:
         """Components that store energy in some mode, in model order."""
-        return tuple(self._model.instances[i].path for i in self._energies.numbers)
+        return tuple(self._model.instances[i].name for i in self._energies.numbers)
 
     @cached_property
     def _energies(self) -> _Shares:
@@ -213,7 +213,7 @@ class Modes:
         for mode in range(len(self)):
             total = max(np.abs(kinetic[mode]).sum(), np.abs(potential[mode]).sum())
             paths = [
-                self._model.instances[numbers[int(k)]].path
+                self._model.instances[numbers[int(k)]].name
                 for k in (off[mode].argmax(), kinetic[mode].argmin(), potential[mode].argmin())
             ]
             if off[mode].sum() > UNSURE * total:
@@ -257,7 +257,7 @@ class Modes:
                 value = self.shape(mode, *(f"{instance.path}.{n}" if instance.path else n for n, _ in first))
                 labels = [n.rsplit(".", 1)[1] for n, _ in first]
                 for (_, unit), label, amplitude in zip(first, labels, value, strict=True):
-                    result.append((instance.path + (f".{label}" if len(first) > 1 else ""), unit, complex(amplitude)))
+                    result.append((instance.name + (f".{label}" if len(first) > 1 else ""), unit, complex(amplitude)))
         return result
 
     def sensitivity(self, parameter: str) -> ModeSensitivity:

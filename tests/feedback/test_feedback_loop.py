@@ -37,6 +37,14 @@ def test_responses_poles_and_zeros_are_those_of_the_matrices(n: int, d: float) -
     assert loop.scale == (pytest.approx((sizes.min(), sizes.max())) if n else (1.0, 1.0))
 
 
+@pytest.mark.parametrize("k", [1e-4, 1e4])
+def test_zeros_count_and_scale_with_the_unit_of_time(k: float) -> None:
+    one = random_loop(6, 3)
+    other = Loop(k * one.A, k * one.b, one.c, 0.0, "u", "y")
+    assert len(other.zeros) == 5
+    assert np.sort_complex(other.zeros / k) == pytest.approx(np.sort_complex(one.zeros), rel=1e-7)
+
+
 def test_rounding_is_that_of_the_terms_which_cancel() -> None:
     """Of 1e8 / (s + 1) - 1e8 / (s + 1): a hundred units in the last place of either."""
     loop = Loop(-np.eye(2) + np.array([[0, 1e-3], [0, 0]]), np.array([1.0, 1.0]), np.array([1e8, -1e8]), 0.5, "u", "y")

@@ -87,6 +87,7 @@ def test_a_pole_on_the_axis_that_the_output_does_not_show_leaves_the_curve_in_vi
 
 def test_nichols() -> None:
     ax = gl.nichols_plot(LOOP)
+    assert set(np.diff(ax.get_xticks())) == {45.0}
     assert "phase of L, deg" in texts(ax)
     assert "phase margin -11.01°" in texts(ax)
     square = next(line for line in ax.lines if line.get_marker() == "s")

@@ -43,6 +43,7 @@ def test_the_nearest_of_several_crossings_counts() -> None:
         ([-0.5, 0.1], [1, 1], [(INFINITE, 2.0)]),
         ([0.5, 0.1], [1, 1], []),
         ([-3.0], [1, 1, 0], []),  # at rest there is no value, but a pole
+        ([0.5, 0.0], [1, 1], []),  # at rest the curve begins in the origin
     ],
 )
 def test_ends_of_the_curve_on_the_negative_axis_are_crossings(
@@ -50,6 +51,43 @@ def test_ends_of_the_curve_on_the_negative_axis_are_crossings(
 ) -> None:
     found = [(c.omega, c.gain_margin) for c in margins(as_loop(control.tf(numerator, denominator))).phase_crossings]
     assert np.ravel(found).tolist() == pytest.approx(np.ravel(expected).tolist())
+
+
+def test_a_start_that_is_rounding_is_no_crossing() -> None:
+    """At rest two parts cancel but for rounding of either sign."""
+    starts = []
+    for p in np.linspace(1.0, 2.0, 30):
+        loop = Loop(np.diag([-p, -3.0 * p]), np.ones(2), np.array([0.1 * p, -0.3 * p]), 0.0, "u", "y")
+        starts.append(float(loop.response(0.0).real))
+        (crossing,) = margins(loop).phase_crossings
+        assert (crossing.omega, crossing.gain_margin) == (pytest.approx(np.sqrt(3) * p), pytest.approx(20.0))
+    assert min(starts) < 0.0
+
+
+def of_frequency(polynomial: Any) -> Any:
+    """The polynomial in w of one in s = j w."""
+    return np.array(polynomial) * 1j ** np.arange(len(polynomial))[::-1]
+
+
+@pytest.mark.parametrize("seed", range(12, 18))
+def test_undamped_poles_are_no_crossings_whichever_side_rounding_puts_them_on(seed: int) -> None:
+    """Three vibrations without damping behind one lag or two: the phase is that of numerator and lags, but for half turns."""
+    draw = np.random.default_rng(seed)
+    undamped = np.array([1.0])
+    for w in np.sort(draw.uniform(0.3, 5, 3)):
+        undamped = np.polymul(undamped, [1, 0, w**2])
+    lag = np.array([draw.uniform(0.001, 1), 1])
+    if seed % 2:
+        lag = np.polymul(lag, [draw.uniform(0.001, 1), 1])
+    numerator = np.atleast_1d(draw.normal() * np.poly(-draw.uniform(0.1, 3, seed % 3)))
+    roots = np.roots(np.imag(np.polymul(of_frequency(numerator), of_frequency(lag).conj())))
+    whole = np.polymul(lag, undamped)
+    at = np.sort(roots[(np.abs(roots.imag) < 1e-9) & (roots.real > 1e-9)].real)
+    values = (np.polyval(numerator, 1j * at) / np.polyval(whole, 1j * at)).real
+    found = margins(as_loop(control.tf(numerator, whole))).phase_crossings
+    mine = [c for c in found if 0 < c.omega < INFINITE]
+    assert [c.omega for c in mine] == pytest.approx(at[values < 0].tolist(), rel=1e-9)
+    assert [c.gain_margin for c in mine] == pytest.approx((-1 / values[values < 0]).tolist(), rel=1e-7)
 
 
 @pytest.mark.parametrize("k", [0.7, 2.0, 30.0])

@@ -58,6 +58,8 @@ LOOPS = {
     "at zero and at two": ([1.0], [1, 0, 4, 0]),
     "of the closed loop only": ([1.0], [1, 0, 0.5]),
     "close to each other": ([1.0], np.polymul([1, 0, 4], [1, 0, 4.0001])),
+    "four places": ([1.0], np.polymul([1, 0, 0], np.polymul([1, 0, 1], np.polymul([1, 0, 4], [1, 0, 9])))),
+    "a pair twice": ([1.0, 0, 0], np.polymul([1, 0, 1], np.polymul([1, 0, 4], [1, 0, 4]))),
     "beside the axis": ([1.0, 1.0], [1, 1e-6, 9]),
 }
 

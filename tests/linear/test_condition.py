@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.linear.condition import described
 
 C, D = 1e8, 400.0  # of the contact: N/m, N.s/m
 
@@ -246,6 +247,19 @@ class Plant(gl.Component):
 def test_only_what_the_outputs_need_is_said(outputs: list[str], said: tuple[str, ...]) -> None:
     """In the order of the model, for several together."""
     assert gl.compile(Plant()).linearize([], outputs, sparse=True).conditions == said
+
+
+def test_a_state_is_named_with_its_description_if_it_has_one() -> None:
+    class Described(gl.Component):
+        x, y = gl.Variable("1", "position of the slide", start=1.0), gl.Variable("1", start=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(gl.der(z)), -z) for z in (self.x, self.y)]
+
+    structure = gl.compile(Described()).translation.structure
+    assert {described(structure, node) for node in structure.states} == {
+        "x (position of the slide)", "der(x)", "y", "der(y)",
+    }  # fmt: skip
 
 
 def test_nothing_is_said_of_what_is_not_needed() -> None:

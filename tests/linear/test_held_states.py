@@ -198,6 +198,37 @@ def test_rotor_that_coasts_keeps_its_pole() -> None:
     assert report.verdict == "marginal"
 
 
+class Bent(gl.Component):
+    """A brake of a speed ``s = w (1 + x^2)`` that is not a state: it holds s, and w changes where x does."""
+
+    held = gl.Parameter("1", default=1.0)
+    x, w = gl.Variable("1", "position", state="prefer"), gl.Variable("1", "its speed", state="prefer")
+    s, r = gl.Variable("1", "braked speed"), gl.Variable("1", "reaction")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.w),
+            gl.Eq(self.s, self.w * (1 + self.x**2)),
+            gl.Eq(2 * gl.der(self.w), -self.r * (1 + self.x**2)),
+            gl.Eq(gl.Piecewise((gl.der(self.s), self.held > 0.5), (self.r - self.s, True)), 0),
+        ]
+
+
+def test_a_speed_that_is_held_at_one_point_only_leaves_all_states() -> None:
+    """``w' = -2 x w^2 / (1 + x^2)`` where s is held, ``-s (1 + x^2) / 2`` where it is not; at rest all is held."""
+    system = gl.compile(Bent())
+
+    def matrix(x: float, w: float, held: float) -> Any:
+        return system.linearize([], ["s"], at={"x": x, "w": w}, parameters={"held": held}, sparse=True).A
+
+    x, w = 0.6, 1.5
+    size = 1 + x**2
+    assert matrix(x, w, 1.0) == pytest.approx(np.array([[0, 1], [-2 * w**2 * (1 - x**2) / size**2, -4 * x * w / size]]))
+    assert matrix(x, w, 0.0) == pytest.approx(np.array([[0, 1], [-2 * w * x * size, -(size**2) / 2]]))
+    assert matrix(x, 0.0, 1.0).shape == (0, 0)
+    assert matrix(x, 0.0, 0.0).shape == (2, 2)
+
+
 class Followers(gl.Component):
     """Two bodies joined by a clutch, each on a spring whose torque depends on its absolute angle: both angles are states."""
 

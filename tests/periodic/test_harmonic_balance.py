@@ -360,17 +360,20 @@ class DriftingPair(MeshingPair):
 
     rate = gl.Parameter("m/s", "drift", default=3.0)
     drifted = gl.Variable("m", "deflection and drift")
+    faster = gl.Variable("m", "deflection and twice the drift")
 
     def equations(self) -> list[gl.Eq]:
-        return [gl.Eq(self.drifted, self.mesh.q + self.rate * gl.time)]
+        drift = self.rate * gl.time
+        return [gl.Eq(self.drifted, self.mesh.q + drift), gl.Eq(self.faster, self.mesh.q + 2 * drift)]
 
 
 def test_what_drifts_in_time_is_refused_with_its_growth_in_a_period() -> None:
     w = 1.5 * NATURAL
     with pytest.raises(gl.GearlibError, match=f"drifted grows by {3.0 * 2 * np.pi / w:g} in each period; leave it out"):
         gl.harmonic_balance(
-            gl.compile(DriftingPair()), w, 0.999 * w, turning={"mesh.turned": 1.0}, outputs=["drifted"], harmonics=1, samples=32
-        )
+            gl.compile(DriftingPair()), w, 0.999 * w, turning={"mesh.turned": 1.0}, outputs=["mesh.q", "drifted", "faster"],
+            harmonics=1, samples=32,
+        )  # fmt: skip
 
 
 def test_derivatives_at_many_times_are_those_at_one() -> None:

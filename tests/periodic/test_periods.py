@@ -151,6 +151,21 @@ def test_a_steep_zero_is_that_of_the_cubic_through_four_samples() -> None:
         assert found.cuts[1] == pytest.approx(5.0, abs=step)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_between_samples_of_any_size_a_zero_is_that_of_their_cubic(seed: int) -> None:
+    """However the cubic bends between its two middle samples: it is zero at the cut, which lies between these."""
+    values = np.random.default_rng(seed).normal(size=64) ** 3
+    step = 2 * np.pi / 64
+    found = cuts_of(Known(lambda p: values[np.rint(p / step).astype(int) % 64]))
+    before = np.flatnonzero((values > 0) != (np.roll(values, -1) > 0))
+    shares = found.cuts / step - before
+    assert ((shares >= 0) & (shares <= 1)).all()
+    for k, share in zip(before, shares, strict=True):
+        four = values[(k + np.arange(-1, 3)) % 64]
+        cubic = np.polyfit(np.arange(-1.0, 3.0), four, 3)
+        assert np.polyval(cubic, share) == pytest.approx(0.0, abs=1e-9 * np.abs(four).max())
+
+
 def test_a_flag_that_changes_though_its_expression_does_not_cross_zero_changes_between_two_samples() -> None:
     found = cuts_of(Known(lambda p: 1.0 + 0 * p, flags=lambda p: ((p > 1.0) & (p < 4.0))[None]), 100)
     grid = 2 * np.pi * np.arange(100) / 100

@@ -142,6 +142,24 @@ def test_a_gap_that_turns_open_or_shut_does_not_last(twist: float, rate: float, 
         assert drifting(model, numbers, replace(motion, rates=np.zeros(len(rates)))) == []
 
 
+class Counted(Coupling):
+    """With a condition of the model itself on the angle."""
+
+    turned = gl.Variable("1", "1 before a turn, and 2 behind it")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.turned, gl.Piecewise((1, self.a.flange_a.phi < 2 * np.pi), (2, True)))]
+
+
+def test_a_condition_of_the_model_itself_is_named_by_its_class() -> None:
+    closed = {"gap.b": 0.0}
+    with pytest.raises(
+        ArgumentError, match=r"^no steady motion has the given a\.w: in Counted a gap is open .* or another condition"
+    ):
+        gl.power_flow(gl.compile(Counted()), speeds={"a.w": 1.0}, parameters=closed)
+    assert gl.power_flow(gl.compile(Counted()), speeds={"a.w": -1.0}, parameters=closed)["b.flange_a"].speed == -1.0
+
+
 @cache
 def compiled_coupling() -> gl.System:
     return gl.compile(Coupling())

@@ -126,6 +126,7 @@ def test_willis_ratio_of_speeds_and_torques() -> None:
     for ring, carrier in ((0.0, 1.0), (-3.0, 0.5), (2.0, 2.0 + 1e-9)):
         assert ratios((carrier - 2.5 * (ring - carrier), ring, carrier), 4.0) == pytest.approx((-2.5, -2.5), rel=1e-6)
     assert all(map(math.isnan, ratios((3.0, 3.0, 3.0), 0.0)))
+    assert math.isnan(ratios((3.0, 3.0 + 4e-16, 3.0), 1.0)[0]), "a block but for rounding"
 
 
 def test_circulating_power_is_said_with_its_share_and_its_way() -> None:

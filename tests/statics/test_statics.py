@@ -630,6 +630,8 @@ def test_a_train_at_rest_has_one_motion() -> None:
     flow = gl.power_flow(gl.compile(AtRest()))
     assert abs(flow["body.flange_a"].speed) < 1e-12
     assert flow["load.flange"].torque == pytest.approx(0.0, abs=1e-12)
+    numbers = [value for f in flow.flanges for value in (f.speed, f.torque, f.power)]
+    assert not any(value == 0 and np.signbit(value) for value in numbers)
 
 
 def test_zeros_are_printed_without_a_sign() -> None:

@@ -129,6 +129,19 @@ def test_a_motion_meets_what_is_given_from_the_guess_of_the_model(train: tuple[F
     assert same.constants == pytest.approx(motion.constants, abs=1e-12)
 
 
+@pytest.mark.parametrize("size", [1e-8, 1e8])
+def test_stiff_and_soft_springs_are_as_exact(train: tuple[FlatModel, Any], size: float) -> None:
+    """As much more torque on as much more stiffness: the same deflection, at a speed that grows with the root of the torque."""
+    model = train[0]
+    numbers = gl.compile(Train()).translation.parameter_values({"shaft.c": 7.0 * size})
+    motor, sign = place(model, "motor.tau")
+    motion = solve(model, numbers, [Given("motor.tau", motor, 0, sign * 4.0 * size)])
+    (w, turned), (deflection, sense) = place(model, "body.w"), place(model, "shaft.phi_rel")
+    assert turned * motion.constants[w] == pytest.approx(-10.0 * np.sqrt(size), rel=1e-9)
+    x = abs(sense * motion.constants[deflection])
+    assert x + x**3 / 4 == pytest.approx(8 / 7, rel=1e-9)
+
+
 class Switches(gl.Component):
     """Relations at their edges, and discrete variables that follow from each other."""
 

@@ -147,6 +147,34 @@ def test_the_number_of_modes_can_be_chosen(system: gl.System, count: int) -> Non
     assert found.free == 1
 
 
+class Alone(gl.Component):
+    """Two bodies and a spring in one component, which is the whole model."""
+
+    flange_a, flange_b = gp.Flange("one side"), gp.Flange("other side")
+    J, c = gl.Parameter("kg.m2", default=1.0), gl.Parameter("N.m/rad", default=3.0)
+    w_a, w_b = gl.Variable("rad/s"), gl.Variable("rad/s")
+    twist = gl.Variable("rad", state="prefer")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.w_a, gl.der(self.flange_a.phi)),
+            gl.Eq(self.w_b, gl.der(self.flange_b.phi)),
+            gl.Eq(self.twist, self.flange_b.phi - self.flange_a.phi),
+            gl.Eq(self.J * gl.der(self.w_a), self.flange_a.tau + self.c * self.twist),
+            gl.Eq(2 * self.J * gl.der(self.w_b), self.flange_b.tau - self.c * self.twist),
+        ]
+
+
+def test_a_model_of_one_component_is_named_by_its_class() -> None:
+    system = gl.compile(Alone())
+    found = gl.modes(system)
+    assert found.components == ("Alone",)
+    assert [name for name, _, _ in found.motions(1)] == ["Alone"]
+    assert re.split(r"\s{2,}", str(found).splitlines()[2].strip())[-2:] == ["Alone 100 %", "Alone 100 %"]
+    negative = gl.modes(system, parameters={"J": -1.0, "c": -3.0})
+    assert negative.not_given == dict.fromkeys(range(2), "the kinetic energy of Alone is negative")
+
+
 class Pushing(gl.Component):
     """A spring that pushes away."""
 
@@ -158,12 +186,14 @@ class Pushing(gl.Component):
         return [gl.Eq(self.flange_b.tau, push), gl.Eq(self.flange_a.tau, -push)]
 
 
-def test_a_mode_with_a_negative_energy_has_no_shares() -> None:
-    """The free motion has; together with 3 N.m/rad there are 2 left."""
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+def test_a_mode_with_a_negative_energy_has_no_shares(size: float) -> None:
+    """The free motion has; together with 3 N.m/rad there are 2 left. The same of small and large trains."""
 
     class Weakened(gl.Component):
         def assemble(self) -> list[Any]:
-            self.a, self.b, self.spring, self.push = gp.Inertia(J=1.0), gp.Inertia(J=3.0), gp.Spring(c=3.0), Pushing()
+            self.a, self.b = gp.Inertia(J=1.0 * size), gp.Inertia(J=3.0 * size)
+            self.spring, self.push = gp.Spring(c=3.0 * size), Pushing(k=1.0 * size)
             return [
                 gl.connect(self.a.flange_b, self.spring.flange_a, self.push.flange_a),
                 gl.connect(self.spring.flange_b, self.b.flange_a, self.push.flange_b),
@@ -175,6 +205,34 @@ def test_a_mode_with_a_negative_energy_has_no_shares() -> None:
     assert found.kinetic[0, :2] == pytest.approx([25.0, 75.0])
     assert np.isnan(found.kinetic[1]).all()
     assert np.isnan(found.potential[1]).all()
-    stiff = gl.modes(gl.compile(Weakened()), parameters={"push.k": -1.0})  # another spring beside
+    stiff = gl.modes(gl.compile(Weakened()), parameters={"push.k": -1.0 * size})  # another spring beside
     assert stiff.not_given == {}
     assert stiff.potential[1, 2:] == pytest.approx([75.0, 25.0])
+    slightly = gl.modes(gl.compile(Weakened()), parameters={"push.k": 1e-8 * size})
+    assert slightly.not_given == {}, "less than rounding may be"
+
+
+class Meter(gl.Component):
+    """Revolutions per minute, an algebraic variable that follows from a speed."""
+
+    flange = gp.Flange("of the shaft")
+    rpm = gl.Variable("1", "revolutions per minute")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange.tau, 0), gl.Eq(self.rpm, gl.der(self.flange.phi) * 30 / np.pi)]
+
+
+def test_what_follows_from_the_speeds_has_an_amplitude_in_a_free_motion_too() -> None:
+    class Metered(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.spring, self.meter = gp.Inertia(J=1.0), gp.Inertia(J=3.0), gp.Spring(c=3.0), Meter()
+            return [
+                gl.connect(self.a.flange_b, self.spring.flange_a),
+                gl.connect(self.spring.flange_b, self.b.flange_a, self.meter.flange),
+            ]
+
+    found = gl.modes(gl.compile(Metered()))
+    for mode in range(2):
+        rpm, w, torque = found.shape(mode, "meter.rpm", "b.w", "spring.tau")
+        assert rpm == pytest.approx(w * 30 / np.pi)
+        assert (abs(torque) > 1e-6) == (mode == 1)

@@ -70,6 +70,19 @@ def test_what_is_at_zero_is_a_motion_a_preload_or_neither() -> None:
     assert mixed.tolist() == [[1], [1]]
 
 
+@pytest.mark.parametrize("springs", [1, 2, 3, 5])
+def test_parallel_springs_can_be_preloaded_in_one_way_less_than_there_are(springs: int) -> None:
+    """Between two bodies that turn freely; the position of one of them is a state that changes with its speed."""
+    c = np.arange(1.0, springs + 1)
+    A = np.zeros((springs + 3, springs + 3))  # twists, the position, two speeds
+    A[:springs, -2:], A[springs, -2] = [1.0, -1.0], 1.0
+    A[-2, :springs], A[-1, :springs] = -c / 2.0, c / 3.0
+    found = dense_spectrum(A, np.eye(springs + 3)[-2:], None, np.diag([*c, 0, 0, 0])[:springs])
+    assert (found.free.shape[1], found.preloads) == (1, springs - 1)
+    assert found.values == pytest.approx([1j * np.sqrt(c.sum() * (1 / 2 + 1 / 3))])
+    assert found.free[-2:, 0] / found.free[-1, 0] == pytest.approx([1.0, 1.0])
+
+
 def test_still_or_empty_matrices() -> None:
     nothing = dense_spectrum(np.zeros((0, 0)), np.zeros((0, 0)), None, np.zeros((0, 0)))
     assert (len(nothing.values), nothing.free.shape, nothing.preloads, len(nothing.decays)) == (0, (0, 0), 0, 0)
