@@ -80,7 +80,8 @@ def eigenvalue_changes(A: Any, changes: Sequence[Any], values: Complexes) -> Com
 def _branches(inner: Complexes, count: int, value: complex) -> Complexes:
     """Derivatives of the requested number of branches of a repeated eigenvalue."""
     own: Any = np.linalg.eigvals(inner)
-    own = own[np.lexsort((np.round(own.imag, 12), np.round(own.real, 12)))] if len(own) > 1 else own
+    rounded = np.round(own / max(np.abs(own).max(), 1e-300), 12)
+    own = own[np.lexsort((rounded.imag, rounded.real))]
     if len(own) > count:
         if np.abs(own - own[0]).max() > 1e-6 * np.abs(own).max():
             raise SolverError(

@@ -488,7 +488,7 @@ def modes(
     structure = translation.structure
     states = _moving_states(structure)
     scene, numbers, point = operating_point(translation, states, at, parameters)
-    nodes = _amplitude_nodes(structure)
+    nodes = _amplitude_nodes(structure, states)
     targets = [(v, k) for v, k in nodes.items()]
     program = build(structure, [*targets, *((v, k + 1) for v, k in states)], states, dynamic=True)
     prepared = prepare(program, structure, numbers)
@@ -579,18 +579,32 @@ def _moving_states(structure: Structure) -> tuple[Node, ...]:
     return tuple(sorted({*wanted, *needed_states(structure, [(v, k + 1) for v, k in wanted])}))
 
 
-def _amplitude_nodes(structure: Structure) -> dict[int, int]:
-    """Per variable, a derivative order whose amplitude is known without integrating absolute angles."""
+def _amplitude_nodes(structure: Structure, states: tuple[Node, ...]) -> dict[int, int]:
+    """Per variable, a derivative order whose amplitude follows from these states, without integrating absolute angles."""
     model = structure.model
-    states = set(structure.states) - set(structure.angles)
-    solved = set(structure.solved_by)
+    unknown = _dependent(structure, set(structure.states) - set(states))
+    known = ({*structure.solved_by, *states} - {*structure.angles}) - unknown
     result: dict[int, int] = {}
-    top = 1 + max([0, *(k for _, k in solved)])
+    top = 1 + max([0, *(k for _, k in structure.solved_by)])
     absolute = {v for v, _ in structure.angles}
     for v in sorted({int(r) for r in np.unique(model.representative[model.sign != 0])}):
         preferred = (1, 0) if model.potential[v] or v in absolute else (0, 1)
         for k in (*preferred, *range(2, top)):
-            if (v, k) in solved or (v, k) in states:
+            if (v, k) in known:
                 result[v] = k
                 break
     return result
+
+
+def _dependent(structure: Structure, states: set[Node]) -> set[Node]:
+    """These states, and all that depends on one of them at the same instant."""
+    readers: dict[Node, list[Node]] = {}
+    for node in structure.solved_by:
+        for read in structure.columns(*structure.equation(node)):
+            readers.setdefault(read, []).append(node)
+    found, waiting = set(states), list(states)
+    while waiting:
+        fresh = set(readers.get(waiting.pop(), ())) - found
+        found |= fresh
+        waiting += fresh
+    return found

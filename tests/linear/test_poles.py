@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -223,8 +224,9 @@ def test_changes_of_eigenvalues_are_their_differences(seed: int, large: bool, mo
             assert row[k] == pytest.approx(difference / (2 * h), rel=1e-5, abs=1e-6)
 
 
+@pytest.mark.parametrize("size", [1e-14, 1.0, 1e14])
 @pytest.mark.parametrize("large", [False, True])
-def test_branches_of_repeated_eigenvalues(large: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_branches_of_repeated_eigenvalues(large: bool, size: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of 2, 2, 2 and 5 along a change that parts them by -1, 0 and 4; zeros stay; all or, if they part, none of the branches."""
     if large:
         monkeypatch.setattr(eigenvalue_changes_module, "MOST_FULL", 3)
@@ -232,18 +234,18 @@ def test_branches_of_repeated_eigenvalues(large: bool, monkeypatch: pytest.Monke
     rest = [7.0, 9.0, 11.0]
 
     def of(diagonal: list[float]) -> Any:
-        matrix = turn @ np.diag(diagonal) @ turn.T
+        matrix = size * turn @ np.diag(diagonal) @ turn.T
         return sparse.csr_matrix(matrix) if large else matrix
 
     A, change = of([2.0, 2.0, 2.0, 5.0, 0.0, *rest]), of([4.0, -1.0, 0.0, 1.0, 3.0, 0.0, 0.0, 0.0])
-    found = eigenvalue_changes(A, [change], np.array([2.0, 5.0, 2.0, 0.0, 2.0]))
+    found = eigenvalue_changes(A, [change], size * np.array([2.0, 5.0, 2.0, 0.0, 2.0])) / size
     assert found[0] == pytest.approx(np.array([-1.0, 1.0, 0.0, 0.0, 4.0]), abs=1e-6)
     assert eigenvalue_changes(A, [change], np.zeros(2)) == pytest.approx(np.zeros((1, 2)))
-    said = r"the eigenvalue 2\+0j 1/s is repeated 3 times, and a change of the parameter parts them; ask for all of them, not for 2"
+    said = rf"the eigenvalue {re.escape(f'{2 * size:g}')}\+0j 1/s is repeated 3 times, and a change of the parameter parts them; ask for all of them, not for 2"
     with pytest.raises(SolverError, match=said):
-        eigenvalue_changes(A, [change], np.array([2.0, 2.0]))
+        eigenvalue_changes(A, [change], size * np.array([2.0, 2.0]))
     alike = of([3.0, 3.0, 3.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-    assert eigenvalue_changes(A, [alike], np.array([2.0]))[0] == pytest.approx([3.0], abs=1e-6)
+    assert eigenvalue_changes(A, [alike], size * np.array([2.0]))[0] / size == pytest.approx([3.0], abs=1e-6)
     chain = np.diag([2.0, 2.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0])
     chain[0, 1] = 1.0
     with pytest.raises(

@@ -113,6 +113,19 @@ def test_free_motion_is_a_speed_without_twist(chain: Callable[..., gl.System], n
     assert np.abs(found.shape(0, "shaft[0].tau", "shaft[1].phi_rel")).max() < 1e-9 * abs(speeds[0])
 
 
+def test_deflections_are_differences_of_angles_and_integrals_of_relative_speeds(paper: gl.System) -> None:
+    """Also of dampers to the ground, whose absolute angles no mode depends on; some parts alike have a state, others none."""
+    found = gl.modes(paper)
+    parts = [i.path for i in paper.translation.model.instances if "w_rel" in i.declared.variables]
+    assert len(parts) > 3
+    for mode in range(len(found)):
+        for part in parts:
+            names = (f"{part}.{local}" for local in ("phi_rel", "w_rel", "flange_a.phi", "flange_b.phi"))
+            deflection, speed, a, b = found.shape(mode, *names)
+            assert deflection == pytest.approx(speed / found.eigenvalues[mode], rel=1e-9, abs=1e-15), part
+            assert deflection == pytest.approx(b - a, rel=1e-9, abs=1e-15), part
+
+
 def test_component_with_inside_bodies_and_springs_is_split() -> None:
     """One component that hides two bodies and a spring keeps both kinds of energy: the sums are those of separate parts."""
 
