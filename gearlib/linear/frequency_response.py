@@ -219,11 +219,8 @@ def frequency_response(
         units = tuple(translation.unit(name) for name in model.outputs)
         sources = {translation.unit(name) for name in model.inputs}
         per = sources.pop() if len(sources) == 1 else ""
-    elif (
-        inputs is not None
-        or outputs is not None
-        or at is not None
-        or by_name("parameters", parameters, "a mapping of paths to numbers")
+    elif any(x is not None for x in (inputs, outputs, at)) or by_name(
+        "parameters", parameters, "a mapping of paths to numbers"
     ):
         raise ArgumentError("inputs, outputs, at and parameters belong to a System; a linear model has them already")
     check_linear(model)
@@ -237,11 +234,7 @@ def frequency_response(
     if not np.isfinite(values).all():
         w = grid[~np.isfinite(values).all(axis=(0, 1))][0]
         raise ArgumentError(f"the model has a pole at {w:g} rad/s: the response there is infinite")
-    find = (
-        _changes(model, np.asarray(1j * grid, complex))
-        if isinstance(model, LinearModel) and model.changes is not None
-        else None
-    )
+    find = _changes(model, np.asarray(1j * grid)) if isinstance(model, LinearModel) and model.changes is not None else None
     return FrequencyResponse(grid, values, tuple(ins), tuple(outs), units or ("",) * len(outs), per, said, find)
 
 

@@ -241,7 +241,8 @@ def test_branches_of_repeated_eigenvalues(large: bool, size: float, monkeypatch:
     found = eigenvalue_changes(A, [change], size * np.array([2.0, 5.0, 2.0, 0.0, 2.0])) / size
     assert found[0] == pytest.approx(np.array([-1.0, 1.0, 0.0, 0.0, 4.0]), abs=1e-6)
     assert eigenvalue_changes(A, [change], np.zeros(2)) == pytest.approx(np.zeros((1, 2)))
-    said = rf"the eigenvalue {re.escape(f'{2 * size:g}')}\+0j 1/s is repeated 3 times, and a change of the parameter parts them; ask for all of them, not for 2"
+    value = re.escape(f"{2 * size:g}")
+    said = rf"the eigenvalue {value}\+0j 1/s is repeated 3 times, and a change of the parameter parts them; ask for all of them, not for 2"
     with pytest.raises(SolverError, match=said):
         eigenvalue_changes(A, [change], size * np.array([2.0, 2.0]))
     alike = of([3.0, 3.0, 3.0, 1.0, 0.0, 0.0, 0.0, 0.0])
