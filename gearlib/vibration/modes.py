@@ -348,13 +348,8 @@ class Modes:
     def _repr_html_(self) -> str:
         """Notebook representation: one line per mode, followed by the notes."""
         rows: list[list[str | float]] = [
-            [
-                float(k),
-                float(self.frequencies[k]),
-                float(self.damping[k]),
-                *map(self._largest, (self.kinetic[k], self.potential[k])),
-            ]
-            for k in range(len(self))
+            [float(k), float(f), float(d), *map(self._largest, (self.kinetic[k], self.potential[k]))]
+            for k, (f, d) in enumerate(zip(self.frequencies, self.damping, strict=True))
         ]
         head = ["mode", "frequency, Hz", "damping", "kinetic energy", "potential energy"]
         return table(head, rows) + "".join(map(paragraph, self._remarks))
