@@ -13,6 +13,7 @@ when its share of processor time is used up and no test of the likeliest files (
 =============  =======================================================================================
 ``assertion``  a claim of a test did not hold, see below
 ``exception``  no claim, but a test met an exception that it did not expect
+``no value``   as before, and so did every test that ran the line: there is no value that a claim could judge
 ``crash``      nothing but a module that cannot be imported, a hang, or the end of the process
 ``survived``   no test failed
 ``accepted``   no claim failed, and ``tests/mutants.toml`` says why none need (equivalent, only slower)
@@ -22,7 +23,7 @@ A claim of a test fails where its ``assert`` does, where what it expects to be r
 and where gearlib refuses (a `GearlibError`) or warns: the test says that there is an answer, and the library checked that there is
 none. A mutant may also break the code so that it gives no value at all (an index, a type, a shape): then the test that ran the line
 fails by that exception, which says nothing of how well the values are watched. So the two are counted apart, and the bar of 97 % is
-one of assertions. A crash is credited to no test.
+one of assertions; beside it stands the share of those that give values at all. A crash is credited to no test.
 
 Options follow ``ARGS=`` of make: ``-n 300``, ``--seed 7``, ``--folder gearlib/structure gearlib/reduce``, ``--again LOG`` for
 those of a log that no assertion noticed, ``--goes-on`` for a sample that was interrupted: what its log holds is not tried again,
@@ -375,6 +376,7 @@ def limit_processor_time(seconds: int) -> None:
 
 
 FOUND = {"assertions": "assertion", "exceptions": "exception", "crashes": "crash"}  # what notices, and the verdict
+SAID = (*FOUND, "passed")  # the names of the tests, by what became of them
 
 
 class Notice:
@@ -386,11 +388,12 @@ class Notice:
         self.assertions: list[str] = []
         self.exceptions: list[str] = []
         self.crashes: list[str] = []
+        self.passed: list[str] = []
 
     def write(self, running: str = "") -> None:
         """Say what is known so far, and which test is running, should the process end in it."""
         written = self.file.with_suffix(".part")
-        written.write_text(json.dumps({kind: getattr(self, kind) for kind in FOUND} | {"running": running}))
+        written.write_text(json.dumps({kind: getattr(self, kind) for kind in SAID} | {"running": running}))
         written.replace(self.file)  # whole, or not there
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
@@ -412,6 +415,10 @@ class Notice:
             self.crashes.append(node.nodeid)
         else:
             (self.assertions if any(map(is_claim, failures)) else self.exceptions).append(node.nodeid)
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when == "call" and report.passed:
+            self.passed.append(report.nodeid)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, object, object]:
@@ -459,13 +466,13 @@ def in_child(
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
             break
-    said = dict(json.loads(file.read_text())) if file.exists() else {**{kind: [] for kind in FOUND}, "running": "the process"}
+    said = dict(json.loads(file.read_text())) if file.exists() else {**{kind: [] for kind in SAID}, "running": "the process"}
     ended = said.pop("running")
     if ended:
         said["crashes"].append(ended)
     if "::" in ended and not said["assertions"] and len(without) < 3:
         more = in_child(copy, run, targets, budget, likely, (*without, ended))
-        return {kind: said[kind] + more[kind] for kind in FOUND}
+        return {kind: said[kind] + more[kind] for kind in SAID}
     return said
 
 
@@ -582,7 +589,7 @@ def tried(one: Mutant, copy: Path, budget: float, number: int, wide: bool) -> Mu
     os.utime(path, (before + 10 * number, before + 10 * number))  # no byte code of another mutant is taken for this one's
     started = time.monotonic()
     likely = definition(one.module, one.line)
-    said: dict[str, list[str]] = {kind: [] for kind in FOUND}
+    said: dict[str, list[str]] = {kind: [] for kind in SAID}
     try:
         for some in rounds(one)[: 3 if wide else 2]:  # most are noticed before others are imported
             if some and not said["assertions"]:
@@ -599,6 +606,8 @@ def tried(one: Mutant, copy: Path, budget: float, number: int, wide: bool) -> Mu
 
 def judged(one: Mutant, said: dict[str, list[str]], started: float) -> Mutant:
     verdict, by = next(((verdict, said[kind][0]) for kind, verdict in FOUND.items() if said[kind]), ("survived", ""))
+    if verdict == "exception" and not covering(one.module, one.line) & {*said["passed"]}:
+        verdict = "no value"
     verdict = "accepted" if verdict != "assertion" and one.key in accepted() else verdict
     done = replace(one, verdict=verdict, noticed_by=by, seconds=round(time.monotonic() - started, 1))
     print(f"{done.verdict:9} {done.seconds:6.1f} s  {done.module}:{done.line}  {done.old}  ->  {done.new}", flush=True)
@@ -680,13 +689,17 @@ def main() -> None:
 
 def summary(results: list[Mutant]) -> str:
     count = Counter(one.verdict for one in results)
-    kept = len(results) - count["accepted"]
+    kept, raw = len(results) - count["accepted"], count["exception"] + count["no value"]
+    shares = [100 * n / max(of, 1) for n, of in (
+        (count["assertion"], kept), (count["assertion"] + raw, kept), (count["assertion"], kept - count["no value"])
+    )]  # fmt: skip
     lines = [
-        f"{len(results)} mutants: {count['assertion']} noticed by an assertion, {count['exception']} by an exception, "
-        f"{count['crash']} by a crash, "
+        f"{len(results)} mutants: {count['assertion']} noticed by an assertion, {raw} by an exception "
+        f"({count['no value']} of them in all tests of their lines), {count['crash']} by a crash, "
         f"{count['survived']} survived, {count['accepted']} accepted as equivalent or only slower",
-        f"of those that matter, {100 * count['assertion'] / max(kept, 1):.1f} % were noticed by an assertion "
-        f"({100 * (count['assertion'] + count['exception']) / max(kept, 1):.1f} % by any test)",
+        "of those that matter, {:.1f} % were noticed by an assertion ({:.1f} % by any test); of those that give values, {:.1f} %".format(
+            *shares
+        ),
     ]
     return "\n".join(lines)
 
