@@ -226,6 +226,9 @@ def search_steady(scene: Scene, numbers: Prepared, start: Start, inputs: Floats,
         ran = _run_to_rest(search, replace(end, x=start.states))
         end = ran if ran.steady else end
     if not end.steady:
+        rest = _at_rest(search, end.x)
+        end = rest if rest.steady else end
+    if not end.steady:
         raise StartError(f"no steady state was found: {_reason(search, end)}")
     return end.x
 
@@ -421,6 +424,13 @@ def _sticking(search: Search, x: Floats, discrete: Floats) -> tuple[Floats, Floa
     return x, np.linalg.qr(np.array(rows).T)[0] if rows else None
 
 
+def _at_rest(search: Search, x: Floats) -> End:
+    """Newton's method from where all that fades has vanished: some drags stop a train only in the limit."""
+    size = np.abs(x / search.scale)
+    change = np.where(size <= LOCAL * np.abs(search.begin.states / search.scale).max(), -x / search.scale, 0.0)
+    return _closed(search, x + search.scale * (search.stationary @ (search.stationary.T @ change)))
+
+
 def _implicit(search: Search, gradient: Floats, step: float) -> Callable[[Floats], Floats]:
     """Linearly implicit Euler: change of the stationary directions over a step, from scaled rates."""
     from scipy.linalg import lu_factor, lu_solve
@@ -450,7 +460,7 @@ def _closed(search: Search, x: Floats) -> End:
         """Whether the steps are small, or shrink no further."""
         nonlocal last
         last, before = float(np.abs(step / search.scale).max()), last
-        return last <= SETTLED * float(np.abs(point[0] / search.scale).max()) or last >= 0.5 * before
+        return bool((np.abs(step) <= SETTLED * np.abs(point[0])).all()) or last >= 0.5 * before
 
     try:
         found = newton(equations, x, settled, 30)
@@ -482,7 +492,7 @@ def _goes_on(search: Search, x: Floats) -> bool:
     turned = search.grows @ (search.grows.T @ search.rates(x)[0])
     if not turned.any():
         return True
-    later = x + search.scale * turned * (LATER / float(np.abs(turned).max()))
+    later = x + search.scale * (turned / np.abs(turned).max()) * LATER
     f, gradient = search.rates(later)
     change = _Equations(search, gradient).change(f)
     return bool((np.abs(change) <= NEAR * np.abs(x / search.scale).max()).all())

@@ -13,6 +13,8 @@ import gearparts as gp
 from gearlib.errors import StartError
 from gearlib.run import steady
 from gearlib.run.steady import Search, continued
+from tests.gearparts.msl_examples import CompareBrakingTorque
+from tests.gearparts.msl_hybrid_examples import Backlash
 
 c = gl.connect
 
@@ -158,6 +160,50 @@ def test_a_weak_load_is_found_without_a_guess(nominal: float) -> None:
     system = free(2.0, [gp.QuadraticSpeedDependentTorque(tau_nominal=-1.0, w_nominal=nominal)])
     run = system.simulate(1.0, start="steady", samples=2)
     assert run["b.w"] == pytest.approx(np.full(2, nominal * np.sqrt(2)), rel=1e-6)
+
+
+class Drag(gl.Component):
+    """A torque against the rotation that grows with a power of the speed."""
+
+    power = gl.Structural(2, "exponent of the speed")
+    flange = gp.Flange()
+    w = gl.Variable("rad/s", "speed")
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(self.w, gl.der(self.flange.phi)), gl.Eq(self.flange.tau, 0.01 * self.w**self.power)]
+
+
+class Coasting(gl.Component):
+    """Two inertias with an elastic shaft and a gear between them, stopped by a drag."""
+
+    power = gl.Structural(2, "exponent of the drag")
+
+    def assemble(self) -> list[Any]:
+        self.rotor, self.hub = gp.Inertia(J=1.0, start={"w": 100.0, "phi": 0.3}), gp.Inertia(J=0.1)
+        self.gear, self.shaft, self.drag = gp.IdealGear(ratio=5.0), gp.SpringDamper(c=1e5, d=10.0), Drag(power=self.power)
+        return [
+            gl.connect(self.rotor.flange_b, self.gear.flange_a),
+            gl.connect(self.gear.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.hub.flange_a),
+            gl.connect(self.hub.flange_b, self.drag.flange),
+        ]
+
+
+@pytest.mark.parametrize("power", [1, 2, 3, 4, 7])
+def test_a_train_that_coasts_comes_to_rest_where_it_is(power: int) -> None:
+    """A drag without a linear part leaves no slope at rest, so that the speeds only fade; angles keep their start values."""
+    system = gl.compile(Coasting(power=power), outputs=["rotor.w", "rotor.phi", "hub.w", "shaft.tau"])
+    found = gl.steady_state(system)
+    np.testing.assert_allclose([found[n] for n in ("rotor.w", "hub.w", "shaft.tau")], 0.0, atol=1e-10)
+    assert found["rotor.phi"] == pytest.approx(0.3, abs=1e-9)
+
+
+@pytest.mark.parametrize("example", [CompareBrakingTorque, Backlash])
+def test_what_is_braked_or_rattles_to_rest_has_stopped(example: type[gl.Component]) -> None:
+    """Each has a speed that fades with a power of time: under a quadratic torque, and in a gap."""
+    system = gl.compile(example())
+    found = gl.steady_state(system)
+    assert all(abs(found[name]) <= 1e-12 for name in system.states if name.endswith(".w"))
 
 
 def test_of_several_it_is_the_one_that_the_motion_goes_to() -> None:
