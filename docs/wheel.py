@@ -1,8 +1,8 @@
 """Build the wheel of a release in dist/: that of hatchling in fewer bytes, less than 1 MB.
 
 A level of indentation is one space in the installed sources. Comments are left out, and so are the docstrings of private functions and
-classes, which nothing shows; other docstrings stay, and so do the lines and their numbers. Files are compressed by Zopfli, whose output
-is read by every unzip.
+classes and of those of the engine, which nothing shows; other docstrings stay, and so do the lines and their numbers. Files are
+compressed by Zopfli, whose output is read by every unzip.
 """
 
 from __future__ import annotations
@@ -22,11 +22,18 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 1 << 20  # bytes: 1 MB
+ENGINE = tuple(f"gearlib/{name}/" for name in ("compiler", "equations", "flatten", "native", "program", "reduce", "structure"))
 LOCAL, CENTRAL, END = "<4s5H3L2H", "<4s6H3L5H2L", "<4s4H2LH"  # records of a zip archive
 
 
-def without_private_docstrings(source: str) -> str:
+def without_private_docstrings(source: str, all_private: bool = False) -> str:
     r"""Python source without the docstrings of private functions and classes, and of what is defined in them.
+
+    Parameters
+    ----------
+    source : str
+    all_private : bool
+        Whether all functions and classes are private.
 
     >>> without_private_docstrings("def _f():\n    'What it does.'\n    return 1\n")
     'def _f():\n\n    return 1\n'
@@ -43,7 +50,7 @@ def without_private_docstrings(source: str) -> str:
                 lines[first.lineno - 1 : first.end_lineno] = ["\n"] * ((first.end_lineno or first.lineno) - first.lineno + 1)
             walk(inner, hidden)
 
-    walk(ast.parse(source), False)
+    walk(ast.parse(source), all_private)
     return "".join(lines)
 
 
@@ -118,7 +125,7 @@ def contents(wheel: Path) -> dict[str, bytes]:
         files = {name: archive.read(name) for name in archive.namelist()}
     for name, data in files.items():
         if name.endswith((".py", ".pyi")):
-            source = without_private_docstrings(data.decode())
+            source = without_private_docstrings(data.decode(), name.startswith(ENGINE))
             files[name] = compact(source).encode()
             if not same(source, files[name].decode()):
                 raise SystemExit(f"{name} would be another program")
