@@ -104,8 +104,7 @@ def _rows(
     """Per instance, the entries (row, variable, order, value) of its linearised equations."""
     model, program = structure.model, prepared.program
     builder = Builder(structure, (), program.states)
-    top = 1 + max([1, *(k for _, k in program.slots)])
-    builder.table = np.zeros((max(top, 4), model.n_variables), np.int64)
+    builder.table = np.zeros((1 + max([3, *(k for _, k in program.slots)]), model.n_variables), np.int64)
     for (v, k), slot in program.slots.items():
         builder.table[k, v] = slot
     count: dict[int, int] = defaultdict(int)

@@ -108,6 +108,8 @@ def test_rounding_is_shown_as_zero_and_slides_have_no_revolutions() -> None:
     assert max(map(len, str(flow).splitlines())) <= 100
     html = flow._repr_html_()
     assert html.count("<tr>") == 4
+    fast = PowerFlow((flange("a", "flange", 1e13, 0.5, 0), flange("b", "flange", 1e13, -0.5, 0)), 1)
+    assert [line.split()[0] for line in str(fast).splitlines()[3:5]] == ["a.flange", "b.flange"]
     assert f'<td class="number">{-60 / math.pi:.6g}</td>' in html
     table = PowerFlow(FLANGES, 1).to_dataframe()
     assert table.loc["pump.flange"].tolist() == [20, 5, 100]

@@ -179,6 +179,22 @@ def test_what_stays_open_is_named_four_at_most(count: int) -> None:
     assert np.isfinite(gl.power_flow(system, speeds={f"body[{k}].w": 1.0 for k in range(count)}).largest)
 
 
+def test_drives_that_could_share_a_torque_in_any_way_are_named_with_their_flanges() -> None:
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.two, self.body = gp.Torque(), gp.Torque(), gp.Inertia(J=1.0)
+            return [gl.connect(self.one.flange, self.two.flange, self.body.flange_a)]
+
+    system = gl.compile(Two())
+    inputs, flanges = "input one.tau, input two.tau", "torque of one.flange, torque of two.flange"
+    for speed, open_ in ((3.0, f"{inputs}, {flanges}"), (0.0, inputs)):  # at rest a torque does no work
+        with pytest.raises(ArgumentError) as refused:
+            gl.power_flow(system, speeds={"body.w": speed})
+        assert str(refused.value) == f"too little is given: the {open_} stay open; give more speeds or torques"
+    flow = gl.power_flow(system, speeds={"body.w": 3.0}, torques={"one.tau": 2.0})
+    assert [flow[name].torque for name in ("one.flange", "two.flange")] == pytest.approx([-2.0, 2.0])
+
+
 @pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 33])
 def test_as_many_speeds_are_independent_as_bodies_turn_freely(count: int) -> None:
     class Apart(gl.Component):

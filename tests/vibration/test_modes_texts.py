@@ -175,6 +175,18 @@ def test_a_model_of_one_component_is_named_by_its_class() -> None:
     assert negative.not_given == dict.fromkeys(range(2), "the kinetic energy of Alone is negative")
 
 
+def test_modes_at_a_moment_of_a_run_are_those_of_its_parameters(system: gl.System) -> None:
+    """Without inertia at one end the train has fewer states; nothing has to be given twice."""
+    given = {"b.J": 0.0, "brake.d": 0.5}
+    run = system.simulate(0.1, parameters=given)
+    expected = gl.modes(system, parameters=given)
+    assert len(expected.eigenvalues) + len(expected.decays) < len(gl.modes(system).states)
+    for more in ({}, {"parameters": given}):
+        found = gl.modes(system, at=(run, 0.05), **more)
+        assert found.eigenvalues == pytest.approx(expected.eigenvalues)
+        assert found.decays == pytest.approx(expected.decays)
+
+
 class Pushing(gl.Component):
     """A spring that pushes away."""
 
