@@ -69,8 +69,8 @@ def of_frequency(polynomial: Any) -> Any:
     return np.array(polynomial) * 1j ** np.arange(len(polynomial))[::-1]
 
 
-@pytest.mark.parametrize("seed", range(12, 18))
-def test_undamped_poles_are_no_crossings_whichever_side_rounding_puts_them_on(seed: int) -> None:
+@pytest.mark.parametrize(("seed", "unit"), [*((seed, 1.0) for seed in range(12, 18)), (13, 1e-5), (13, 1e5)])
+def test_undamped_poles_are_no_crossings_whichever_side_rounding_puts_them_on(seed: int, unit: float) -> None:
     """Three vibrations without damping behind one lag or two: the phase is that of numerator and lags, but for half turns."""
     draw = np.random.default_rng(seed)
     undamped = np.array([1.0])
@@ -84,9 +84,10 @@ def test_undamped_poles_are_no_crossings_whichever_side_rounding_puts_them_on(se
     whole = np.polymul(lag, undamped)
     at = np.sort(roots[(np.abs(roots.imag) < 1e-9) & (roots.real > 1e-9)].real)
     values = (np.polyval(numerator, 1j * at) / np.polyval(whole, 1j * at)).real
-    found = margins(as_loop(control.tf(numerator, whole))).phase_crossings
+    loop = as_loop(control.tf(numerator, whole))
+    found = margins(Loop(unit * loop.A, unit * loop.b, loop.c, 0.0, "u", "y")).phase_crossings
     mine = [c for c in found if 0 < c.omega < INFINITE]
-    assert [c.omega for c in mine] == pytest.approx(at[values < 0].tolist(), rel=1e-9)
+    assert [c.omega / unit for c in mine] == pytest.approx(at[values < 0].tolist(), rel=1e-9)
     assert [c.gain_margin for c in mine] == pytest.approx((-1 / values[values < 0]).tolist(), rel=1e-7)
 
 
