@@ -62,6 +62,16 @@ def parameter_function(expression: Any, arguments: tuple[str, ...], by: str | No
     return array_function([real_symbol(a) for a in arguments], expression)
 
 
+def is_computable(expression: Any, arguments: tuple[str, ...]) -> bool:
+    """Whether all functions in an expression of parameters have numbers; sympy's ``gamma`` has none here."""
+    try:
+        with np.errstate(all="ignore"):
+            parameter_function(expression, arguments)(*np.ones(len(arguments)))
+    except (NameError, NotImplementedError):
+        return False
+    return True
+
+
 def canonical(expression: Any) -> tuple[Any, tuple[str, ...]]:
     """The expression over a0, a1, ..., and the names that these replace."""
     expression = over_real_symbols(expression)

@@ -277,6 +277,8 @@ def checked(expression: Any, label: str) -> Any:
     bad = (sympy.nan, sympy.zoo, sympy.oo, sympy.S.NegativeInfinity, sympy.I)
     if not isinstance(expression, sympy.Expr) or expression.has(*bad):
         raise DeclarationError(f"{label} is {expression}; expected a real expression of variables and parameters")
+    if expression.has(sympy.cot):  # sympy's tan(x + pi/2)
+        expression = expression.replace(sympy.cot, lambda x: sympy.cos(x) / sympy.sin(x))
     for node in expression.atoms(sympy.Function, sympy.Derivative, sympy.Integral, sympy.Sum, sympy.Subs):
         if not isinstance(node, KNOWN) and node.func.__name__ != "no_event":
             hint = "; the time derivative is gl.der(x)" if isinstance(node, sympy.Derivative) else ""

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from gearlib.arguments import shown
-from gearlib.equations.bindings import bind_input, canonical, is_expression, number
+from gearlib.equations.bindings import bind_input, canonical, is_computable, is_expression, number
 from gearlib.equations.class_record import ClassRecord, Met, check_values, class_record, descend
 from gearlib.errors import ArgumentError, BindingError, ConnectionError, ModelError, nearest
 from gearlib.flatten.attributes import choices_of
@@ -269,6 +269,8 @@ def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, u
     check_depth(value, path)
     expression, names = canonical(value)
     arguments = tuple(_parameter(tree, scope, n, path) for n in names)
+    if expression not in tree.dependents and not is_computable(expression, tuple(f"a{i}" for i in range(len(names)))):
+        raise BindingError(f"{path} is {shown(value)}, which holds a function that gearlib does not have")
     rows, targets = tree.dependents.setdefault(expression, ([], []))
     rows.append(arguments)
     targets.append(slot)
