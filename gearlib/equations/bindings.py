@@ -51,7 +51,7 @@ def number(value: Any, path: str, unit: str, description: str) -> float:
 
 def is_expression(value: Any) -> bool:
     """Whether a given value contains symbols."""
-    return isinstance(value, sympy.Basic) and (value.is_Symbol or bool(value.free_symbols))
+    return isinstance(value, sympy.Basic) and bool(value.free_symbols)
 
 
 @lru_cache(maxsize=10_000)
@@ -63,7 +63,7 @@ def parameter_function(expression: Any, arguments: tuple[str, ...], by: str | No
 
 
 def is_computable(expression: Any, arguments: tuple[str, ...]) -> bool:
-    """Whether all functions in an expression of parameters have numbers; sympy's ``gamma`` has none here."""
+    """Whether gearlib has all functions in an expression of parameters."""
     try:
         with np.errstate(all="ignore"):
             parameter_function(expression, arguments)(*np.ones(len(arguments)))
@@ -75,8 +75,6 @@ def is_computable(expression: Any, arguments: tuple[str, ...]) -> bool:
 def canonical(expression: Any) -> tuple[Any, tuple[str, ...]]:
     """The expression over a0, a1, ..., and the names that these replace."""
     expression = over_real_symbols(expression)
-    if expression.is_Symbol:
-        return real_symbol("a0"), (expression.name,)
     names = tuple(sorted(s.name for s in expression.free_symbols))
     table = {real_symbol(n): real_symbol(f"a{i}") for i, n in enumerate(names)}
     return expression.xreplace(table), names

@@ -43,17 +43,11 @@ def unite(n: int, left: Integers, right: Integers, sign: Integers, rank: Integer
     redundant = 0
 
     def find(x: int) -> tuple[int, int]:
-        root = parent[x]
-        if parent[root] == root:  # a root has the sign 1
-            return root, parity[x]
-        path = []
-        while parent[x] != x:
-            path.append(x)
-            x = parent[x]
         s = 1
-        for node in reversed(path):
-            s *= parity[node]
-            parent[node], parity[node] = x, s
+        while parent[x] != x:
+            up = parent[x]
+            parent[x], parity[x] = parent[up], parity[x] * parity[up]  # halves the path; a root has the sign 1
+            x, s = parent[x], s * parity[x]
         return x, s
 
     for a, b, s in zip(left.tolist(), right.tolist(), sign.tolist(), strict=True):

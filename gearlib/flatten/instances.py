@@ -270,7 +270,7 @@ def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, u
     expression, names = canonical(value)
     arguments = tuple(_parameter(tree, scope, n, path) for n in names)
     if expression not in tree.dependents and not is_computable(expression, tuple(f"a{i}" for i in range(len(names)))):
-        raise BindingError(f"{path} is {shown(value)}, which holds a function that gearlib does not have")
+        raise BindingError(f"{path} is {shown(value)}, which holds a function that is not gearlib's")
     rows, targets = tree.dependents.setdefault(expression, ([], []))
     rows.append(arguments)
     targets.append(slot)

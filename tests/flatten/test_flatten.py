@@ -128,8 +128,8 @@ def part(**given: Any) -> gl.Component:
         (lambda s: s.q - 3, BoundError, r"m\.J is -2; expected at least 0"),
         (lambda s: 1 / (s.q - 1), BoundError, r"m\.J is inf; expected a finite number"),
         (lambda s: gl.sqrt(-s.q), BoundError, r"m\.J is nan; expected a finite number"),
-        (lambda s: sympy.gamma(s.q), BindingError, r"m\.J is gamma\(q\), which holds a function that gearlib does not have"),
-        (lambda s: 2 * sympy.besselj(1, s.q), BindingError, r"m\.J is 2\*besselj\(1, q\), which holds a function that gearlib"),
+        (lambda s: sympy.gamma(s.q), BindingError, r"m\.J is gamma\(q\), which holds a function that is not gearlib's"),
+        (lambda s: 2 * sympy.besselj(1, s.q), BindingError, r"m\.J is 2\*besselj\(1, q\), which holds a function that is not"),
     ],
 )
 def test_wrong_values_of_a_parameter(value: Any, error: type[Exception], message: str) -> None:

@@ -13,6 +13,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
+from gearlib.flatten.flatten import flatten
 
 R_S, R_P, N = 0.03, 0.045, 4
 R_R, R_H = R_S + 2 * R_P, R_S + R_P
@@ -49,6 +50,14 @@ class Driven(gl.Component):
 
 def driven(**given: Any) -> Driven:
     return Driven(given=tuple(given.items()))
+
+
+def test_masses_that_are_not_given_are_those_of_discs_and_the_ring_s_of_a_hoop() -> None:
+    table = flatten(gp.PlanetaryUnit(**DATA, **LEVELS["planar"])).parameters
+    found = dict(zip(table.names, table.defaults, strict=True))
+    r_c = R_H / np.cos(np.pi / 9)
+    wanted = {"m_s": 2 * 0.002 / R_S**2, "m_r": 0.15 / R_R**2, "m_c": 2 * 0.05 / R_H**2, "m_p": 0.01 / r_c**2, "r_c": r_c}
+    assert {name: found[f"planar.{name}"] for name in wanted} == pytest.approx(wanted, rel=1e-14)
 
 
 def rigid_accelerations() -> dict[str, float]:

@@ -11,10 +11,13 @@ from scipy.integrate import solve_ivp
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.language.component import energies_of
+from gearlib.language.expressions import real_symbol
 from gearparts.gears.mesh_models import DetailedExternalMesh, DetailedInternalMesh, mesh_damping
 from gearparts.rotational.backlash import ElastoBacklash, ElastoBacklash2
 from tests.benchmarks import floor_rk
 from tests.gearparts import msl_hybrid_examples as msl
+from tests.gearparts.laws import plain
 from tests.gearparts.rotational.scenes_backlash import BacklashPair
 from tests.gearparts.rotational.test_friction import METHODS, check_against_reference, run
 from tests.gearparts.test_msl_examples import agree
@@ -226,3 +229,12 @@ def test_power_into_a_detailed_mesh_is_stored_or_lost() -> None:
         0.001 * r["a.w"] ** 2 + 0.005 * r["b.w"] ** 2 + 0.5e7 * beyond**2 + r["metal.T"] - 5.0 * (r["a.phi"] - r["a.phi"][0])
     )
     assert energy == pytest.approx(np.full(101, 0.1), abs=1e-8)
+
+
+@pytest.mark.parametrize("kind", [gp.ElastoBacklash, gp.ElastoBacklash2])
+def test_the_spring_stores_what_is_beyond_the_gap_on_either_side(kind: type[gl.Component]) -> None:
+    declared = energies_of(kind(c=300.0, b=0.2))
+    assert declared is not None
+    for x, beyond in ((0.15, 0.05), (-0.15, 0.05), (0.1, 0.0), (-0.1, 0.0), (0.03, 0.0), (-0.4, 0.3)):
+        at = {"phi_rel": x + 0.7, "phi_rel0": 0.7, "b": 0.2, "c": 300.0}
+        assert float(plain(declared.stored).subs({real_symbol(n): v for n, v in at.items()})) == pytest.approx(150 * beyond**2)
