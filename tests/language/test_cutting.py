@@ -196,6 +196,5 @@ def test_a_connector_is_cut_where_one_flow_answers_one_potential(potentials: int
             self.one, self.other = Side(), Side()
             return [gl.connect(self.one.end, self.other.end)]
 
-    message = rf"cut: a Pair has {potentials} potentials and {flows} flows; expected one of each"
-    with pytest.raises(gl.GearlibError, match=message):
+    with pytest.raises(gl.GearlibError, match=rf"cut: a Pair has {potentials} potentials and {flows} flows; expected one of"):
         gl.compile(gl.cut(Two(), "one.end"))

@@ -45,13 +45,12 @@ def test_every_flat_equation_can_be_matched(system: gl.System) -> None:
 def test_flat_equations_know_their_variables_and_orders(system: gl.System) -> None:
     graph, model = system.graph(), system.translation.structure.model
     assert {n[1:] for n in graph if n[0] == "equation"} == {(e, 0) for e in range(len(model.places))}
-    given = set(model.inputs.tolist())
     for node, data in graph.nodes(data=True):
         number = node[1]
         if node[0] == "variable":
             highest = max(order for other in graph[node] for order in graph.edges[node, other]["orders"])
             assert node[2] == 0
-            assert data == {"bipartite": 1, "path": model.name(number), "given": number in given, "order": highest}
+            assert data == {"bipartite": 1, "path": model.name(number), "given": number in model.inputs, "order": highest}
         else:
             found = sorted((v[1], order) for v in graph[node] for order in graph.edges[node, v]["orders"])
             assert found == sorted(model.nodes(number, 0))
