@@ -23,13 +23,12 @@ from gearlib.flatten.connections import (
     sum_template,
     without_opposites,
 )
-from gearlib.flatten.instances import walk
+from gearlib.flatten.instances import place_of, walk
 from gearlib.flatten.model import (
     Dependent,
     EquationGroup,
     FlatModel,
     Floats,
-    Instance,
     Integers,
     ParameterTable,
     UpdateGroup,
@@ -149,7 +148,7 @@ def _refuse_equal_inputs(tree: Tree, aliases: Aliases) -> None:
         other = int(aliases.representative[own])
         name = _variable_name(tree, own)
         if aliases.sign[own] == 0:
-            instance, _ = _place(tree, own)
+            instance, _ = place_of(tree, own)
             part = instance.path or instance.kind
             number = tree.instances.index(instance)
             loose = [c for n, c in tree.loose_ports if n == number]
@@ -172,13 +171,8 @@ def _refuse_equal_inputs(tree: Tree, aliases: Aliases) -> None:
             )
 
 
-def _place(tree: Tree, variable: int) -> tuple[Instance, str]:
-    instance = next(i for i in tree.instances if i.first_variable <= variable < i.first_variable + len(i.declared.variables))
-    return instance, list(instance.declared.variables)[variable - instance.first_variable]
-
-
 def _variable_name(tree: Tree, variable: int) -> str:
-    instance, local = _place(tree, variable)
+    instance, local = place_of(tree, variable)
     return ".".join(filter(None, (instance.path, local)))
 
 

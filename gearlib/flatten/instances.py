@@ -216,7 +216,8 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
                     f"{instance.path or instance.kind}: {'start' if fixed else 'guess'} value for '{name}', which is not a variable of "
                     f"{instance.kind}; {nearest(local, inside or instance.declared.variables)}"
                 )
-            _set_start(tree, prefix, name, inner, value, parent, fixed, _unit(tree, inner))
+            owner, local = place_of(tree, inner)
+            _set_start(tree, prefix, name, inner, value, parent, fixed, owner.declared.variables[local].unit)
             tree.started.add(inner)
     if interior.nominals_of(component) or interior.preferences_of(component):
         tree.choices += [(instance.variable(n), what, v) for n, what, v in choices_of(component, instance)]
@@ -226,11 +227,11 @@ def _variables_of(tree: Tree, part: Component) -> Iterable[str]:
     return tree.instances[tree.numbers[id(part)]].declared.variables
 
 
-def _unit(tree: Tree, variable: int) -> str:
-    """The unit of a variable, by its number."""
+def place_of(tree: Tree, variable: int) -> tuple[Instance, str]:
+    """The instance of a variable, by its number, and the variable's name in it."""
     owner = bisect_right(tree.instances, variable, key=lambda instance: instance.first_variable) - 1
     instance = tree.instances[owner]
-    return list(instance.declared.variables.values())[variable - instance.first_variable].unit
+    return instance, list(instance.declared.variables)[variable - instance.first_variable]
 
 
 def _set_start(

@@ -59,6 +59,7 @@ def test_flat_equations_know_their_variables_and_orders(system: gl.System) -> No
 
 def test_blocks_are_the_strong_components_in_an_order_of_computation(system: gl.System) -> None:
     graph = system.graph(reduced=True)
+    assert all(data["bipartite"] == ("equation", "variable").index(n[0]) for n, data in graph.nodes(data=True))
     blocks = graph.graph["blocks"]
     own = {frozenset(n[1:] for n in block) for block in blocks}
     scene = system.translation.scene

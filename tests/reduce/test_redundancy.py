@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.flatten.flatten import flatten
 from gearlib.reduce.redundancy import flows_beside, left_open
 
 c = gl.connect
@@ -340,6 +341,12 @@ def test_flows_beside_an_equation_are_those_of_its_component(name: str) -> None:
     assert places
     flows = {int(model.representative[model.variable(f"{name}.{flange}.tau")]) for flange in ("flange_a", "flange_b")}
     assert flows_beside(model, places) == flows
+
+
+def test_flows_beside_an_equation_of_the_outermost_component_are_its_own() -> None:
+    model = flatten(gp.IdealGear(ratio=2.0))
+    flows = {int(model.representative[model.variable(f"{flange}.tau")]) for flange in ("flange_a", "flange_b")}
+    assert flows_beside(model, [(g, i) for g, i in model.places if model.groups[g].owners[i] == 0]) == flows
 
 
 def test_what_is_set_to_zero_is_named_by_flanges_in_any_order() -> None:
