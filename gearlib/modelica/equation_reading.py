@@ -83,8 +83,6 @@ def _conditional(node: ConditionalNode, evaluation: Evaluation) -> Iterator[Eq |
                 if not isinstance(equation, Eq):
                     raise ModelicaError(f"{inner.at}: when-equations within if-equations are not supported")
                 equations.append(equation)
-        if any(isinstance(inner, ConnectNode) for inner in body):
-            raise ModelicaError(f"{node.at}: connections under a condition that may vary are not supported")
         found.append(equations)
     if len({len(equations) for equations in found}) != 1:
         raise ModelicaError(f"{node.at}: the branches have different numbers of equations")

@@ -142,6 +142,26 @@ def test_branches_of_when() -> None:
     assert equations_of(component)[1] == expected
 
 
+@pytest.mark.parametrize("never", ["false", "1 > 2", "sqrt(9) < 2"])
+def test_conditions_that_never_become_true_leave_the_others(never: str) -> None:
+    component = read(f"""discrete Real d; equation
+      when {{time > 1, {never}, time > 2}} then d = 1; elsewhen {never} then d = 2; end when;""")()
+    second = gl.When(gl.time > 2, gl.Eq(component.d, 1))
+    assert equations_of(component) == [gl.When(gl.time > 1, gl.Eq(component.d, 1), elsewhen=second)]
+    assert equations_of(read(f"discrete Real d; equation when {never} then d = 1; end when;")()) == []
+
+
+@pytest.mark.parametrize(
+    ("condition", "there"), [("sqrt(9) > 2", True), ("sqrt(9) < 2", False), ("3 <= two", False), ("3 > two", True)]
+)
+def test_parts_and_equations_under_conditions_of_constants(condition: str, there: bool) -> None:
+    text = f"Components.Fixed part if {condition}; Real x; equation if {condition} then x = 1; else x = 2; end if;"
+    component = read(text)()
+    assert connections_of(component) == []
+    assert ("part" in parts_of(component)) == there
+    assert [str(equation.right) for equation in equations_of(component)] == ["1" if there else "2"]
+
+
 def test_connections() -> None:
     component = read("""parameter Integer n = 3; parameter Boolean on = false; Components.Fixed f[n]; Components.Fixed absent if on;
       Components.Inertia a, b[n], c; Interfaces.Flange_a shaft; Interfaces.Flange_a away if on; equation
