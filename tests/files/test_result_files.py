@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import re
 import shutil
@@ -13,6 +14,7 @@ import warnings
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -173,6 +175,92 @@ def test_a_file_that_is_cut_off_anywhere_is_refused(suffix: str, saved: Path, tm
         path.write_bytes(whole[:length])
         with pytest.raises(FileError, match=rf"cut\{suffix} is (truncated or damaged: .|not a result file of gearlib)"):
             gl.load_result(path)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "name", "said"),
+    [
+        (".nc", "time", "netCDF has no variable of the name 'time'"),
+        (".nc", "a/b", "netCDF has no variable of the name 'a/b'"),
+        (".zarr", "time", "a variable of the model is called time, which the file format reserves"),
+        (".zarr", "gearlib_header", "a variable of the model is called gearlib_header, which the file format reserves"),
+    ],
+)  # fmt: skip
+def test_names_that_a_format_does_not_have(suffix: str, name: str, said: str, tmp_path: Path) -> None:
+    record = Record(np.zeros(1), np.zeros((1, 2)), ("w", name), (0, 1), (1, 1), ("", ""), ("", ""))
+    with pytest.raises(ArgumentError) as problem:
+        save_record(record, tmp_path / f"r{suffix}")
+    assert str(problem.value).split("; leave it out of names")[0] == said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_provenance_of_any_kind_comes_back_as_json_has_it() -> None:
+    """Numbers of NumPy as numbers, sequences as tuples, mappings of any kind, anything else in words."""
+    time, data = np.zeros(1), np.zeros((1, 1))
+    stats = {
+        "n": np.int64(3),
+        "x": np.float64(0.5),
+        "many": np.array([1.0, 2.0]),
+        "map": MappingProxyType({"a": 1}),
+        "kind": Path("p"),
+    }
+    record = Record(time, data, ("w",), (0,), (1,), ("",), ("",), stats=stats, events=[(0.5, "gap")])
+    found = from_header(record.header(), time, data, "r")
+    assert found.stats == {"n": 3, "x": 0.5, "many": (1.0, 2.0), "map": {"a": 1}, "kind": "p"}
+    assert found.events == ((0.5, "gap"),)
+    assert (found.place, found.model, found.versions) == ({"w": 0}, "", {})
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("units", None, "r is truncated or damaged: it has no units"),
+        ("samples", None, "r is truncated or damaged: it has no samples"),
+        ("stats", [1], "r is truncated or damaged: 'list' object has no attribute 'items'"),
+        ("events", [[1.0]], "r is truncated or damaged: not enough values to unpack (expected 2, got 1)"),
+        ("gearlib result", None, "r is not a result file of gearlib; expected a file written by result.save(...)"),
+        ("gearlib result", "1", "r is not a result file of gearlib; expected a file written by result.save(...)"),
+    ],
+)
+def test_headers_that_were_changed_are_refused(key: str, value: Any, said: str) -> None:
+    time, data = np.zeros(1), np.zeros((1, 1))
+    header = json.loads(Record(time, data, ("w",), (0,), (1,), ("",), ("",)).header())
+    header.pop(key)
+    with pytest.raises(FileError) as problem:
+        from_header(json.dumps(header if value is None else {**header, key: value}), time, data, "r")
+    assert str(problem.value) == said
+    with pytest.raises(FileError, match="r is not a result file of gearlib"):
+        from_header("[1", time, data, "r")
+
+
+@pytest.mark.parametrize("lacking", ["name", "description", "dataInfo", "data_1", "data_2"])
+def test_a_trajectory_that_lacks_a_matrix_is_refused(lacking: str, saved: Path, tmp_path: Path) -> None:
+    """Or has its matrices in the other order, which other programs write, too."""
+    from scipy.io import loadmat, savemat
+
+    found = {k: v for k, v in loadmat(saved / "r.mat", chars_as_strings=False).items() if not k.startswith("__")}
+    with (tmp_path / "r.mat").open("wb") as file:
+        savemat(file, {k: v for k, v in found.items() if k != lacking}, format="4")
+    with pytest.raises(FileError, match=rf"r\.mat is truncated or damaged: it has no {lacking}$"):
+        gl.load_result(tmp_path / "r.mat")
+    found["Aclass"][3, :8] = np.array(list("binNorma"), "S1").astype(found["Aclass"].dtype)
+    with (tmp_path / "r.mat").open("wb") as file:
+        savemat(file, found, format="4")
+    with pytest.raises(FileError, match=r"r\.mat is not a result file of gearlib"):
+        gl.load_result(tmp_path / "r.mat")
+
+
+def test_files_of_other_rows_and_without_times(saved: Path, tmp_path: Path) -> None:
+    import netCDF4
+
+    (tmp_path / "r.csv").write_text((saved / "r.csv").read_text(encoding="utf-8") + "1.0,x\n", encoding="utf-8")
+    with pytest.raises(FileError, match=r"r\.csv is truncated or damaged: .*"):
+        gl.load_result(tmp_path / "r.csv")
+    shutil.copy(saved / "r.nc", tmp_path / "r.nc")
+    with netCDF4.Dataset(tmp_path / "r.nc", "a") as file:
+        file.renameVariable("time", "t")
+    with pytest.raises(FileError, match=r"r\.nc is truncated or damaged: it has no time$"):
+        gl.load_result(tmp_path / "r.nc")
 
 
 def test_a_zarr_folder_that_lacks_anything_is_refused(saved: Path, tmp_path: Path) -> None:
