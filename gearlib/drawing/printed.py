@@ -26,11 +26,12 @@ def _wrapped(line: str, columns: int) -> str:
     if len(line) <= columns:
         return line
     label = LABEL.match(line)
+    hanging = label.end() if label and label.end() <= columns // 2 else 0
     start = len(line) - len(line.lstrip())
-    indent = label.end() if label and label.end() <= columns // 2 else min(start + 2, columns // 2)
+    indent = hanging or min(start + 2, columns // 2)
     cut = max(line.rfind(" ", 0, columns + 1), 0)
     if not line[:cut].strip() or cut <= indent:  # a single overlong word: the columns before it are kept
-        cut = indent if label and label.end() <= columns // 2 else start
+        cut = hanging or start
     first, words = line[:cut].rstrip(), [shortened(word, columns - indent) for word in line[cut:].split()]
     margin = " " * indent
     rest = textwrap.wrap(

@@ -24,6 +24,28 @@ def test_all_words_stay_and_lines_fit(text: str, columns: int) -> None:
         assert found.split() == text.split()
 
 
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("twenty letters fit in", "twenty letters fit\n  in"),
+        ("twenty letters do fit", "twenty letters do\n  fit"),
+        ("these twenty letters", "these twenty letters"),
+        ("labels 2  one two three", "labels 2  one two\n          three"),  # a label of half the columns
+        ("labels 10  one two three", "labels 10  one two\n  three"),  # a longer one
+        ("  indented by two words and more", "  indented by two\n    words and more"),
+        ("                  far to the right", "          far to the\n          right"),
+        ("name  abcdefghijklmnopqrstuvwxyz", "name  abcde...uvwxyz"),
+        ("  abcdefghijklmnopqrstuvwxyz rest", "    abcdef...tuvwxyz\n    rest"),
+        ("xxxxxxxxxxxxxxxxxxxx y", "xxxxxxxxxxxxxxxxxxxx\n  y"),
+        ("well-known words are-not-cut at hyphens", "well-known words\n  are-not-cut at\n  hyphens"),
+    ],
+)
+def test_continued_lines_stand_under_the_text(line: str, expected: str) -> None:
+    """Of their label, or two columns further in than their line, at most in the middle."""
+    assert fitted(line, 20) == expected
+    assert fitted(f"{line}\n{line}", 20) == f"{expected}\n{expected}"
+
+
 @given(st.text(max_size=80), st.integers(10, 60))
 def test_shortened_names_have_both_ends(name: str, columns: int) -> None:
     found = shortened(name, columns)

@@ -12,8 +12,9 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError, BoundError, GearlibWarning
-from gearlib.many_runs.by_exponentials import ExactSweep
+from gearlib.many_runs.by_exponentials import ExactSweep, why_not_by_exponentials
 from gearlib.many_runs.in_lanes import LEAST_STEPS, MOST_CORNERS, MOST_OF_LINEAR, PATIENCE, most_steps, why_not_in_lanes
+from gearlib.many_runs.side_by_side import why_one_by_one
 from gearlib.run.methods.run import LATE
 from gearlib.run.simulate import checked_request
 from gearlib.solvers.lanes.lanes import LaneRuns
@@ -340,6 +341,91 @@ def test_what_lanes_need(options: dict[str, Any], said: str | None) -> None:
     swing = gl.compile(Swing())
     given_ = {"t_end": 1.0, "inputs": {"u": 0.0}, "method": "auto", **options}
     assert why_not_in_lanes(*checked_request(swing.translation, **given_)) == said
+
+
+class Bounded(gl.Component):
+    """A state with a least value, and one without; without ``x``, nothing but an equation."""
+
+    k = gl.Parameter("any", default=1.0)
+    x = gl.Variable("any", start=2.0, min=0.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), -self.k * self.x)]
+
+
+class Governed(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.torque, self.body = gp.Torque(), gp.Inertia(J=2.0)
+        self.governor = gl.Sampled(lambda t, w: 1.0 - w[0], 0.1, inputs=[self.body.w], outputs=[self.torque.tau])
+        return [gl.connect(self.torque.flange, self.body.flange_a)]
+
+
+class Standing(gl.Component):
+    k = gl.Parameter("any", default=1.0)
+    y = gl.Variable("any")
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(self.y, self.k * gl.time)]
+
+
+CHANGED = "the model has sampled controllers, or equations that other parameters change"
+
+
+def test_runs_that_cannot_be_prepared_together_say_why(drive: gl.System) -> None:
+    first = drive.simulate(0.5, **OPTIONS)
+    massless = drive.translation.fitting(drive.translation.parameter_values({"motor.J": 0.0}))
+    for translation, start, said in (
+        (drive.translation, first, "the runs go on from another one"),
+        (drive.translation, (first, 0.25), "the runs go on from another one"),
+        (drive.translation, {"load.w": 1.0}, None),
+        (drive.translation, "steady", None),
+        (massless, None, CHANGED),
+        (gl.compile(Governed()).translation, None, CHANGED),
+        (gl.compile(Rattle()).translation, None, "there are events"),
+        (gl.compile(Standing()).translation, None, "there are no states"),
+        (gl.compile(Bounded()).translation, None, "variables have least values that are to be watched"),
+    ):
+        own, request = checked_request(
+            translation, 1.0, samples=3, start=start, inputs=dict.fromkeys(translation.open_inputs, 1.0)
+        )
+        assert why_one_by_one(translation, request) == said
+        assert why_not_in_lanes(translation, request) == said
+        assert why_not_by_exponentials(translation, request) == said
+
+
+def test_exponentials_are_for_their_methods(drive: gl.System) -> None:
+    for method, said in (("auto", None), ("exact", None), ("rk5", "the method is rk5"), ("ida", "the method is ida")):
+        request = checked_request(drive.translation, 1.0, method=method, inputs=TORQUE)[1]
+        assert why_not_by_exponentials(drive.translation, request) == said
+
+
+@pytest.mark.parametrize(
+    ("varied", "options", "why"),
+    [
+        ({"torque.tau": [lambda t: t] * 8}, {"inputs": None}, "inputs are functions of time"),
+        ({"J": J[:8]}, {"outputs": ["load.phi"]}, "an output needs more states than the system was compiled for"),
+        (
+            {"J": J[:8]},
+            {"reduce": {"end": gl.final("load.phi")}},
+            "an output needs more states than the system was compiled for",
+        ),
+        ({"J": J[:8]}, {"method": "auto", "rtol": 1e-9, "inputs": {"torque.tau": lambda t: t}}, "the method is auto"),
+        ({"J": J[:8]}, {"method": "exact", "samples": None, "times": np.geomspace(0.01, 1.0, 130)}, "the method is exact"),
+    ],
+)
+def test_why_the_runs_of_a_sweep_follow_one_another(drive: gl.System, varied: Any, options: dict[str, Any], why: str) -> None:
+    """And they are the runs of `simulate` all the same, to the last bit."""
+    given_ = {**OPTIONS, "samples": 3, **options}
+    runs = drive.sweep(varied, 1.0, **given_)
+    assert (runs.stats["lanes"], runs.stats["why"].split(";")[0]) == (1, why)
+    own = {key: value for key, value in given_.items() if key not in ("outputs", "reduce")}
+    if "J" in varied:
+        single = drive.simulate(1.0, **own, parameters={"J": J[3]})
+    else:
+        single = drive.simulate(1.0, **own | {"inputs": {"torque.tau": varied["torque.tau"][3]}})
+    for name in runs.keys():
+        expected = single["load.phi"][-1:] if name == "end" else single[name]
+        assert np.ravel(runs[name][3]).tobytes() == expected.tobytes(), name
 
 
 def test_statistics_of_a_run_in_lanes(drive: gl.System) -> None:
