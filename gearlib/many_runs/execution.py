@@ -71,7 +71,7 @@ def execute(
             interrupted = True
         finally:
             gathering.write()
-        execution.report(last=True)
+        execution.report()
         warned = [*found(), *elsewhere]
     _warn_once(warned)
     runs = gathering.runs(interrupted)
@@ -118,7 +118,7 @@ class _Execution:
         if self._tell is not None and self._ticker.due():
             self.report()
 
-    def report(self, last: bool = False) -> None:
+    def report(self) -> None:
         """Report progress."""
         if self._tell is not None:
             self._tell(self._received / len(self.gathering.samples), time.perf_counter() - self._begin)

@@ -385,7 +385,7 @@ def test_runs_that_cannot_be_prepared_together_say_why(drive: gl.System) -> None
         (gl.compile(Standing()).translation, None, "there are no states"),
         (gl.compile(Bounded()).translation, None, "variables have least values that are to be watched"),
     ):
-        own, request = checked_request(
+        _, request = checked_request(
             translation, 1.0, samples=3, start=start, inputs=dict.fromkeys(translation.open_inputs, 1.0)
         )
         assert why_one_by_one(translation, request) == said
@@ -423,7 +423,7 @@ def test_why_the_runs_of_a_sweep_follow_one_another(drive: gl.System, varied: An
         single = drive.simulate(1.0, **own, parameters={"J": J[3]})
     else:
         single = drive.simulate(1.0, **own | {"inputs": {"torque.tau": varied["torque.tau"][3]}})
-    for name in runs.keys():
+    for name in runs:
         expected = single["load.phi"][-1:] if name == "end" else single[name]
         assert np.ravel(runs[name][3]).tobytes() == expected.tobytes(), name
 
