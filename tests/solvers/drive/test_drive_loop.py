@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import itertools
 import math
 from collections.abc import Iterable, Mapping
@@ -13,7 +14,7 @@ import pytest
 from gearlib.errors import SolverError
 from gearlib.solvers.drive.drive_loop import BURST, FOUND, PASSES, RETRY, ROOT, START, STEPPED, TIMED
 from gearlib.solvers.drive.driver import Driver, integrate
-from gearlib.solvers.drive.python_stepper import PythonStepper
+from gearlib.solvers.drive.python_stepper import FailedError, PythonStepper
 from gearlib.solvers.problem import Floats
 from tests.run.python_problem import driver, problem
 
@@ -157,6 +158,58 @@ def test_samples_just_before_an_event_are_on_it(kind: str) -> None:
         after = [False] * (5 - on) + [True] * (1 + on) if kind != "neither" else [False] * 6
         assert found.discrete[:, 0].astype(bool).tolist() == after
         assert found.x[:, 0] == pytest.approx(times + 10.0 * np.array(after), abs=5e-7)
+        assert stepper.interpolated == (4 - on if kind != "neither" else 3)
+
+
+def test_a_sample_that_a_later_event_reaches_is_taken_again() -> None:
+    """Two events within the slack: the sample on the first one holds the states after the second, but an earlier one stays."""
+    first, later = 0.5, 0.5 + 1e-9
+    stepper = Prescribed(roots={first: (1,), later: (1,)}, h=0.125)
+    run = run_of(stepper, [0.0, first - 1e-6, first, 1.0], [0, 1, 1])
+    run.record.slack = 1e-8
+    found = integrate(run)
+    assert found.discrete[:, 0].tolist() == [0.0, 0.0, 2.0, 2.0]
+    assert found.x[:, 0] == pytest.approx([0.0, first - 1e-6, first + 20.0, 21.0], abs=1e-8)
+
+
+@pytest.mark.parametrize("where", ["step", "interpolate", "accept", "restart"])
+@pytest.mark.parametrize("code", [-1, FAILURE])
+def test_failures_of_a_stepper_end_the_run(where: str, code: int) -> None:
+    """In the second step, which begins at 0.5 s; what was found until then remains."""
+
+    class Failing(Prescribed):
+        def _fails(self, here: str) -> None:
+            if here == where and self.record.t >= (1.0 if where == "accept" else 0.5):
+                raise FailedError(code)
+
+        def step(self, stop: float) -> int:
+            self._fails("step")
+            return super().step(stop)
+
+        def interpolate(self, t: float) -> Floats:
+            self._fails("interpolate")
+            return super().interpolate(t)
+
+        def accept(self) -> None:
+            self._fails("accept")
+            super().accept()
+
+        def restart(self, changed: int, why: int) -> int:
+            self._fails("restart")
+            return super().restart(changed, why)
+
+    run = run_of(Failing(h=0.5, roots={1.0: (1,)}), [0.0, 0.25, 0.5, 0.75, 1.5])
+    with pytest.raises(SolverError, match=rf"^code {code}$"):
+        integrate(run)
+    assert run.solution().x[:, 0].tolist() == [0.0, 0.25, 0.5, 0.75][: 3 + (where in ("accept", "restart"))]
+
+
+def test_a_model_without_events_has_no_update() -> None:
+    stepper = Prescribed(h=0.5)
+    own = problem(lambda *_: 0, [0.0], discrete=slice(2, 3), time_events=np.array([0.75]))
+    found = integrate(driver(own, [0.0, 1.0], stepper))
+    assert stepper.asked == [(0.0, 0, START), (0.75, 0, TIMED)]
+    assert (found.event_times.tolist(), found.event_roots.tolist()) == ([0.75], [-1])
 
 
 def test_what_crosses_together_is_logged_together() -> None:
@@ -233,10 +286,19 @@ def test_inputs_are_looked_up_between_the_stops(first: float) -> None:
 class Telling(Prescribed):
     """Tells the derivatives at the ends of steps: those of the states are their numbers times the time."""
 
+    parts = 1
+
     def attach(self, driver: Driver, memory: Any) -> None:
         super().attach(driver, memory)
-        self.rates = np.zeros(3)
-        self.record.rates = self.rates.ctypes.data
+        self.rates, self.within, record = np.zeros(3), np.zeros((2, 3)), self.record
+        record.rates, record.within, record.rates_within = (a.ctypes.data for a in (self.rates, *self.within))
+
+        def motion(_: int, time: float) -> int:
+            self.within[:] = [time, 2 * time, 3 * time], [-time, 0.0, 5.0]
+            return 0
+
+        self.moves = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int64, ctypes.c_double)(motion)
+        record.motion, record.parts = ctypes.cast(self.moves, ctypes.c_void_p).value or 0, self.parts
 
     def accept(self) -> None:
         super().accept()
@@ -274,3 +336,20 @@ def test_ends_of_steps_are_traced_and_those_with_an_event_twice(traced: list[int
     assert trace.states == pytest.approx(states[:, traced], abs=1e-12)
     assert trace.rates == pytest.approx(rates[:, traced], abs=1e-12)
     assert trace.discrete.tolist() == np.column_stack([number, -3.0 * number]).tolist()
+
+
+@pytest.mark.parametrize("parts", [1, 2, 5])
+def test_long_steps_are_traced_in_parts(parts: int) -> None:
+    """With the states and derivatives within them; a step as short as rounding is not divided."""
+    stepper = Telling(h=0.5, roots={0.5 + 1e-14: (1,)})
+    stepper.parts = parts
+    own = problem(lambda *_: 0, [0.0] * 3, roots=lambda *_: 0, n_roots=1, traced=np.array([2, 0]))
+    trace = integrate(driver(own, [0.0, 1.0], stepper)).trace
+    assert trace is not None
+    share = np.arange(1, parts) / parts
+    times = [0.0, *0.5 * share, 0.5, 0.5 + 1e-14, 0.5 + 1e-14, *(0.5 + 0.5 * share), 1.0]
+    inner = np.isin(np.arange(len(times)), [*range(1, parts), *range(parts + 3, 2 * parts + 2)])
+    assert trace.times == pytest.approx(times, abs=1e-13)
+    assert trace.states[inner] == pytest.approx(np.outer(np.array(times)[inner], [3.0, 1.0]), abs=1e-12)
+    assert trace.rates[inner] == pytest.approx(np.column_stack([np.full(inner.sum(), 5.0), -np.array(times)[inner]]), abs=1e-12)
+    assert trace.states[~inner] == pytest.approx(np.column_stack([0.0 * trace.times[~inner], trace.times[~inner]]), abs=1e-12)
