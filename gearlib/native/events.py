@@ -67,7 +67,7 @@ def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: 
     body.lines = [
         "result, moved = 0, 1",
         *passes,
-        "        result = 1",
+        "        result = max(result, 1)",  # not less where a state has been set
         "    if changed != 0:",
         "        return -1",
         "    moved = 0",

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from gearlib.errors import LoopError, ModelError, NameLookupError, SingularError
-from gearlib.flatten.model import FlatModel, Floats, alphabetical
+from gearlib.flatten.model import EquationGroup, FlatModel, Floats, alphabetical
 from gearlib.reduce.coefficients import at_start, partials_at
 from gearlib.reduce.discontinuities import may_jump
 from gearlib.reduce.redundancy import balanced, flows_beside, redundant_rows, without
@@ -132,7 +132,8 @@ def analyse(model: FlatModel, parameters: Floats) -> Structure:
         )
     structure = Structure(
         states=_states(result, eliminated), solved_by=matched(result, lower, eliminated), columns=model.nodes, given=given,
-        at_events=decisive_nodes(model), model=model, differentiation=result, redundant=redundant, closed=closed, complete=complete,
+        at_events=decisive_nodes(model), at_reinits=reinit_nodes(model), model=model, differentiation=result, redundant=redundant,
+        closed=closed, complete=complete,
     )  # fmt: skip
     structure = _without_jumps(structure, lower, badness, parameters)
     _refuse_differentiated_inputs(structure)
@@ -262,12 +263,30 @@ def discrete_nodes(model: FlatModel, discrete: int) -> list[Node]:
             if update.reinit:
                 continue
             group = update.equations
-            where = {name: j for j, name in enumerate(group.template.locals)}
             for i in np.flatnonzero(update.targets == d).tolist():
-                columns = [*group.template.columns, *group.template.relation_columns]
-                found |= {(int(group.variables[i, where[c]]), o) for c, o in columns if group.signs[i, where[c]]}
+                found |= _read(group, i)
                 stack += [p % n for p in group.discretes[i].tolist() if p < 2 * n]
     return sorted(found)
+
+
+def reinit_nodes(model: FlatModel) -> dict[Node, list[Node]]:
+    """Per state that events set: the variables that determine its new value, and when it is set, through all updates."""
+    n = len(model.discretes)
+    result: dict[Node, list[Node]] = {}
+    for update in (u for u in model.updates if u.reinit):
+        group = update.equations
+        for i, target in enumerate(update.targets.tolist()):
+            others = {p % n for p in group.discretes[i].tolist() if p < 2 * n}
+            found = _read(group, i).union(*(discrete_nodes(model, d) for d in others))
+            result.setdefault((int(model.representative[target]), 0), []).extend(sorted(found))
+    return result
+
+
+def _read(group: EquationGroup, i: int) -> set[Node]:
+    """The variables that one row of an update reads, in its relations too."""
+    where = {name: j for j, name in enumerate(group.template.locals)}
+    columns = (*group.template.columns, *group.template.relation_columns)
+    return {(int(group.variables[i, where[c]]), o) for c, o in columns if group.signs[i, where[c]]}
 
 
 def integrals(model: FlatModel) -> set[int]:

@@ -30,6 +30,8 @@ class Dependence:
         Variables given from outside, whose derivatives are not known.
     at_events : mapping
         Per equation: the nodes that determine its relations and discrete variables.
+    at_reinits : mapping
+        Per state that events set: the nodes that determine its new value, and when it is set.
     """
 
     states: tuple[Node, ...]
@@ -37,6 +39,7 @@ class Dependence:
     columns: Columns
     given: frozenset[int] = frozenset()
     at_events: Mapping[int, Sequence[Node]] = field(default_factory=dict)
+    at_reinits: Mapping[Node, Sequence[Node]] = field(default_factory=dict)
     is_state: frozenset[Node] = field(init=False)
     _known: dict[Node, bool] = field(init=False, default_factory=dict)
 

@@ -31,6 +31,8 @@ def reach(dependence: Dependence, targets: Iterable[Node], dynamic: bool, events
         if node in dependence.is_state:
             states.add(node)
             following = [(node[0], node[1] + 1)] if dynamic else []
+            if dynamic and events:
+                following += dependence.at_reinits.get(node, ())
         else:
             unknowns[node] = None
             e, k = dependence.equation(node)

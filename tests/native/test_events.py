@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import gearlib as gl
+from gearlib.program.event_iteration import compares_with_before
 
 MODEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *[ctypes.c_void_p] * 4)
 
@@ -50,3 +51,47 @@ def test_sides_are_the_signs_of_the_event_functions(x: float, y: float) -> None:
     assert sorted(np.abs(functions)) == pytest.approx(sorted([abs(x - 1), abs(x + 1), abs(y + 1), abs(y - 1)]))
     held = data[native.shared.relations :][: native.shared.n_discrete]
     assert sorted(held) == sorted([x > 1, x >= -1, y < -1, y <= 1])
+
+
+class Staircase(gl.Component):
+    """A level that x climbs by one whenever it reaches it, beside a comparison with a number and a state that is set."""
+
+    one = gl.Parameter("1", default=1.0)
+    x, y = gl.Variable("1"), gl.Variable("1")
+    level = gl.Discrete("1", start=1.0)
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), gl.Piecewise((1.0, self.x >= self.one), (2.0, True)) + self.level),
+            gl.Eq(gl.der(self.y), -self.one * self.y),
+            gl.When(self.x >= gl.pre(self.level), gl.Eq(self.level, gl.pre(self.level) + 1.0)),
+            gl.When(self.level >= 3.0, gl.reinit(self.y, 7.0)),
+        ]
+
+
+@pytest.mark.parametrize(("x", "level", "y"), [(1.0 - 1e-15, 1.0, 0.25), (2.0 - 1e-15, 2.0, 7.0), (4.5, 1.0, 0.25)])
+def test_what_has_crossed_counts_until_it_is_compared_with_something_else(x: float, level: float, y: float) -> None:
+    """Just below the level, a root that has fired is above it: once, since the level is higher afterwards; a number stays the same."""
+    system = gl.compile(Staircase(), outputs=["x", "y", "level"])
+    scene, model = system.translation.scene, system.translation.model
+    native, relations = scene.native, scene.relations
+    assert native.update is not None
+    assert relations is not None
+    state = np.zeros(2)
+    state[[scene.state_names.index(name) for name in "xy"]] = x, 0.25
+    flags = np.zeros(scene.n_discrete)
+    place, n = model.n_relations + model.discretes.index("level"), len(model.discretes)
+    flags[place] = flags[place + n] = level
+    numbers = scene.prepared(system.translation.parameter_values({}))
+    data = scene.data(native, numbers, np.zeros(0), flags, np.zeros(model.n_variables))
+    fired = np.full(len(relations.searched), -1, np.int32)  # the functions are numbers minus x
+    status = MODEL(native.update.address)(0.0, state.ctypes.data, fired.ctypes.data, data.ctypes.data, native.index.ctypes.data)
+    held = data[native.shared.relations :][: native.shared.n_discrete]
+    assert status == (2 if y == 7.0 else 1)
+    assert held[place] == held[place + n] == level + 1.0
+    assert state[scene.state_names.index("y")] == y
+    for phase in relations.event_iteration.event_functions:
+        for target in phase.batch.targets.tolist():
+            before = compares_with_before(phase.batch)
+            assert held[target] == (x >= level + 1.0 if before else 1.0)
+            assert fired[relations.searched.tolist().index(target)] == (-2 if held[target] else 2)

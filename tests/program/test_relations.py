@@ -153,3 +153,31 @@ def test_rules_know_their_components() -> None:
     assert [owner_of(structure, e) for e in reinit.equations] == [
         model.name(program.states[state][0]).rpartition(".")[0] for state in reinit.targets
     ]
+
+
+class Restarted(gl.Component):
+    """y decays, and is set to p where x = t reaches 1: at once, or behind a counter."""
+
+    counted = gl.Structural(False)
+    p = gl.Parameter("1", default=3.0)
+    rate = gl.Parameter("1/s", default=1.0)
+    x, y = gl.Variable("1"), gl.Variable("1", start=0.5)
+    level = gl.Discrete("1", start=1.0)
+
+    def equations(self) -> list[Any]:
+        reached = self.level >= 2.0 if self.counted else self.x >= 1.0
+        return [
+            gl.Eq(gl.der(self.x), self.rate), gl.Eq(gl.der(self.y), -self.rate * self.y),
+            gl.When(self.x >= gl.pre(self.level), gl.Eq(self.level, gl.pre(self.level) + 1.0)),
+            gl.When(reached, gl.reinit(self.y, self.p)),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("outputs", [("y",), ("x", "y"), ("x",)])
+@pytest.mark.parametrize("counted", [False, True])
+def test_states_on_which_a_reinit_depends_are_integrated(counted: bool, outputs: tuple[str, ...]) -> None:
+    """Although no rate needs them; the restarted state may also be asked for only afterwards."""
+    times = np.array([0.0, 0.9, 1.0, 1.5])
+    run = gl.compile(Restarted(counted=counted), outputs=list(outputs)).simulate(1.5, times=times, rtol=1e-10)
+    assert run["x"] == pytest.approx(times, abs=1e-12)
+    assert run["y"] == pytest.approx(np.where(times < 1.0, 0.5 * np.exp(-times), 3.0 * np.exp(1.0 - times)), rel=1e-8)
