@@ -198,7 +198,7 @@ class _Writer:
 
     def _inverse(self, a: PowerSeries) -> str:
         """Reciprocal of the value of order 0."""
-        return self._named(("inverse", a), f"1.0 / {a.name}", "", PowerSeries("", varies=False)).name
+        return self._named(("inverse", a), f"1.0 / {a.name}", "").name
 
     def integral(
         self, key: tuple[object, ...], first: str, slopes: Iterable[tuple[PowerSeries, int]], sign: str = ""

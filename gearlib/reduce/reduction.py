@@ -6,7 +6,7 @@ before the balance is checked; for each of them one flow that is then undetermin
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -235,9 +235,8 @@ def decisive_nodes(model: FlatModel) -> dict[int, list[Node]]:
         template = group.template
         if not (template.relation_columns or template.discretes):
             continue
-        where = {name: j for j, name in enumerate(template.locals)}
         for i in range(len(group)):
-            found = {(int(group.variables[i, where[c]]), o) for c, o in template.relation_columns if group.signs[i, where[c]]}
+            found = _read(group, i, template.relation_columns)
             for place in group.discretes[i].tolist():
                 if place < 2 * n:
                     d = place % n
@@ -264,7 +263,7 @@ def discrete_nodes(model: FlatModel, discrete: int) -> list[Node]:
                 continue
             group = update.equations
             for i in np.flatnonzero(update.targets == d).tolist():
-                found |= _read(group, i)
+                found |= _read(group, i, (*group.template.columns, *group.template.relation_columns))
                 stack += [p % n for p in group.discretes[i].tolist() if p < 2 * n]
     return sorted(found)
 
@@ -277,15 +276,16 @@ def reinit_nodes(model: FlatModel) -> dict[Node, list[Node]]:
         group = update.equations
         for i, target in enumerate(update.targets.tolist()):
             others = {p % n for p in group.discretes[i].tolist() if p < 2 * n}
-            found = _read(group, i).union(*(discrete_nodes(model, d) for d in others))
+            found = _read(group, i, (*group.template.columns, *group.template.relation_columns)).union(
+                *(discrete_nodes(model, d) for d in others)
+            )
             result.setdefault((int(model.representative[target]), 0), []).extend(sorted(found))
     return result
 
 
-def _read(group: EquationGroup, i: int) -> set[Node]:
-    """The variables that one row of an update reads, in its relations too."""
+def _read(group: EquationGroup, i: int, columns: Iterable[tuple[str, int]]) -> set[Node]:
+    """The variables behind some columns of one row of equations."""
     where = {name: j for j, name in enumerate(group.template.locals)}
-    columns = (*group.template.columns, *group.template.relation_columns)
     return {(int(group.variables[i, where[c]]), o) for c, o in columns if group.signs[i, where[c]]}
 
 
