@@ -22,7 +22,7 @@ from gearlib.feedback.passivity import Passivity, passivity
 from gearlib.feedback.stability_sensitivity import StabilitySensitivity, stability_sensitivity
 from gearlib.linear.linear_model import check_linear
 from gearlib.linear.linearize import linearized
-from gearlib.linear.operating_point import fitting
+from gearlib.linear.operating_point import parameters_at
 from gearlib.linear.poles import MEANING, Poles, Verdict, poles
 from gearlib.run.subject import is_compiled, translation_of
 from gearlib.vibration.modes import MOST_DENSE, Modes, modes
@@ -291,8 +291,7 @@ def stability(
 
         def find(parameter: str) -> StabilitySensitivity:
             (change,) = source.changes([parameter])
-            numbers = fitting(translation, at, given).parameter_values(given)
-            number = float(numbers[translation.model.parameters.index[parameter]])
+            number = float(parameters_at(translation, at, given)[translation.model.parameters.index[parameter]])
             unit = translation.parameter_units.get(parameter, "")
             parts = None if report is None else (report.loop, report.margins)
             return stability_sensitivity(parameter, unit, number, source.whole, change, found, parts)

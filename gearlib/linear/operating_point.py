@@ -137,6 +137,11 @@ def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point)
 
 def fitting(translation: Translation, at: Any = None, parameters: Mapping[str, float] | None = None) -> Translation:
     """The translation that fits the parameters, or those of the run in ``at``."""
+    return translation.fitting(parameters_at(translation, at, parameters))
+
+
+def parameters_at(translation: Translation, at: Any = None, parameters: Mapping[str, float] | None = None) -> Floats:
+    """The values of all parameters: by the ones given, or those of the run in ``at``."""
     if parameters is None and isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], SimulatedResult):
-        return translation.fitting(at[0].request.parameters)
-    return translation.fitted(parameters)[0]
+        return at[0].request.parameters
+    return translation.parameter_values(parameters)

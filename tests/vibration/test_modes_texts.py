@@ -183,6 +183,9 @@ def test_modes_at_a_moment_of_a_run_are_those_of_its_parameters(system: gl.Syste
     assert len(expected.eigenvalues) + len(expected.decays) < len(gl.modes(system).states)
     for more in ({}, {"parameters": given}):
         found = gl.modes(system, at=(run, 0.05), **more)
+        for sensitivity in (found.sensitivity("brake.d"), gl.stability(system, at=(run, 0.05), **more).sensitivity("brake.d")):
+            assert sensitivity.value == 0.5
+            assert str(sensitivity).startswith("Change with brake.d = 0.5 N.m.s/rad")
         assert found.eigenvalues == pytest.approx(expected.eigenvalues)
         assert found.decays == pytest.approx(expected.decays)
 
@@ -232,6 +235,31 @@ class Meter(gl.Component):
 
     def equations(self) -> list[gl.Eq]:
         return [gl.Eq(self.flange.tau, 0), gl.Eq(self.rpm, gl.der(self.flange.phi) * 30 / np.pi)]
+
+
+class Encoder(gl.Component):
+    """What it says follows from an absolute angle, on which no motion depends."""
+
+    flange, x = gp.Flange("of the shaft"), gl.Variable("1", "sine of the angle")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange.tau, 0), gl.Eq(self.x, gl.sin(self.flange.phi))]
+
+
+def test_what_follows_from_an_absolute_angle_alone_has_no_amplitude() -> None:
+    class Encoded(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.spring, self.encoder = gp.Inertia(J=1.0), gp.Inertia(J=3.0), gp.Spring(c=3.0), Encoder()
+            return [
+                gl.connect(self.a.flange_b, self.spring.flange_a),
+                gl.connect(self.spring.flange_b, self.b.flange_a, self.encoder.flange),
+            ]
+
+    found = gl.modes(gl.compile(Encoded()))
+    assert found.kinetic[1] == pytest.approx([75.0, 25.0, 0.0])
+    for name in ("encoder.x", "der(encoder.x)"):
+        with pytest.raises(NameLookupError, match=rf"^{re.escape(name)} has no amplitude in the mode; "):
+            found.shape(1, name)
 
 
 def test_what_follows_from_the_speeds_has_an_amplitude_in_a_free_motion_too() -> None:
