@@ -21,7 +21,9 @@ from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
 from gearlib.flatten.energies import Term
+from gearlib.linear.linear_model import full
 from gearlib.linear.linearize import linearized
+from gearlib.linear.operating_point import fitting, parameters_at
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled, Translation
 
@@ -70,7 +72,7 @@ def passivity(system: Compiled, *, at: Any = None, parameters: Mapping[str, floa
     ----------
     system : System
         Must be linear with constant coefficients.
-    at : None, "steady" or mapping, optional
+    at : None, "steady", mapping, or (Result, time), optional
         Operating point, if parameters of the linear model depend on it; see `System.linearize`.
     parameters : mapping, optional
         Values by path.
@@ -91,20 +93,20 @@ def passivity(system: Compiled, *, at: Any = None, parameters: Mapping[str, floa
     >>> gl.passivity(gl.compile(gp.ZhouCui2022())).holds
     True
     """
-    translation, _ = translation_of(system).fitted(parameters)
+    translation = fitting(translation_of(system), at, parameters)
     nothing = np.zeros((0, 0))
     if not translation.scene.program.is_linear:
         return Passivity((), nothing, nothing, "the equations are not linear with constant coefficients")
     parts = translation.energies
     if reason := _undeclared(translation, parts):
         return Passivity((), nothing, nothing, reason)
-    numbers = dict(zip(translation.model.parameters.names, translation.parameter_values(parameters).tolist(), strict=True))
+    numbers = dict(zip(translation.model.parameters.names, parameters_at(translation, at, parameters).tolist(), strict=True))
     names = sorted({n for p in parts if p.stored for n in p.stored.names} - numbers.keys())
     try:
         model = linearized(translation, [], [*translation.states, *names], at, parameters, worded=False)
     except SolverError as problem:
         return Passivity((), nothing, nothing, str(problem))
-    A, rows = _dense(model.A), dict(zip(model.outputs, _dense(model.C), strict=True))
+    A, rows = full(model.A), dict(zip(model.outputs, full(model.C), strict=True))
     n = len(model.states)
     Q = np.zeros((n, n))
     for part in parts:
@@ -174,7 +176,3 @@ def _scaled(matrix: Floats, Q: Floats) -> Floats:
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     scaled: Floats = matrix * scale * scale[:, None]
     return scaled
-
-
-def _dense(matrix: Any) -> Floats:
-    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix, float)

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from gearlib.feedback.feedback_loop import Loop
 from gearlib.feedback.margins import Margins
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
-from gearlib.linear.linear_model import Matrices
+from gearlib.linear.linear_model import Matrices, full
 from gearlib.linear.poles import Poles
 from gearlib.linear.response_changes import frequency_direction, response_changes
 
 Complexes = NDArray[np.complex128]
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,15 +79,15 @@ def stability_sensitivity(
     return StabilitySensitivity(parameter, unit, value, eigenvalues, ends, *_margins(whole, change, *loop))
 
 
-def closed_loop(m: Matrices) -> Complexes:
+def closed_loop(m: Matrices) -> Floats:
     """State matrix of the loop closed by negative feedback."""
-    A, B, C, D = (_full(x) for x in (m.A, m.B, m.C, m.D))
+    A, B, C, D = (full(x) for x in (m.A, m.B, m.C, m.D))
     return np.asarray(A - B @ C / (1 + D[0, 0]))
 
 
-def closed_loop_change(m: Matrices, change: Matrices) -> Complexes:
+def closed_loop_change(m: Matrices, change: Matrices) -> Floats:
     """Its derivative, where the matrices of the open loop change."""
-    B, C, D, dA, dB, dC, dD = (_full(x) for x in (m.B, m.C, m.D, change.A, change.B, change.C, change.D))
+    B, C, D, dA, dB, dC, dD = (full(x) for x in (m.B, m.C, m.D, change.A, change.B, change.C, change.D))
     k = 1 / (1 + D[0, 0])
     return np.asarray(dA - k * (dB @ C + B @ dC) + k**2 * dD[0, 0] * (B @ C))
 
@@ -97,7 +98,7 @@ def _margins(whole: Matrices, change: Matrices, loop: Loop, margins: Margins) ->
     def moved(omega: float) -> tuple[complex, complex, complex]:
         """The response, and its derivatives with respect to the parameter and to the frequency; at infinite frequency it is D."""
         if not np.isfinite(omega):
-            return complex(loop.d), complex(_full(change.D)[0, 0]), 0.0
+            return complex(loop.d), complex(full(change.D)[0, 0]), 0.0
         s = [1j * omega]
         by_frequency = 1j * response_changes(whole, frequency_direction(whole), s)[0, 0, 0] if omega else 0.0
         return complex(loop.response(s[0])), complex(response_changes(whole, change, s)[0, 0, 0]), complex(by_frequency)
@@ -125,7 +126,3 @@ def _angle_change(value: complex, by_parameter: complex, by_frequency: complex) 
     own, along = by_parameter / value, by_frequency / value
     shift = -own.real / along.real
     return own.imag + along.imag * shift, shift
-
-
-def _full(matrix: object) -> Complexes:
-    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
 from gearlib.linear.balancing import balance, similarity
+from gearlib.linear.linear_model import full
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -96,8 +97,7 @@ def _all_vectors(A: Any) -> tuple[Complexes, Complexes, Complexes]:
     """Eigenvalues, and unit left and right eigenvectors of the balanced matrix, in the original units of the states."""
     from scipy.linalg import eig
 
-    full = np.asarray(A.toarray() if hasattr(A, "toarray") else A, float)
-    balanced, scale = balance(full)
+    balanced, scale = balance(full(A))
     values, left, right = eig(balanced, left=True, right=True)
     return values, left / scale[:, None], right * scale[:, None]
 

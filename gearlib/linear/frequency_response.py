@@ -15,7 +15,7 @@ from gearlib.drawing.quantities import axis_label, spelled
 from gearlib.drawing.style import COLOURS
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.linear.balancing import balance
-from gearlib.linear.linear_model import LinearModel, check_linear, is_sparse, matrices, signal_names
+from gearlib.linear.linear_model import LinearModel, check_linear, full, is_sparse, matrices, signal_names
 from gearlib.linear.linearize import input_names, linearized, read_by_equations
 from gearlib.linear.response_changes import response_changes
 from gearlib.optional import optional
@@ -283,7 +283,7 @@ def _sparse(model: Any, omega: Floats) -> Complexes:
     from scipy.sparse.linalg import splu
 
     A = sparse.csc_matrix(model.A)
-    B, D = (m.toarray() if hasattr(m, "toarray") else np.asarray(m) for m in (model.B, model.D))
+    B, D = full(model.B), full(model.D)
     C, eye = sparse.csr_matrix(model.C), sparse.identity(A.shape[0], format="csc")
     result = np.empty((C.shape[0], B.shape[1], len(omega)), complex)
     for k, w in enumerate(omega):

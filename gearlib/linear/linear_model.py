@@ -72,9 +72,6 @@ def state_space(model: LinearModel, name: str | None = None) -> Any:
     """
     import control
 
-    def array(m: Any) -> Floats:
-        return m.toarray() if hasattr(m, "toarray") else np.asarray(m)
-
     for what, names in (("input", model.inputs), ("output", model.outputs)):
         first: dict[str, str] = {}
         for path in names:
@@ -83,11 +80,11 @@ def state_space(model: LinearModel, name: str | None = None) -> Any:
                 alike = f"the {what}s {other} and {path} both become '{label(path)}' in python-control; sparse=True keeps paths"
                 raise ArgumentError(f"the {what} {path} is named twice" if other == path else alike)
             first[label(path)] = path
-    B, D = array(model.B), array(model.D)
+    B, D = full(model.B), full(model.D)
     if not model.inputs:  # python-control supports such models in some shapes only: add an input and remove it afterwards
         B, D = np.zeros((len(model.states), 1)), np.zeros((len(model.outputs), 1))
     result = control.ss(
-        array(model.A), B, array(model.C), D, states=list(model.states), name=name,
+        full(model.A), B, full(model.C), D, states=list(model.states), name=name,
         inputs=[label(n) for n in model.inputs] or ["none"], outputs=[label(n) for n in model.outputs],
         remove_useless_states=False,
     )  # fmt: skip
@@ -114,8 +111,12 @@ def matrices(model: Any) -> tuple[Floats, Floats, Floats, Floats, list[str], lis
         import control
 
         model = control.ss(model)
-    parts = [np.asarray(m.toarray() if hasattr(m, "toarray") else m, float) for m in (model.A, model.B, model.C, model.D)]
-    return parts[0], parts[1], parts[2], parts[3], *signal_names(model)
+    return full(model.A), full(model.B), full(model.C), full(model.D), *signal_names(model)
+
+
+def full(matrix: Any) -> Floats:
+    """A matrix with all its entries, which may be sparse."""
+    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix, float)
 
 
 def is_sparse(A: Any) -> bool:

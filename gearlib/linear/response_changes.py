@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gearlib.errors import ArgumentError
 from gearlib.linear.balancing import balance
-from gearlib.linear.linear_model import Matrices, is_sparse
+from gearlib.linear.linear_model import Matrices, full, is_sparse
 from gearlib.recent import recent
 
 Floats = NDArray[np.float64]
@@ -32,7 +32,7 @@ def response_changes(model: Matrices, change: Matrices, s: Any) -> Complexes:
     (-0.25+0j)
     """
     points = np.atleast_1d(np.asarray(s, complex))
-    B, C, dB, dC, dD = (_full(m) for m in (model.B, model.C, change.B, change.C, change.D))
+    B, C, dB, dC, dD = (full(m) for m in (model.B, model.C, change.B, change.C, change.D))
     n = model.A.shape[0]
     result = np.empty((len(C), B.shape[1], len(points)), complex)
     result[:] = dD[:, :, None]
@@ -76,7 +76,7 @@ def _solver(A: Any) -> Any:
                 raise refuse(s) from None
 
         return solve_sparse
-    balanced, scale = balance(_full(A))
+    balanced, scale = balance(full(A))
 
     def solve(s: complex, b: Any) -> Complexes:
         try:
@@ -86,7 +86,3 @@ def _solver(A: Any) -> Any:
         return np.asarray(inner * scale[:, None])
 
     return solve
-
-
-def _full(matrix: Any) -> Floats:
-    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix, float)

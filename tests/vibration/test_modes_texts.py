@@ -177,7 +177,7 @@ def test_a_model_of_one_component_is_named_by_its_class() -> None:
 
 def test_modes_at_a_moment_of_a_run_are_those_of_its_parameters(system: gl.System) -> None:
     """Without inertia at one end the train has fewer states; nothing has to be given twice."""
-    given = {"b.J": 0.0, "brake.d": 0.5}
+    given = {"b.J": 0.0, "shaft.c": 300.0, "brake.d": 0.5}
     run = system.simulate(0.1, parameters=given)
     expected = gl.modes(system, parameters=given)
     assert len(expected.eigenvalues) + len(expected.decays) < len(gl.modes(system).states)
@@ -186,6 +186,7 @@ def test_modes_at_a_moment_of_a_run_are_those_of_its_parameters(system: gl.Syste
         for sensitivity in (found.sensitivity("brake.d"), gl.stability(system, at=(run, 0.05), **more).sensitivity("brake.d")):
             assert sensitivity.value == 0.5
             assert str(sensitivity).startswith("Change with brake.d = 0.5 N.m.s/rad")
+        assert str(gl.stability(system, at=(run, 0.05), **more).passivity) == str(gl.passivity(system, parameters=given))
         assert found.eigenvalues == pytest.approx(expected.eigenvalues)
         assert found.decays == pytest.approx(expected.decays)
 
