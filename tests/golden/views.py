@@ -20,6 +20,7 @@ import gearparts as gp
 from gearlib.bondgraph import TF, BondGraph, C, I, One, R, Se, assign_causality, draw
 from gearlib.drawing.curves import plot_against, plot_spectrum
 from gearlib.drawing.histories import History, plot_histories
+from gearlib.drawing.icons import ICONS
 from gearlib.drawing.quantities import Shown
 from gearlib.drawing.sankey import sankey
 from gearlib.drawing.scheme.speed_ladder import speed_ladder
@@ -136,6 +137,16 @@ def _declared(kind: type[gl.Component]) -> Iterator[str]:
             yield f"  {name} {' '.join(f'{n}={_shown(v)}' for n, v in values.items())}"
 
 
+def icons() -> str:
+    """Where each stroke of the icons is, and where their shafts are; without colours and widths."""
+    style = re.compile(r" (fill|stroke[\w-]*|font[\w-]*|text-anchor)=[^ \n]+")
+    found = [
+        (f"{name} {icon.left:g} {icon.right:g}{' framed' if icon.framed else ''}", *icon.drawing, *icon.letters)
+        for name, icon in ICONS.items()
+    ]
+    return style.sub("", "\n".join(head + told.svg(f"<g>{''.join(drawn)}</g>")[1:] for head, *drawn in found))
+
+
 def defaults() -> str:
     """What the functions and methods of the public names take for the arguments that are not given."""
     return "\n".join(f"{name}({given})" for name, given in _defaults() if given)
@@ -222,6 +233,7 @@ TEXTS: dict[str, Callable[[], str]] = {
     "report": report,
     "declarations": declarations,
     "defaults": defaults,
+    "icons": icons,
     "modelica": lambda: gl.to_modelica(Drive()),
     "modelica_own_classes": lambda: gl.to_modelica(Rattle(), standard_library=False),
     "modelica_flat": lambda: gl.to_modelica(Damped(), flat=True),

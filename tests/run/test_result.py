@@ -236,3 +236,63 @@ def test_many_variables_one_by_one_do_not_integrate_as_often(breaks: bool, monke
         assert result[f"shafts[{k}].w"] == pytest.approx((k + 1) * T, rel=1e-12)
     assert result["shafts[3].phi"] == pytest.approx(2 * T**2, rel=1e-9)
     assert len(count) == (7 if breaks else 2)  # of the former, one ends where the last shaft breaks down
+
+
+class Counter(gl.Component):
+    """Two discrete variables, one of which moves the state; a variable that is always zero."""
+
+    k = gl.Parameter("any", default=2.0)
+    x, y = gl.Variable("any", start=0.0), gl.Variable("any")
+    n, m = gl.Discrete(start=1.0), gl.Discrete(start=3.0)
+
+    def assemble(self) -> list[Any]:
+        self.fixed = gp.Fixed()
+        return []
+
+    def equations(self) -> list[Any]:
+        late = gl.time > 0.6
+        return [
+            gl.Eq(gl.der(self.x), self.k * self.n),
+            gl.Eq(self.y, self.m * self.x),
+            gl.When(late, gl.Eq(self.n, 2.0)),
+            gl.When(late, gl.Eq(self.m, 4.0)),
+        ]
+
+
+def test_what_a_run_did_not_need_of_discrete_variables_is_refused_by_name() -> None:
+    """They change at events, at which a run that does not need them does not look."""
+    few = gl.compile(Counter(), outputs=["x"]).simulate(1.0, samples=3)
+    assert few["n"].tolist() == [1.0, 1.0, 2.0]
+    with pytest.raises(
+        NameLookupError, match=r"^the discrete variable m was not needed in this run; name it in outputs=\[\.\.\.\]$"
+    ):
+        few["m"]
+    with pytest.raises(
+        NameLookupError, match=r"^the discrete variables m\b.* were not needed in this run; name them in outputs=\[\.\.\.\]$"
+    ):
+        few["y"]
+    every = gl.compile(Counter()).simulate(1.0, samples=3)
+    assert every["m"].tolist() == [3.0, 3.0, 4.0]
+    assert every["y"] == pytest.approx([0.0, 3.0, 4.0 * 2.8])
+
+
+def test_derivatives_of_what_has_none() -> None:
+    run = gl.compile(Counter(), outputs=["x"]).simulate(1.0, samples=3, sensitivities=["k"])
+    assert run.sensitivity("x", "k") == pytest.approx([0.0, 0.5, 1.4])
+    assert run.sensitivity("fixed.flange.tau", "k").tolist() == [0.0, 0.0, 0.0]
+    with pytest.raises(ArgumentError, match=r"^n is a discrete variable, which changes in steps: it has no sensitivity$"):
+        run.sensitivity("n", "k")
+    with pytest.raises(
+        ArgumentError, match=r"^weights names n, a discrete variable, which changes in steps: it has no derivative$"
+    ):
+        run.gradient({"n": np.ones(3)}, ["k"])
+    for weights, names, empty in (({}, ["k"], "weights"), ({"x": np.ones(3)}, [], "names")):
+        with pytest.raises(ArgumentError, match=f"^{empty} is empty: there is nothing to differentiate$"):
+            run.gradient(weights, names)
+    with pytest.raises(ArgumentError, match=r"^weights\['x'\] has the shape \(2,\); expected 3 numbers, one per sample$"):
+        run.gradient({"x": np.ones(2)}, ["k"])
+
+
+def test_a_plot_of_nothing_is_refused() -> None:
+    with pytest.raises(ArgumentError, match=r"^plot\(\) needs the names of variables$"):
+        gl.compile(Drive(), outputs=[]).simulate(1.0, samples=3).plot()
