@@ -13,7 +13,7 @@ import pytest
 
 import gearlib as gl
 from gearlib.errors import SingularError
-from tests.mutation import FOUND, Mutant, around, is_claim, is_compiled, logged, mirrors, source, summary
+from tests.mutation import FOUND, Mutant, accepted, around, is_claim, is_compiled, logged, mirrors, source, summary
 
 
 def raised(error: BaseException) -> Any:
@@ -84,3 +84,7 @@ def test_what_is_compiled_is_not_tried_in_place() -> None:
     )
     assert is_compiled(module, compiled)
     assert not is_compiled(module, called)
+
+
+def test_the_list_of_accepted_mutants_can_be_read() -> None:
+    assert all(module.endswith(".py") and old != new and why for (module, old, new), why in accepted().items())
