@@ -22,15 +22,10 @@ def closed() -> Iterator[None]:
 
 
 def overprints(ax: Any) -> list[tuple[str, str]]:
-    """Labels within the axes that lie on each other."""
-    ax.figure.draw_without_rendering()
-    seen = [t for t in ax.texts if t.get_text() and t.get_window_extent().overlaps(ax.get_window_extent())]
-    return [
-        (a.get_text(), b.get_text())
-        for i, a in enumerate(seen)
-        for b in seen[:i]
-        if a.get_window_extent().overlaps(b.get_window_extent())
-    ]
+    """Labels within the axes of a figure that is drawn, which lie on each other."""
+    seen = [(t.get_text(), t.get_window_extent()) for t in ax.texts if t.get_text()]
+    seen = [(text, box) for text, box in seen if box.overlaps(ax.get_window_extent())]
+    return [(a, b) for i, (a, box) in enumerate(seen) for b, other in seen[:i] if box.overlaps(other)]
 
 
 LOOPS = {
@@ -46,6 +41,8 @@ LOOPS = {
 def test_frequencies_are_marked_and_no_label_lies_on_another(name: str) -> None:
     whole, near = gl.nyquist_plot(LOOPS[name])
     nichols = gl.nichols_plot(LOOPS[name])
+    for figure in (whole.figure, nichols.figure):
+        figure.draw_without_rendering()
     for ax in (whole, near, nichols):
         assert not overprints(ax), name
     for ax in (whole, nichols):
