@@ -300,8 +300,8 @@ def _module(place: str) -> Any:
         raise FileError(f"{place} cannot be read: there is no such file")
     sys.path.insert(0, str(path.parent))  # its imports may lie beside it
     spec = importlib.util.spec_from_file_location(path.stem, path)
-    if spec is None or spec.loader is None:
-        raise FileError(f"{place} cannot be read as a Python module")
+    assert spec is not None
+    assert spec.loader is not None, "the suffix is .py"
     module = importlib.util.module_from_spec(spec)
     sys.modules[path.stem] = module
     spec.loader.exec_module(module)
