@@ -283,3 +283,38 @@ def test_numbers_for_which_python_and_arrays_differ(values: dict[str, float], re
     p, q = values.get("p", 3.0), values.get("q", 2.0)
     assert slots[scene.program.slots[scene.model.variable("y"), 0]] == pytest.approx(0.5 * q / p, rel=1e-14)
     assert slots[scene.program.output_slots[0]] == pytest.approx(0.5)
+
+
+class Part(gl.Component):
+    a, b, x = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+    p = gl.Parameter("1", default=2.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.a - self.p * self.b, self.x)]
+
+
+@pytest.mark.parametrize(("n", "named", "more"), [(3, 3, ""), (8, 8, ""), (9, 8, " and 1 more"), (11, 8, " and 3 more")])
+def test_parts_of_a_singular_block_are_named(n: int, named: int, more: str) -> None:
+    """A ring in which each unknown is the next one plus x: eight of them at most, then how many more there are."""
+
+    class Ring(gl.Component):
+        rate = gl.Parameter("1/s", default=1.0)
+        x = gl.Variable("1")
+
+        def assemble(self) -> list[gl.Connection]:
+            self.part = [Part() for _ in range(n)]
+            return []
+
+        def equations(self) -> list[gl.Eq]:
+            ring = [gl.Eq(one.b, other.a) for one, other in zip(self.part, [*self.part[1:], self.part[0]], strict=True)]
+            return [gl.Eq(gl.der(self.x), self.rate * self.part[0].a), *ring, *(gl.Eq(one.x, self.x) for one in self.part)]
+
+    scene = gl.compile(Ring()).translation.scene
+    assert np.isfinite(
+        evaluate(scene.numbers(scene.model.parameters.values), np.zeros(1), np.array([[0.5]]), *(np.empty((0, 1)),) * 2)
+    ).all()
+    table = scene.model.parameters.values.copy()
+    table[[scene.model.parameters.index[f"part[{i}].p"] for i in range(n)]] = 1.0
+    listed = rf"(part\[\d+\](, )?){{{named}}}(?<! ){more}"
+    with pytest.raises(SingularError, match=rf"^the equations of {listed} are singular with these parameters"):
+        scene.numbers(table)

@@ -32,6 +32,7 @@ class Prescribed(PythonStepper):
         self.rejects = self.interpolated = 0
         self.added = 0.0
         self.looked: list[tuple[float, float, float]] = []
+        self.updated: list[float] = []
 
     def step(self, stop: float) -> int:
         t = self.record.t
@@ -74,6 +75,7 @@ def run_of(stepper: Prescribed, times: Any, updates: Iterable[int] = (), n_roots
 
     def update(t: float, x: Any, fired: Any, data: Any) -> int:
         did = next(coming, 0)
+        stepper.updated.append(t)
         if did > 0:
             x[0] += 10.0
             data[2] += 1.0
@@ -269,6 +271,7 @@ def test_inputs_are_looked_up_between_the_stops(first: float) -> None:
     run.stepper.added = first - run.record.t  # type: ignore[attr-defined]
     integrate(run)
     spacing = 1e-14 * max(abs(first), 2.0)
+    assert stepper.updated == pytest.approx([first, *stops[:2]], abs=spacing)
     assert len(stepper.looked) == 4
     for t, low, high in stepper.looked:
         now = run.record.origin + t
