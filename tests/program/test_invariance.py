@@ -87,16 +87,16 @@ def test_symmetries(kind: str) -> None:
         assert found @ found.T == pytest.approx((basis @ basis.T)[np.ix_(order, order)], abs=1e-8)
 
 
-@pytest.mark.parametrize(("kind", "free"), [("of squares", 0), ("of two sums", 28)])
+@pytest.mark.parametrize(("kind", "free"), [("of squares", 0), ("of two sums", 24)])
 def test_a_function_of_many_states(kind: str, free: int) -> None:
     """Nothing that leaves its sums alone changes it, however many terms they have."""
-    n = 30
+    n = 26
     weights = 1.0 + np.arange(n) % 3
 
     def equations(self: Any) -> list[Any]:
         x = [getattr(self, f"x{i}") for i in range(n)]
         one, other = (sum(float(w) * part for w, part in zip(weights[i::2], x[i::2], strict=True)) for i in (0, 1))
-        functions = {"of squares": sum(a**4 for a in x), "of two sums": gl.sin(one) * other**2}
+        functions = {"of squares": sum(a**4 for a in x), "of two sums": one * other}
         return [gl.Eq(gl.der(a), self.rate * (functions[kind] if i == 0 else 1.0)) for i, a in enumerate(x)]
 
     names = {f"x{i}": gl.Variable("1") for i in range(n)} | {"rate": gl.Parameter("1/s", default=1.0)}
