@@ -578,7 +578,7 @@ def _amplitude_nodes(structure: Structure, states: tuple[Node, ...]) -> dict[int
     """Per variable, a derivative order whose amplitude follows from these states, without integrating absolute angles."""
     model = structure.model
     unknown = _dependent(structure, set(structure.states) - set(states))
-    known = ({*structure.solved_by, *states} - {*structure.angles}) - unknown
+    known = {node for node in ({*structure.solved_by, *states} - {*structure.angles}) - unknown if structure.computes(node)}
     result: dict[int, int] = {}
     top = 1 + max([0, *(k for _, k in structure.solved_by)])
     absolute = {v for v, _ in structure.angles}

@@ -14,6 +14,7 @@ from scipy.linalg import eig, eigh, eigh_tridiagonal
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import NameLookupError
 from gearparts.interfaces import TwoFlanges
 from tests.linear.random_trains import Train, draw, matrices
 
@@ -111,6 +112,29 @@ def test_free_motion_is_a_speed_without_twist(chain: Callable[..., gl.System], n
         [speeds[0] * 1j * found.omega[1], speeds[0]]
     )
     assert np.abs(found.shape(0, "shaft[0].tau", "shaft[1].phi_rel")).max() < 1e-9 * abs(speeds[0])
+
+
+class DrivenEnd(gl.Component):
+    """A torque on the end of a spring without inertia: this end's speed follows the derivative of the torque."""
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.shaft, self.body = gp.Torque(), gp.Spring(c=50.0), gp.Inertia(J=2.0)
+        self.coupling, self.load = gp.SpringDamper(c=600.0, d=1.0), gp.Inertia(J=6.0)
+        return [
+            gl.connect(self.torque.flange, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.body.flange_a),
+            gl.connect(self.body.flange_b, self.coupling.flange_a),
+            gl.connect(self.coupling.flange_b, self.load.flange_a),
+        ]
+
+
+def test_a_speed_that_needs_the_derivative_of_an_input_has_no_amplitude() -> None:
+    found = gl.modes(gl.compile(DrivenEnd()))
+    assert found.frequencies == pytest.approx([0.0, 20.0 / (2 * np.pi)], rel=1e-12)
+    assert found.shape(1, "shaft.phi_rel") == pytest.approx(0.0, abs=1e-15)  # its torque is given
+    assert found.shape(1, "load.w", "coupling.w_rel") == pytest.approx(found.shape(1, "body.w") * [-1 / 3, -4 / 3], rel=1e-9)
+    with pytest.raises(NameLookupError, match=r"^torque\.flange\.phi has no amplitude in the mode; "):
+        found.shape(1, "torque.flange.phi")
 
 
 def test_deflections_are_differences_of_angles_and_integrals_of_relative_speeds(paper: gl.System) -> None:
