@@ -20,7 +20,7 @@ from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.linear.balancing import balance
 from gearlib.linear.linear_model import LinearModel, Matrices, label, matrices
 from gearlib.linear.linearize import linearized
-from gearlib.linear.poles import Poles, poles
+from gearlib.linear.poles import Poles, poles, warn_of_rounding
 from gearlib.run.subject import is_compiled, translation_of
 
 Floats = NDArray[np.float64]
@@ -217,7 +217,10 @@ def as_loop(
     if translation is not None:
         unit, per = (spelled(translation.unit(name)) for name in (ins[j], outs[i]))
         said = f"{gain:g}" if unit == per else f"{gain:g} {unit or '1'} per {per or '1'}"
-    return Loop(A, B[:, j] * gain, C[i], float(D[i, j]) * gain, ins[j], outs[i], whole, changes, said)
+    found = Loop(A, B[:, j] * gain, C[i], float(D[i, j]) * gain, ins[j], outs[i], whole, changes, said)
+    if translation is not None:
+        warn_of_rounding(translation.name, model.states, A, found.open_poles)
+    return found
 
 
 def _signal(what: str, chosen: Any, names: Sequence[str]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ import numpy as np
 from gearlib.arguments import one_name, real
 from gearlib.drawing.page import preformatted, table
 from gearlib.drawing.printed import fitted
-from gearlib.errors import ArgumentError
+from gearlib.errors import ArgumentError, GearlibWarning
 from gearlib.feedback.feedback_loop import Loop, as_loop
 from gearlib.feedback.gain_range import gains_in_words, stable_gains
 from gearlib.feedback.margins import Margins, margins
@@ -23,9 +24,11 @@ from gearlib.feedback.stability_sensitivity import StabilitySensitivity, stabili
 from gearlib.linear.linear_model import check_linear
 from gearlib.linear.linearize import linearized
 from gearlib.linear.operating_point import parameters_at
-from gearlib.linear.poles import MEANING, Poles, Verdict, poles
+from gearlib.linear.poles import MEANING, Poles, Verdict, poles, warn_of_rounding
 from gearlib.run.subject import is_compiled, translation_of
 from gearlib.vibration.modes import MOST_DENSE, Modes, modes
+
+SAID = 1e-10  # of the slowest other pole: a coarser resolution of the poles at 0 is printed
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +152,9 @@ class StabilityReport:
 
     @cached_property
     def _discrete(self) -> Modes | None:
-        return None if self.find_modes is None else self.find_modes()
+        with warnings.catch_warnings():  # of rounding `stability` warned
+            warnings.simplefilter("ignore", GearlibWarning)
+            return None if self.find_modes is None else self.find_modes()
 
     @property
     def eigenvalues(self) -> Any:
@@ -192,6 +197,9 @@ def motions(found: Poles, at_zero: str = "") -> list[str]:
     values, words = found.values, []
     if found.at_zero:
         poles_at = "1 pole" if found.at_zero == 1 else f"{found.at_zero} poles"
+        moving = np.abs(values[values != 0])
+        if found.resolution > SAID * moving.min(initial=np.inf):
+            poles_at += f" (to {found.resolution:.1g} rad/s)"
         chain = ", in chains: with a speed that stays, an angle grows" if len(found.chains) > 1 else ""
         words.append(f"{poles_at} at 0: {at_zero or 'the train turns freely, or a loop of meshes keeps a preload'}{chain}")
     for value in values[(values.real > 0) & (values.imag >= 0)][:4]:
@@ -285,6 +293,8 @@ def stability(
     report = None if chosen is None else LoopReport(chosen)
     found = poles(linear.A) if chosen is None else chosen.open_poles
     source: Any = linear if chosen is None else chosen
+    if is_compiled(model) and chosen is None:
+        warn_of_rounding(name, linear.states, linear.A, found)
     find = None
     if is_compiled(model) and source.changes is not None:
         translation, given = translation_of(model), copy(parameters)

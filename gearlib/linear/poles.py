@@ -8,6 +8,7 @@ of solving the complete eigenvalue problem for a degenerate matrix", USSR Comput
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -15,13 +16,18 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.errors import ArgumentError
+from gearlib.errors import ArgumentError, GearlibWarning, warn
 from gearlib.linear.balancing import balance
+from gearlib.linear.linear_model import full
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Verdict = Literal["stable", "marginal", "drifting", "unstable"]
-RANK = 1e-13  # singular values below this fraction of the largest count as zero
+# Singular values below this fraction of the largest count as zero: of the matrices of 1100 random trains those at zero had up to a
+# tenth of it.
+RANK = 4e-15
+# Resolution relative to the slowest pole above which it is reported: where poles count as 0 or as undamped, and where none do.
+HIDING, BLURRING = 1e-6, 1e-3
 MEANING: dict[Verdict, str] = {
     "stable": "asymptotically stable: every motion dies away",
     "marginal": "marginally stable: nothing grows, but not everything dies away",
@@ -44,12 +50,15 @@ class Poles:
         Ranks of the staircase at 0: ``(2, 1)`` means two independent stationary motions, one of which can also drift.
     chained : tuple of float
         Nonzero frequencies (rad/s) of repeated, defective poles on the imaginary axis.
+    resolution : float
+        Rad/s: slower poles cannot be told from 0, which is due to the fastest ones.
     """
 
     values: Complexes
     tolerances: Floats
     chains: tuple[int, ...]
     chained: tuple[float, ...] = ()
+    resolution: float = 0.0
 
     @cached_property
     def at_zero(self) -> int:
@@ -110,33 +119,78 @@ def poles(A: Any) -> Poles:
     >>> found.chains, found.verdict
     ((1, 1), 'drifting')
     """
-    from scipy.linalg import eig
-
-    matrix = np.array(A.toarray() if hasattr(A, "toarray") else A, float)
+    matrix = full(A)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise ArgumentError(f"a matrix of shape {matrix.shape} has no eigenvalues; expected a square one")
     if not (np.abs(matrix) < 1e150).all():
         raise ArgumentError("the matrix holds numbers that are not finite, or whose squares are not")
-    if not matrix.size:
-        return Poles(np.empty(0, complex), np.empty(0), ())
-    balanced = balance(matrix)[0]
-    _, others, chains = deflate(balanced)
+    balanced = balance(matrix)[0] if matrix.size else matrix
+    found = eigen(balanced)
+    others = np.where(np.abs(found.values.real) <= found.tolerances, 1j * found.values.imag, found.values)
+    values = np.concatenate([np.zeros(sum(found.chains)), others])
+    error = np.concatenate([np.zeros(sum(found.chains)), found.tolerances])
+    order = np.lexsort((values.imag, np.abs(values.imag), np.round(np.abs(values), 12)))
+    chained = _chained(balanced, others, found.tolerances)
+    return Poles(values[order], error[order], found.chains, chained, found.resolution)
+
+
+@dataclass(frozen=True, eq=False)
+class Eigen:
+    """Eigenvalues of a balanced matrix.
+
+    Attributes
+    ----------
+    zero, others : arrays
+        Orthonormal bases of the generalised null space and its complement.
+    chains : tuple of int
+        As of `Poles`.
+    values, tolerances : arrays
+        The eigenvalues on the complement, in no order, as computed.
+    vectors : complex array
+        Eigenvectors of the matrix on the complement.
+    resolution : float
+    """
+
+    zero: Floats
+    others: Floats
+    chains: tuple[int, ...]
+    values: Complexes
+    tolerances: Floats
+    vectors: Complexes
+    resolution: float
+
+
+def eigen(balanced: Floats) -> Eigen:
+    """Eigenvalues and eigenvectors of a balanced matrix, its zeros apart."""
+    from scipy.linalg import eig
+
+    zero, others, chains, resolution = deflate(balanced)
     if not others.shape[1]:
-        return Poles(np.zeros(len(matrix), complex), np.zeros(len(matrix)), chains)
+        return Eigen(zero, others, chains, np.empty(0, complex), np.empty(0), np.empty((0, 0), complex), resolution)
     rest = others.T @ balanced @ others if chains else balanced
     values, left, right = eig(rest, left=True, right=True)
     overlap = np.abs(np.einsum("ij,ij->j", left.conj(), right))
     error = 40 * np.finfo(float).eps * float(np.linalg.norm(rest)) / np.maximum(overlap, 1e-12)
-    values = np.where(np.abs(values.real) <= error, 1j * values.imag, values)
-    chained = _chained(balanced, values, error)
-    values = np.concatenate([np.zeros(sum(chains)), values])
-    error = np.concatenate([np.zeros(sum(chains)), error])
-    order = np.lexsort((values.imag, np.abs(values.imag), np.round(np.abs(values), 12)))
-    return Poles(values[order], error[order], chains, chained)
+    return Eigen(zero, others, chains, values, error, right, resolution)
 
 
-def deflate(matrix: Floats) -> tuple[Floats, Floats, tuple[int, ...]]:
-    """Orthonormal bases of the generalised null space and its complement, and the ranks of the staircase.
+def warn_of_rounding(name: str, states: Sequence[str], A: Any, found: Poles | Eigen) -> None:
+    """Warn where rounding in a system's fastest poles exceeds what the slow ones are taken for."""
+    sizes = np.abs(found.values[found.values != 0])
+    on_axis = bool(found.chains) or bool((np.abs(found.values.real) <= found.tolerances).any())
+    if found.resolution <= (HIDING if on_axis else BLURRING) * sizes.min(initial=np.inf):
+        return
+    fastest = int(np.argmax(np.linalg.norm(balance(full(A))[0], axis=1)))
+    warn(
+        f"{name}: poles are known to {found.resolution:.1g} rad/s, since the fastest one, mostly of {states[fastest]}, is "
+        f"{sizes.max():.2g} rad/s; a slower motion counts as a pole at 0, and less damping as none. A damping or an inertia that is "
+        "nearly 0 makes such a pole; 0 leaves it out",
+        GearlibWarning,
+    )
+
+
+def deflate(matrix: Floats) -> tuple[Floats, Floats, tuple[int, ...], float]:
+    """Orthonormal bases of the generalised null space and its complement, the ranks of the staircase, and what counts as zero.
 
     In these bases the matrix is block triangular: the remainder does not depend on the motions at 0.
     """
@@ -151,7 +205,7 @@ def deflate(matrix: Floats) -> tuple[Floats, Floats, tuple[int, ...]]:
         chains.append(null.shape[1])
         zero, others = np.hstack([zero, others @ null]), others @ rows
         rest = others.T @ matrix @ others
-    return zero, others, tuple(chains)
+    return zero, others, tuple(chains), limit
 
 
 def _norm(matrix: Floats) -> float:

@@ -27,6 +27,7 @@ from gearlib.linear.eigenvalue_changes import eigenvalue_changes
 from gearlib.linear.held_states import remaining
 from gearlib.linear.linearized_program import LinearizedProgram
 from gearlib.linear.operating_point import fitting, operating_point
+from gearlib.linear.poles import warn_of_rounding
 from gearlib.optional import optional
 from gearlib.program.build import build
 from gearlib.program.interpret import prepare
@@ -504,6 +505,8 @@ def modes(
     angles = any(k == 0 and structure.model.potential[v] for v, k in states)
     speeds, forces = rows[np.flatnonzero(orders == 1)], rows[_forces(structure.model, orders)]
     spectrum = _spectrum(A, speeds, forces, count, angles)
+    if spectrum.found is not None:
+        warn_of_rounding(translation.name, [node_name(structure.model, s) for s in kept], A, spectrum.found)
     free, alone = without_preloads(A, speeds, spectrum.free)
     unused, words = _unused(A, speeds, forces), conditions(scene, numbers, point)
     eigenvalues = np.concatenate([np.zeros(spectrum.free.shape[1]), spectrum.values])

@@ -7,7 +7,7 @@ trains may have hundreds of them, so they are counted in advance, and the search
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
 from gearlib.linear.balancing import balance
-from gearlib.linear.poles import deflate
+from gearlib.linear.poles import Eigen, eigen
 from gearlib.structure.sparse_elimination import factorise
 from gearlib.vibration.lowest_eigenvalues import REAL, lowest
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 ACTING = 1e-9  # relative to the largest speed or force: smaller ones are rounding
+UNDAMPED = 1e-11  # of the fastest eigenvalue found of a large matrix: a smaller damping is rounding
 MOST_FULL = 4000  # states up to which the dense matrix is used where the lowest eigenvalues cannot be verified
 
 
@@ -37,6 +38,8 @@ class Spectrum:
     preloads : int or None
     decays : array
         Real poles, slowest first.
+    found : Eigen, optional
+        All eigenvalues, as they were computed.
     """
 
     values: Complexes
@@ -44,34 +47,33 @@ class Spectrum:
     free: Complexes
     preloads: int | None
     decays: Floats
+    found: Eigen | None = None
 
 
 def dense_spectrum(A: Floats, speeds: Floats, count: int | None, forces: Floats | None = None) -> Spectrum:
     """All eigenvalues; ``speeds`` (variables, states) separates free motions from rest, ``forces`` preloads from positions."""
-    from scipy.linalg import eig
-
     n = len(A)
     if not n:
         return Spectrum(np.empty(0, complex), np.empty((0, 0), complex), np.empty((0, 0), complex), 0, np.empty(0))
     balanced, scale = balance(A)
-    zero, others, chains = deflate(balanced)
-    values, vectors = eig(others.T @ balanced @ others) if others.shape[1] else (np.empty(0, complex), np.empty((0, 0)))
+    found = eigen(balanced)
+    zero, others, values = found.zero, found.others, found.values
     inner, coupling = zero.T @ balanced @ zero, zero.T @ balanced @ others
     full = np.zeros((n, len(values)), complex)
     for k, value in enumerate(values):
         if value.imag <= 0:
             continue  # a decay, which has no shape here, or the conjugate
-        w = vectors[:, k]
+        w = found.vectors[:, k]
         at_zero = np.linalg.solve(inner - value * np.eye(len(inner)), -coupling @ w) if len(inner) else np.empty(0)
         full[:, k] = others @ w + zero @ at_zero
     zero_ = zero
     full, zero = full * scale[:, None], zero * scale[:, None]
     free = _free(zero, speeds)
     # With zero rates; in a chain a motion consists of a position and a speed
-    still = zero_[:, : chains[0]] if chains else zero_
+    still = zero_[:, : found.chains[0]] if found.chains else zero_
     rates, acting = (np.asarray(rows) * scale for rows in (speeds, speeds if forces is None else forces))
     preloads = None if forces is None else _preloads(still, rates, acting)
-    return _ordered(values, full, free, preloads, count)
+    return replace(_ordered(values, full, free, preloads, count, found.tolerances), found=found)
 
 
 def _preloads(still: Floats, speeds: Floats, forces: Floats) -> int:
@@ -107,15 +109,17 @@ def _free(zero: Floats, speeds: Any) -> Complexes:
     return result
 
 
-def _ordered(values: Complexes, vectors: Complexes, free: Complexes, preloads: int | None, count: int | None) -> Spectrum:
+def _ordered(
+    values: Complexes, vectors: Complexes, free: Complexes, preloads: int | None, count: int | None, tolerances: Floats
+) -> Spectrum:
+    """Modes and decays apart; a damping within the ``tolerances`` of the eigenvalues is rounding of none."""
     size = np.maximum(np.abs(values), 1e-300)
     real = np.abs(values.imag) <= REAL * size
     decays = np.sort(values[real].real)[::-1]
     ringing = np.flatnonzero(~real & (values.imag > 0))
     ringing = ringing[np.argsort(np.abs(values[ringing]), kind="stable")][:count]
     chosen = values[ringing]
-    # Rounding of zero damping.
-    chosen = np.where(np.abs(chosen.real) < 1e-11 * np.abs(values).max(initial=0.0), 1j * chosen.imag, chosen)
+    chosen = np.where(np.abs(chosen.real) <= tolerances[ringing], 1j * chosen.imag, chosen)
     shapes = vectors[:, ringing]
     peak = np.abs(shapes).max(axis=0, initial=1e-300)
     return Spectrum(chosen, shapes / peak, free, preloads, decays)
@@ -135,7 +139,8 @@ def sparse_spectrum(A: Any, speeds: Any, count: int, chained: bool = True) -> Sp
     free, at_zero = _free_motions(A, speeds, chained)
     found = lowest(A, count, at_zero)
     if found is not None:
-        return _ordered(found.values, found.vectors, free, None, count)
+        rounding = np.full(len(found.values), UNDAMPED * np.abs(found.values).max(initial=0.0))
+        return _ordered(found.values, found.vectors, free, None, count, rounding)
     if A.shape[0] > MOST_FULL:
         raise SolverError(
             f"the lowest {count} modes of {A.shape[0]} states could not be told from all others: decays without oscillation lie "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,9 @@ import pytest
 import scipy.sparse as sparse
 
 import gearlib as gl
+import gearparts as gp
 from gearlib.errors import ArgumentError, NameLookupError, SolverError
+from gearlib.feedback.feedback_loop import as_loop
 from gearlib.linear import eigenvalue_changes as eigenvalue_changes_module
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
 from gearlib.linear.linear_model import is_sparse
@@ -62,6 +65,71 @@ def test_all_analyses_see_a_slow_state_behind_a_large_coupling() -> None:
     s = 1j * omega
     expected = -COUPLING * FAST / ((s + FAST) * (s + SLOW))
     assert np.asarray(response["y", "u"]) == pytest.approx(expected, rel=1e-9)
+
+
+class Coupled(gl.Component):
+    """Two bodies with a drag and two couplings in series: nothing of mass between these makes a pole of -c / d."""
+
+    c = gl.Parameter("N.m/rad", default=1e6)
+    d = gl.Parameter("N.m.s/rad", default=1e-2)
+    drag = gl.Parameter("N.m.s/rad", default=1e-3)
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.driver, self.driven = gp.Torque(), gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+        self.one, self.other = gp.SpringDamper(c=self.c, d=self.d), gp.SpringDamper(c=self.c, d=self.d)
+        self.damper, self.ground = gp.Damper(d=self.drag), gp.Fixed()
+        return [
+            gl.connect(self.torque.flange, self.driver.flange_a),
+            gl.connect(self.driver.flange_b, self.one.flange_a),
+            gl.connect(self.one.flange_b, self.other.flange_a),
+            gl.connect(self.other.flange_b, self.driven.flange_a),
+            gl.connect(self.driven.flange_b, self.damper.flange_a),
+            gl.connect(self.damper.flange_b, self.ground.flange),
+        ]
+
+
+@pytest.fixture(scope="module")
+def coupled() -> gl.System:
+    return gl.compile(Coupled(), outputs=["driven.w"])
+
+
+def by_hand(d: float, drag: float) -> np.ndarray:
+    """Twist and speeds: the couplings in series are one of half the stiffness and half the damping."""
+    c, d = 0.5e6, d / 2
+    return np.array([[0.0, 1.0, -1.0], [-c, -d, d], [c / 2, d / 2, -(d + drag) / 2]])
+
+
+@pytest.mark.parametrize(("d", "drag"), [(1e-2, 1.0), (1e-2, 1e-3), (1e-2, 0.0), (1e-4, 1.0), (1e-4, 1e-3), (1e-6, 1.0)])
+def test_slow_poles_beside_very_fast_ones(coupled: gl.System, d: float, drag: float) -> None:
+    """Up to twelve decades apart: a drag is no free motion, and a damping ratio of 1e-7 is not none."""
+    given = {"d": d, "drag": drag}
+    right = np.sort_complex(np.linalg.eigvals(by_hand(d, drag)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gl.GearlibWarning)
+        report, found = gl.stability(coupled, parameters=given), gl.modes(coupled, parameters=given)
+    slow = report.poles.values[:3]
+    assert report.poles.resolution == pytest.approx(4e-15 * 1e6 / d, rel=0.2)
+    assert np.sort_complex(slow) == pytest.approx(right, abs=report.poles.tolerances.max())
+    assert report.verdict == ("stable" if drag else "marginal")
+    assert (report.poles.values[-1], found.free) == (pytest.approx(-1e6 / d, rel=1e-6), 0 if drag else 1)
+    assert found.eigenvalues[found.free :] == pytest.approx(slow[slow.imag > 0], abs=1e-15 * 1e6 / d)
+    assert found.decays[:-1] == pytest.approx(slow.real[(slow.imag == 0) & (slow != 0)], abs=1e-15 * 1e6 / d)
+    assert ("1 pole (to 4e-07 rad/s) at 0" in str(report)) == (not drag)
+
+
+def test_poles_that_rounding_hides_are_reported(coupled: gl.System) -> None:
+    """A drag that makes a pole slower than the rounding of the fastest one, and a damping that is less."""
+    said = (
+        r"Coupled: poles are known to 0\.004 rad/s, since the fastest one, mostly of \w+\.phi_rel, is 1e\+12 rad/s; a slower "
+        r"motion counts as a pole at 0, and less damping as none\. A damping or an inertia that is nearly 0 makes such a pole; 0 "
+    )
+    given = {"d": 1e-6, "drag": 1e-3}
+    for ask in (gl.stability, gl.modes, lambda system, parameters: as_loop(system, parameters=parameters)):
+        with pytest.warns(gl.GearlibWarning, match=said):
+            ask(coupled, parameters=given)
+    with pytest.warns(gl.GearlibWarning, match=r"known to 4e\+01 rad/s"):  # nothing at 0, but the frequency is not known
+        assert gl.stability(coupled, parameters={"d": 1e-10, "drag": 1e6}).poles.resolution > 1
+    assert gl.modes(coupled, parameters={"d": 0.0, "drag": 1e-3}).decays == pytest.approx([-1e-3 / 3], rel=1e-6)
 
 
 # ---------------------------------------------------------------- verdicts
@@ -188,8 +256,9 @@ def test_the_null_space_is_split_off_whatever_its_rank(seed: int) -> None:
 
 def test_the_staircase_leaves_a_block_triangular_matrix() -> None:
     matrix = similar([FREE, STILL, np.eye(3, k=1), swing(2.0, 1.0)])
-    zero, others, chains = deflate(matrix)
+    zero, others, chains, limit = deflate(matrix)
     assert chains == (3, 2, 1)
+    assert 1e-15 < limit / np.linalg.norm(matrix, 2) < 1e-14
     assert others.T @ matrix @ zero == pytest.approx(np.zeros((2, 6)), abs=1e-12)
     inner = zero.T @ matrix @ zero
     assert np.linalg.matrix_power(inner, 3) == pytest.approx(np.zeros((6, 6)), abs=1e-12)
