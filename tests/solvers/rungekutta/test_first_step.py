@@ -21,20 +21,22 @@ RIGHT: dict[str, tuple[Callable[[float, Any], Any], list[float]]] = {
     "still, but not at zero": (lambda t, x: 0.0 * x, [1.0, 2.0]),
     "from zero": (lambda t, x: 1.0 - x, [0.0, 0.0]),
     "slow": (lambda t, x: 1e-9 * x, [1.0, 1.0]),
+    "infinite where Euler leads": (lambda t, x: np.where(x < 1.0001, 2.0, np.inf), [1.0, 1.0]),
     "curved only": (lambda t, x: np.array([1e-4 + t * 1e6, 0.0]), [1.0, 1.0]),
 }
 
 
-def by_hand(f: Callable[[float, Any], Any], x: Any, order: int, h_max: float, rtol: float, atol: float) -> float:
-    weight, n = 1.0 / (atol + rtol * np.abs(x)), len(x)
+def by_hand(f: Callable[[float, Any], Any], x: Any, order: int, h_max: float, rtol: float, atol: Any) -> float:
+    weight = 1.0 / (atol + rtol * np.abs(x))
     norm = lambda v: math.sqrt(float(np.mean((v * weight) ** 2)))  # noqa: E731
     slope = f(0.0, x)
     d0, d1 = norm(x), norm(slope)
     h0 = min(0.01 * d0 / d1 if d0 > 1e-5 and d1 > 1e-5 else 1e-6 * h_max, h_max)
     d2 = norm(f(h0, x + h0 * slope) - slope) / h0
     largest = max(d1, d2)
+    if not largest < math.inf:
+        return 1e-3 * h0
     h1 = max(1e-6 * h_max, 1e-3 * h0) if largest <= 1e-15 else (0.01 / largest) ** (1 / order)
-    assert n == 2
     return min(100 * h0, h1, h_max)
 
 
