@@ -346,7 +346,7 @@ def rounds(one: Mutant) -> list[list[str]]:
         if not test.startswith((*UNFIT, *first)):
             files.setdefault(test.partition("::")[0], []).append(test)
     folder = Path(one.module).parent.name
-    if not files or re.search("@native|GENERATED", source(one.module)):  # what is compiled runs unseen
+    if not files or is_compiled(one.module, one.line):  # what is compiled runs unseen
         own = [str(path.relative_to(ROOT)) for path in sorted((ROOT / "tests").rglob(f"{folder}/test_*.py"))]
         files |= {file: [file] for file in own if not file.startswith((*UNFIT, *first))}
     declares = one.line not in inside(ast.parse(source(one.module)))
