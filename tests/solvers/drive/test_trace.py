@@ -93,3 +93,64 @@ def test_samples_help_where_there_are_few_ends() -> None:
     wrong = np.array([-0.01, 0.0, 0.37, 1.0, 1.2])
     without, beside = along(found, t), along(found, t, wrong, np.full((5, 1), 99.0))
     assert beside[0].tolist() == without[0].tolist()
+
+
+def ends_by_hand(t: Any, k: int) -> list[int]:
+    """Of a step and up to two others on either side, none beyond an event: half a step apart at least, and within twenty of it."""
+    h = t[k + 1] - t[k]
+    first = max((i + 1 for i in range(k) if t[i] == t[i + 1]), default=0)
+    last = min((i for i in range(k + 1, len(t) - 1) if t[i] == t[i + 1]), default=len(t) - 1)
+
+    def following(end: int | None, way: int) -> int | None:
+        others = [] if end is None else range(end - 1, first - 1, -1) if way < 0 else range(end + 1, last + 1)
+        return next((i for i in others if abs(t[i] - t[end]) >= 0.5 * h), None)
+
+    before, after = following(k, -1), following(k + 1, 1)
+    others = before, after, following(before, -1), following(after, 1)
+    return [k, k + 1, *(i for i in others if i is not None and abs(t[i] - t[k]) <= 20.0 * h)]
+
+
+def newton_by_hand(nodes: list[float], values: list[float], slopes: list[float], at: float) -> tuple[float, float]:
+    """Value of the polynomial, and less the estimated error; nodes that occur twice are followed by each other."""
+
+    def divided(i: int, j: int) -> float:
+        if i == j:
+            return values[i]
+        return slopes[i] if nodes[i] == nodes[j] else (divided(i + 1, j) - divided(i, j - 1)) / (nodes[j] - nodes[i])
+
+    factors = [divided(0, i) for i in range(len(nodes))]
+    terms, middle = (
+        [c * np.prod([x - node for node in nodes[:i]]) for i, c in enumerate(factors)]
+        for x in (at, 0.5 * (nodes[0] + nodes[2]))
+    )
+    last, before = np.abs(middle[-2:]).sum(), np.abs(middle[1:][-4:-2]).sum()
+    share = last / before if last < before else 1.0
+    return sum(terms), sum(terms) - (share if len(nodes) > 7 else share**0.5) * sum(terms[-2:])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_values_and_error_estimates_are_those_of_newtons_polynomial(seed: int) -> None:
+    """Steps of like or unlike lengths and events among them; with samples near the quarters where at most one other end is near."""
+    rng = np.random.default_rng(seed)
+    h = rng.uniform(0.5, 1.5, 12) if seed < 2 else 10.0 ** rng.uniform(-1.2, 1.2, 12)
+    h[[4, 7] if seed % 2 else []] = 0.0
+    t = np.cumsum([2.0, *h])
+    rows = np.column_stack([t, *(f(w * t) for f in (np.sin, lambda a: 1.0 * np.cos(a)) for w in (0.1, 0.13)), 0 * t])
+    sample_times = np.sort(rng.uniform(t[0], t[-1], 30)) if seed > 2 else NOTHING
+    samples = np.column_stack([np.exp(-0.1 * sample_times), sample_times])
+    found = Trace([rows], np.array([0, 1]), 0.0)
+    for k in np.flatnonzero(np.diff(t)):
+        step = t[k + 1] - t[k]
+        inner = [int(np.argmin(abs(sample_times - t[k] - q * step))) for q in (0.5, 0.25, 0.75)] if len(sample_times) else []
+        inner = [
+            i for i, q in zip(inner, (0.5, 0.25, 0.75), strict=False) if abs(sample_times[i] - t[k] - q * step) < 0.1 * step
+        ]
+        ends = ends_by_hand(t, k)
+        inner = inner if len(ends) < 4 else []
+        nodes = [*np.repeat(t[ends], 2), *sample_times[inner]]
+        at = t[k] + step * np.array([0.0, 0.21, 0.5, 0.93])
+        fine, coarse = found.at(at, np.full(4, k), sample_times, samples)
+        for j in range(2):
+            values, slopes = ([*np.repeat(rows[ends, 1 + j + d], 2), *samples[inner, j]] for d in (0, 2))
+            expected = np.array([newton_by_hand(nodes, values, slopes, x) for x in at])
+            assert np.stack([fine[:, j], coarse[:, j]], axis=1) == pytest.approx(expected, rel=1e-7, abs=1e-9)
