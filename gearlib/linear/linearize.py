@@ -127,7 +127,7 @@ def linearize(
     at = LinearizedProgram(scene, prepared, point, seeds, added, tuple(wanted))
     slots, discrete = at.slots, at.discrete
     n, sign_out = len(states), np.array(signs, float)
-    _refuse_undetermined(scene, program, undetermined(prepared, point.t, slots, discrete))
+    refuse_undetermined(at)
     whole = signals.matrices(at.derivatives, n, sign_out)
     A, B, C, names = whole.A, whole.B, whole.C, tuple(node_name(model, s) for s in states)
     left = remaining(structure, prepared, point.t, slots, discrete, A, B)
@@ -195,16 +195,17 @@ class _Signals:
         return Matrices(rates[:, :n], B, sparse.diags(sign_out) @ rows[:, :n], sparse.diags(sign_out) @ D)
 
 
-def _refuse_undetermined(scene: Scene, program: Program, open_: Floats) -> None:
+def refuse_undetermined(at: LinearizedProgram) -> None:
     """Refuse rates that the equations leave undetermined; torques that locked elements share arbitrarily do no harm."""
-    wanted = [(v, k + 1) for v, k in scene.states]
-    rows = open_[[program.slots[node] for node in wanted]]
+    wanted = [(v, k + 1) for v, k in at.scene.states]
+    open_ = undetermined(at.prepared, at.point.t, at.slots, at.discrete)
+    rows = open_[[at.prepared.program.slots[node] for node in wanted]]
     if not rows.size:
         return
     bad = np.flatnonzero(np.abs(rows).max(axis=1, initial=0.0) > NEGLIGIBLE * np.abs(open_).max(initial=0.0))
     if len(bad):
         raise SolverError(
-            f"there is no linear model at this point: {node_name(scene.model, wanted[int(bad[0])])} is not determined there, nothing "
+            f"there is no linear model at this point: {node_name(at.scene.model, wanted[int(bad[0])])} is not determined there, nothing "
             "says how fast it moves; give inertia to what nothing moves, or another point (at=...)"
         )
 

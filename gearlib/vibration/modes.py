@@ -25,6 +25,7 @@ from gearlib.language.outline import train_in
 from gearlib.linear.condition import conditions, described, matters_elsewhere
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
 from gearlib.linear.held_states import remaining
+from gearlib.linear.linearize import refuse_undetermined
 from gearlib.linear.linearized_program import LinearizedProgram
 from gearlib.linear.operating_point import fitting, operating_point
 from gearlib.linear.poles import warn_of_rounding
@@ -490,6 +491,7 @@ def modes(
     prepared = prepare(program, structure, numbers)
     rates = [program.slots[v, k + 1] for v, k in states]
     linearized = LinearizedProgram(scene, prepared, point, tuple(range(len(states))))
+    refuse_undetermined(linearized)
     slots, discrete, d = linearized.slots, linearized.discrete, linearized.derivatives
     A = whole = d[rates]
     n_variables = structure.model.n_variables

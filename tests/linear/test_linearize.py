@@ -128,9 +128,25 @@ def test_rate_that_the_equations_leave_open_is_named() -> None:
             self.one, self.other = gp.Brake(fn_max=3.0), gp.Brake(fn_max=2.0)
             return [gl.connect(self.one.flange_b, self.other.flange_a)]
 
-    for model, state in ((gp.Brake(fn_max=3.0), "v"), (Pair(), r"(one|other)\.v")):
-        with pytest.raises(gl.GearlibError, match=rf"no linear model at this point: der\({state}\) is not determined there"):
-            gl.compile(model).linearize()
+    class Hub(gl.Component):
+        """Two bodies, and behind a free clutch a hub without inertia, on a free brake."""
+
+        def assemble(self) -> list[Any]:
+            self.one, self.other, self.shaft = gp.Inertia(J=1.0), gp.Inertia(J=2.0), gp.Spring(c=10.0)
+            self.clutch, self.brake = gp.Clutch(fn_max=20.0), gp.Brake(fn_max=20.0)
+            return [
+                gl.connect(self.one.flange_b, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.other.flange_a),
+                gl.connect(self.other.flange_b, self.clutch.flange_a),
+                gl.connect(self.clutch.flange_b, self.brake.flange_a),
+            ]
+
+    for model, state in ((gp.Brake(fn_max=3.0), "v"), (Pair(), r"(one|other)\.v"), (Hub(), r"(clutch|brake)\.v")):
+        system = gl.compile(model)
+        said = rf"no linear model at this point: der\({state}\) is not determined there"
+        for ask in (gl.System.linearize, gl.modes, gl.stability):
+            with pytest.raises(gl.GearlibError, match=said):
+                ask(system)
 
 
 def test_torque_that_stuck_brakes_share_is_no_matter() -> None:
