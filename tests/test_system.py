@@ -337,3 +337,24 @@ def test_linear_model_of_the_drive() -> None:
     assert [name.replace("_", ".") for name in linear.output_labels] == ["load.w", "motor.w"]
     response = linear(2j)[:, 0]
     assert response == pytest.approx(np.array([10.0, 100.0]) / (2.0 + 10.0) / 2j, rel=1e-12)
+
+
+ZERO = "load.flange_b.tau"  # nothing is connected there
+SWINGING = {"torque.tau": lambda phase, _: np.cos(phase)}
+ASKED: dict[str, Callable[[gl.System], Any]] = {
+    "run": lambda s: s.simulate(1.0, samples=3, inputs={"torque.tau": 3.0})[ZERO],
+    "gradient": lambda s: s.simulate(1.0, samples=3, inputs={"torque.tau": 3.0}).gradient({ZERO: np.ones(3)}, ["J_load"])["J_load"],
+    "sweep": lambda s: s.sweep({"J_load": np.linspace(1, 2, 9)}, 1.0, samples=3, outputs=["load.w", ZERO], inputs=FREE)[ZERO],
+    "sweep in lanes": lambda s: s.sweep({"J_load": np.linspace(1, 2, 9)}, 1.0, method="rk5", lanes=8, outputs=[ZERO], inputs=FREE)[ZERO],
+    "peaks": lambda s: s.sweep({"J_load": np.linspace(1, 2, 9)}, 1.0, reduce={"peak": gl.peak(ZERO)}, inputs=FREE)["peak"],
+    "harmonic balance": lambda s: gl.harmonic_balance(s, 1.0, 2.0, outputs=["load.w", ZERO], inputs=SWINGING).coefficients[..., 1],
+    "response": lambda s: gl.frequency_response(s, [1.0], ["torque.tau"], [ZERO]).values,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("way", sorted(ASKED))
+def test_what_is_always_zero_can_be_asked_for_everywhere(way: str) -> None:
+    found = np.asarray(ASKED[way](gl.compile(Drive())))
+    assert found.size > 0
+    assert not found.any()
+    assert not np.signbit(found.real).any()

@@ -35,7 +35,7 @@ class Reduction:
         """The number of each history; the last axis is time."""
         if not self.of_magnitude:
             return np.asarray(histories[..., -1].copy(), float)
-        return np.asarray(np.maximum(histories.max(axis=-1), -histories.min(axis=-1)), float)
+        return np.asarray(np.maximum(histories.max(axis=-1), 0.0 - histories.min(axis=-1)), float)
 
 
 def final(name: str) -> Reduction:

@@ -251,11 +251,11 @@ def _side_by_side(
         return no_lanes
     scene = translation.scene
     reductions = [f for f in reduce.values() if isinstance(f, Reduction)]
-    nodes = [scene.named(name)[0] for name in (*outputs, *(f.name for f in reductions))]
-    if any(scene.missing(node) for node in nodes):
+    named = [scene.named(name) for name in (*outputs, *(f.name for f in reductions))]
+    if any(sign and scene.missing(node) for node, sign in named):
         return "an output needs more states than the system was compiled for; name it in gl.compile(..., outputs=[...])"
-    whole = len(reductions) < len(reduce) or not all(node in scene.place_of for node in nodes)
-    kept = () if whole else tuple(dict.fromkeys(scene.place_of[node] for node in nodes))
+    whole = len(reductions) < len(reduce) or not all(node in scene.place_of for node, _ in named)
+    kept = () if whole else tuple(dict.fromkeys(scene.place_of[node] for node, _ in named))
     last = not whole and not outputs and not any(f.of_magnitude for f in reductions)
     given = translation, request, parameters, inputs, whole, kept, last
     exact = ExactSweep(*given)

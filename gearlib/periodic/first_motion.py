@@ -58,7 +58,7 @@ class Forced:
         outputs = name_list("outputs", outputs, "mesh.q")
         if not outputs:
             raise ArgumentError("outputs is []; expected a list of names, such as ['mesh.q']")
-        states = needed_states(structure, [translation.node(n, "output") for n in outputs])
+        states = needed_states(structure, translation.nodes(outputs))
         if not states:
             raise ArgumentError(f"{', '.join(outputs)} depend on no states, so there is nothing to balance")
         scene = translation.scene_of(states)

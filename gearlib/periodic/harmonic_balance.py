@@ -198,7 +198,7 @@ def _result(task: Forced, scene: Scene, balance: HarmonicEquations, path: Path, 
     variables = [(model.variable(base), order) for base, order in map(model.column, names)]
     targets = [(int(model.representative[v]), order) for v, order in variables]
     signs = np.array([float(model.sign[v]) for v, _ in variables])
-    program = build(structure, [*targets, *((v, k + 1) for v, k in scene.states)], scene.states, dynamic=True)
+    program = build(structure, task.translation.nodes(names), scene.states, dynamic=True)
     rows = [program.slots.get(t, 0) for t in targets]
     prepared = None
     coefficients: list[Floats] = []

@@ -36,10 +36,11 @@ def build(structure: Structure, targets: Iterable[Node], states: Sequence[Node] 
     states : sequence of nodes, optional
         The states, in the order of the first slots; by default those in use.
     dynamic : bool
-        Whether the derivatives of all states in use are targets as well.
+        Whether the derivatives of all states are targets as well, also of those that only relations depend on.
     """
     targets = list(dict.fromkeys(targets))
-    unknowns, used = reach(structure, targets, dynamic)
+    rates = [(v, k + 1) for v, k in states or ()] if dynamic else []
+    unknowns, used = reach(structure, [*targets, *rates], dynamic)
     order = tuple(states) if states is not None else tuple(sorted(used))
     blocks = sort_blocks(structure, unknowns)
     outputs = [(v, k + 1) for v, k in order] if dynamic else targets

@@ -325,10 +325,6 @@ class Translation:
         declared = [(i.path, name, p.unit) for i in self.model.instances for name, p in i.declared.parameters.items()]
         return {f"{path}.{name}" if path else name: unit for path, name, unit in declared}
 
-    def node(self, name: str, what: str = "variable") -> Node:
-        """The variable or derivative that a path stands for; ``what`` names its role in the error message."""
-        return self.structure.named(name, what, (f"cannot be an {what}", "can"))[0]
-
     def nodes(self, outputs: Iterable[str]) -> list[Node]:
         """The nodes that must be computed for some outputs."""
         return output_nodes(self.structure, outputs)
@@ -569,9 +565,8 @@ def _translated_again(recipe: bytes, substituted: Special, rounds: Rounds = (), 
 
 def output_nodes(structure: Structure, outputs: Iterable[str]) -> list[Node]:
     """The nodes to compute for some outputs: all but those that are identically zero, such as the torque of a free flange."""
-    model = structure.model
-    named = [(n, structure.named(n, "output", ("cannot be an output", "can"))[0]) for n in outputs]
-    return [node for n, node in named if model.sign[model.variable(model.column(n)[0])] != 0]
+    named = [structure.named(n, "output", ("cannot be an output", "can")) for n in outputs]
+    return [node for node, sign in named if sign]
 
 
 def asked_scene(structure: Structure, outputs: tuple[str, ...] | None, read: tuple[str, ...] = ()) -> Scene:

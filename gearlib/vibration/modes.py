@@ -486,8 +486,7 @@ def modes(
     states = _moving_states(structure)
     scene, numbers, point = operating_point(translation, states, at, parameters)
     nodes = _amplitude_nodes(structure, states)
-    targets = [(v, k) for v, k in nodes.items()]
-    program = build(structure, [*targets, *((v, k + 1) for v, k in states)], states, dynamic=True)
+    program = build(structure, nodes.items(), states, dynamic=True)
     prepared = prepare(program, structure, numbers)
     rates = [program.slots[v, k + 1] for v, k in states]
     linearized = LinearizedProgram(scene, prepared, point, tuple(range(len(states))))

@@ -420,3 +420,28 @@ def test_a_moment_of_a_run_is_on_its_branch(outputs: list[str] | None) -> None:
     for at, there in (((result, 7.0), y), ({"x": -1.0}, 2.98)):
         slope = 1 / (1 - 4 / np.cosh(there) ** 2)
         assert np.asarray(system.linearize([], ["y"], at=at).C).ravel()[0] == pytest.approx(slope, rel=1e-3)
+
+
+class Toothed(gl.Component):
+    """A spring that is stiffer in one half of a turn; nothing but its condition depends on the angle."""
+
+    turning = gl.Parameter("1", default=1.0)
+    force = gl.Parameter("1", default=0.0)
+    angle, x, v = gl.Variable("1", start=0.5), gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        stiffness = gl.Piecewise((9.0, gl.sin(self.angle) > 0), (4.0, True))
+        return [
+            gl.Eq(gl.der(self.angle), self.turning),
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), self.force - 2 * self.v - stiffness * self.x),
+        ]
+
+
+@pytest.mark.parametrize(("angle", "omega"), [(0.5, 3.0), (4.0, 2.0)])
+def test_states_that_only_conditions_depend_on(angle: float, omega: float) -> None:
+    system = gl.compile(Toothed(), ["x"])
+    assert sorted(abs(system.linearize(at={"angle": angle}).poles())) == pytest.approx([0.0, omega, omega], abs=1e-9)
+    assert gl.modes(system, at={"angle": angle}).omega.max() == pytest.approx(omega)
+    steady = gl.steady_state(system, parameters={"turning": 0.0, "force": 1.0}).sensitivity("x", "force")
+    assert steady == pytest.approx(1 / 9)

@@ -163,7 +163,7 @@ def test_scenes_with_other_states_are_made_once() -> None:
     assert whole.with_states(states) is whole.with_states(states)
     assert whole.with_states(states).states == states
     assert whole.scene_of(own.states, (), own.outputs) is own
-    node = whole.node("other.a")
+    (node,) = whole.nodes(["other.a"])
     other = whole.scene_of(own.states, (), (node,))
     assert other is not own
     assert other.outputs == (node,)

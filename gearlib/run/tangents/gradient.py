@@ -56,7 +56,8 @@ def gradient_of(
         if found.shape != times.shape:
             raise ArgumentError(f"weights['{name}'] has the shape {found.shape}; expected {len(times)} numbers, one per sample")
         node, sign = scene.named(name)
-        nodes[node] = nodes.get(node, np.zeros(len(times))) + sign * found
+        if sign:  # the others are identically zero
+            nodes[node] = nodes.get(node, np.zeros(len(times))) + sign * found
     missing = sorted({state for node in nodes for state in scene.missing(node)})
     if missing:
         scene = translation.with_states(tuple(sorted({*scene.states, *missing})))
