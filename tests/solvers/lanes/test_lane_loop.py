@@ -141,12 +141,16 @@ def side_by_side(scene: Scene) -> tuple[LaneRuns, list[list[tuple[float, float]]
     def lanes(field: str, kind: Any = ctypes.c_double) -> list[Any]:
         return [*(kind * LANES).from_address(getattr(record, field))]
 
-    while runs.advance(1):
+    for _ in range(2000):
+        if not runs.advance(1):
+            break
         assert runs.done == np.count_nonzero(runs.status)
         for run, active, *after in zip(lanes("run", ctypes.c_int64), *map(lanes, ("active", "steps", "t", "h")), strict=True):
             if active and after[0] > 0:
                 went[run].append((after[1] + record.origin - scene.times[0], after[2]))
                 assert after[0] == len(went[run])
+    else:
+        raise AssertionError("the runs do not end")
     assert record.evaluations == len(calls)
     assert not runs.advance()
     return runs, went
