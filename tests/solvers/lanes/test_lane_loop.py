@@ -177,10 +177,10 @@ def vibration(t: Any, x: Any, p: Any) -> Sequence[Any]:
     return [x[1], -(p[0] ** 2) * (x[0] - p[1] * np.cos(t))]
 
 
-@pytest.mark.parametrize("number", [1, 3, LANES, LANES + 1, 2 * LANES + 3])
+@pytest.mark.parametrize("number", [1, LANES, 2 * LANES + 3])
 def test_any_number_of_runs_has_its_own_steps(number: int) -> None:
     """Whatever the lanes beside it do; the quicker ones take more of them."""
-    rates = np.geomspace(0.5, 30.0, number)[::-1]
+    rates = np.geomspace(0.5, 20.0, number)[::-1]
     found = check(Scene(vibration, [[1.0, 0.1]] * number, [[rate, 0.0] for rate in rates], np.linspace(0.0, 2.0, 5)))
     taken = [len(one.went) for one in found]
     assert taken == sorted(taken, reverse=True)
