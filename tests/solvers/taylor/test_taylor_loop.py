@@ -428,6 +428,16 @@ def test_both_ends_of_a_dip_are_found(above: float, phase: float) -> None:
     assert integrate(run).event_times == pytest.approx(times[times < 3.0], abs=1e-7)
 
 
+def test_with_events_a_step_is_the_difference_of_two_times() -> None:
+    """Of the numbers as they are stored, so that rounding of the clock at each of many steps does not add up."""
+    run = taylor(exponentials(-9j), [1.0, 0.0], 3.0, roots=lambda t, x, g, data: g.__setitem__(0, 1.0), n_roots=1)
+    record: Any = run.record
+    for _ in range(12):
+        before = record.t
+        run.advance(1)
+        assert record.h_step == record.t - before
+
+
 def test_the_trace_divides_long_steps_by_their_order() -> None:
     """More finely in the first steps after an event; with the states and rates of the polynomials."""
     run = taylor(
