@@ -80,6 +80,18 @@ def small(even: float, odd: float) -> Series:
     return series
 
 
+def lacking(one: int) -> Series:
+    """Terms of falling size, but for one of them."""
+
+    def series(t: float, x: Floats, order: int) -> Floats:
+        k = np.arange(order + 1)
+        c = np.outer(np.where(k == one, 0.0, 1e-6 * 0.5**k), np.ones(x.size))
+        c[0] = x
+        return c
+
+    return series
+
+
 def overflowing(beyond: int) -> Series:
     """A vibration whose coefficients of higher orders are infinite, or no numbers."""
 
@@ -244,6 +256,7 @@ CASES: dict[str, tuple[Series, list[float], dict[str, Any]]] = {
     "small, odd": (small(2e-3, 1e-3), [1.0, 2.0], {}),
     "small, even alone": (small(1e-3, math.inf), [1.0, 2.0], {}),
     "small, odd alone": (small(math.inf, 1e-3), [1.0, 2.0], {}),
+    **{f"order {k} lacks": (lacking(k), [1.0, 2.0], {}) for k in (17, 18, 19, 20)},
     "overflow": (overflowing(7), [1.0, 0.0], {}),
     "overflow, odd": (overflowing(18), [1.0, 0.0], {}),
     "undefined": (undefined(exponentials(-9j)), [1.0, 0.0], {}),
