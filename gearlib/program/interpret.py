@@ -228,8 +228,8 @@ def _inverted(n: int, places: Integers, entries: Floats) -> Floats | None:
         inverse: Floats = np.linalg.inv(matrix)
     except np.linalg.LinAlgError:
         return None
-    bound = n * n * max(inverse.max(), -inverse.min())  # of the condition number, since the matrix is scaled
-    if not bound < 1 / SINGULAR and not np.abs(matrix).sum(axis=0).max() * np.abs(inverse).sum(axis=0).max() < 1 / SINGULAR:
+    one, other = (np.abs(m).sum(axis=0).max() for m in (matrix, inverse))
+    if not one * other < 1 / SINGULAR:
         return None
     inverse /= column_scale[:, None]
     inverse /= row_scale

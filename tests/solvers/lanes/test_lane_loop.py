@@ -17,7 +17,7 @@ from gearlib.solvers.lanes.lanes import LaneProblem, LaneRuns
 from gearlib.solvers.problem import Floats
 from gearlib.solvers.rungekutta.first_step import DAMPED, NEAR5
 from gearlib.solvers.rungekutta.tableaux import TSIT5_A, TSIT5_C, TSIT5_E, TSIT5_R
-from tests.solvers.rungekutta.test_first_step import by_hand
+from tests.solvers.rungekutta.test_first_step import RIGHT, by_hand
 
 Rates = Callable[[Any, Any, Any], Sequence[Any]]  # of time, states and numbers, of one run or of several side by side
 Times = Sequence[float]
@@ -142,15 +142,15 @@ def side_by_side(scene: Scene) -> tuple[LaneRuns, list[list[tuple[float, float]]
         return [*(kind * LANES).from_address(getattr(record, field))]
 
     for _ in range(2000):
-        if not runs.advance(1):
-            break
+        more = runs.advance(1)
         assert runs.done == np.count_nonzero(runs.status)
+        assert more == (runs.done < len(starts))
+        if not more:
+            break
         for run, active, *after in zip(lanes("run", ctypes.c_int64), *map(lanes, ("active", "steps", "t", "h")), strict=True):
             if active and after[0] > 0:
                 went[run].append((after[1] + record.origin - scene.times[0], after[2]))
                 assert after[0] == len(went[run])
-    else:
-        raise AssertionError("the runs do not end")
     assert record.evaluations == len(calls)
     assert not runs.advance()
     return runs, went
@@ -205,6 +205,17 @@ def test_steps_are_controlled_as_in_a_run_alone(kind: str, rtol: float) -> None:
     found = check(scene)
     assert any(one.rejected for one in found) or kind not in ("decay", "jump")
     assert any(one.careful for one in found) or kind != "vibration"
+
+
+@pytest.mark.parametrize("kind", RIGHT)
+def test_the_first_step_is_hairers(kind: str) -> None:
+    """Also beside the limits from which a run counts as at rest, or as from zero."""
+    f, start = RIGHT[kind]
+    each: Rates = lambda t, x, p: f(t, x) if np.ndim(t) == 0 else np.stack([*map(f, t, x.T)], axis=1)  # noqa: E731
+    scene = Scene(each, [start], [[0.0]], [0.0, 20.0], most_steps=2.0)
+    _, ((after, *_),) = side_by_side(scene)
+    with np.errstate(all="ignore"):
+        assert after == pytest.approx(alone(scene, 0).went[0], rel=1e-9)
 
 
 @pytest.mark.parametrize("begin", [0.0, 1.0, -50.0])

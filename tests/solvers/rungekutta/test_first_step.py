@@ -21,6 +21,10 @@ RIGHT: dict[str, tuple[Callable[[float, Any], Any], list[float]]] = {
     "still, but not at zero": (lambda t, x: 0.0 * x, [1.0, 2.0]),
     "from zero": (lambda t, x: 1.0 - x, [0.0, 0.0]),
     "slow": (lambda t, x: 1e-9 * x, [1.0, 1.0]),
+    "almost at rest": (lambda t, x: 1.6e-10 + 0.0 * x, [1.0, 1.0]),
+    "hardly at rest": (lambda t, x: 2.4e-10 + 0.0 * x, [1.0, 1.0]),
+    "almost from zero": (lambda t, x: 1.0 + 0.0 * x, [0.8e-10, 0.8e-10]),
+    "hardly from zero": (lambda t, x: 1.0 + 0.0 * x, [1.2e-10, 1.2e-10]),
     "infinite where Euler leads": (lambda t, x: np.where(x < 1.0001, 2.0, np.inf), [1.0, 1.0]),
     "curved only": (lambda t, x: np.array([1e-4 + t * 1e6, 0.0]), [1.0, 1.0]),
 }
