@@ -9,7 +9,7 @@ torques require.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,26 +82,28 @@ def mean(
 
 def repeating_columns(
     model: FlatModel, parameters: Floats, a: Floats, b: Floats, discrete: Floats
-) -> dict[int, tuple[int, ...]]:
-    """Columns, by group of equations, in which these are periodic: phases of meshes, which grow while the equations repeat.
+) -> dict[int, dict[int, NDArray[np.bool_]]]:
+    """Columns, by group of equations, in which these repeat every turn: phases of meshes, angles of universal joints.
 
-    The other variables get arbitrary values, so that none of them hides a dependence on the phase.
+    With each column, which of the group's equations grow by the same amount in every turn, as ``x + sin(x)`` does for an angle; the
+    others are periodic. The other variables get arbitrary values, so that none of them hides a dependence on the phase.
     """
     found = {}
     elsewhere = generic(a)
     for g, group in enumerate(model.groups):
-        template = group.template
-        if template.linear:
+        if group.template.linear:
             continue
-        columns = tuple(c for c in _bounded(template) if _repeats(model, g, group, c, parameters, elsewhere, b, discrete))
-        if columns:
-            found[g] = columns
+        columns = {
+            c: _repeats(model, g, group, c, parameters, elsewhere, b, discrete) for c in nonlinear_columns(group.template)
+        }
+        if repeating := {c: grows for c, grows in columns.items() if grows is not None}:
+            found[g] = repeating
     return found
 
 
 @memoised
-def _bounded(template: Template) -> tuple[int, ...]:
-    """Columns that may be periodic: neither derivatives, nor columns in which the equation is linear."""
+def nonlinear_columns(template: Template) -> tuple[int, ...]:
+    """Columns in which the equation is not linear, other than derivatives."""
     kernel = residual_kernel(template)
     return tuple(
         c for c, (_, order) in enumerate(template.columns)
@@ -111,22 +113,24 @@ def _bounded(template: Template) -> tuple[int, ...]:
 
 def _repeats(
     model: FlatModel, g: int, group: EquationGroup, c: int, parameters: Floats, a: Floats, b: Floats, discrete: Floats
-) -> bool:
+) -> NDArray[np.bool_] | None:
+    """Which equations of a group grow in a turn of a column; None if the column does not repeat."""
     name, _ = group.template.columns[c]
     places, kernel = np.unique(group.variables[:, group.template.locals.index(name)]), residual_kernel(group.template)
     values = []
-    for turned in (0.0, 2 * np.pi, 1.0, 1.0 + 2 * np.pi):
+    for turned in (0.0, 2 * np.pi, -4.0, -4.0 + 2 * np.pi):
         x = a.copy()
         x[places] += turned
         values.append(apply(model, kernel, g, group, parameters, x, b, discrete))
-    varies, repeats = (
-        max(float(np.abs(values[i] - values[k]).max()) for i, k in pairs) for pairs in (((2, 0),), ((1, 0), (3, 2)))
-    )
-    return varies > REPEATS * float(np.abs(values).max()) and repeats <= REPEATS * varies
+    growth, varies = values[1] - values[0], float(np.abs(values[2] - values[0]).max())
+    if varies <= REPEATS * float(np.abs(values).max()) or np.abs(values[3] - values[2] - growth).max() > REPEATS * varies:
+        return None
+    grows = np.asarray(np.abs(growth) > REPEATS * varies, bool)
+    return grows if model.potential[places].all() or not grows.any() else None  # a force far from zero equals its magnitude
 
 
 def turn(
-    model: FlatModel, parameters: Floats, repeating: Mapping[int, Sequence[int]], a: Floats, b: Floats, discrete: Floats
+    model: FlatModel, parameters: Floats, repeating: Mapping[int, Iterable[int]], a: Floats, b: Floats, discrete: Floats
 ) -> Turn | None:
     """Variation of phase-dependent variables over a common period; each value has the same mean as in the motion."""
     n = model.n_variables

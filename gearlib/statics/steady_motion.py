@@ -7,7 +7,7 @@ take no torque; what remains are kinematics and statics, coupled as in the model
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,7 +19,7 @@ from gearlib.errors import ArgumentError
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Flow
 from gearlib.program.newton import Correction, newton
-from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, repeating_columns, turn
+from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, nonlinear_columns, repeating_columns, turn
 from gearlib.structure.sparse_elimination import Factors, factorise
 
 Floats = NDArray[np.float64]
@@ -95,7 +95,7 @@ def assemble(
         keep = np.arange(len(group))
         if group.template.binds:
             keep = np.flatnonzero(~np.isin(group.variables[:, group.template.locals.index("bound")], replaced))
-        value, torques = _group(model, entries, g, keep, parameters, a, b, discrete, repeating.get(g, ()), over)
+        value, torques = _group(model, entries, g, keep, parameters, a, b, discrete, repeating.get(g, {}), over)
         rest.append(value)
         kinematic += [~torques, np.ones(len(keep), bool)]
         writers += [(g, keep), (g, keep)]
@@ -123,22 +123,24 @@ def assemble(
 
 def _group(
     model: FlatModel, entries: MatrixAssembly, g: int, keep: Integers, parameters: Floats, a: Floats, b: Floats, discrete: Floats,
-    repeating: Sequence[int], over: Turn | None,
+    repeating: Mapping[int, NDArray[np.bool_]], over: Turn | None,
 ) -> tuple[Floats, NDArray[np.bool_]]:  # fmt: skip
     """Rows of one group: constant parts, then growing parts. Returns the residuals, and the mask of rows with torques."""
     group, n, count = model.groups[g], model.n_variables, len(keep)
     template = group.template
     torques, growth, rows = np.zeros(len(group), bool), np.zeros(len(group)), np.arange(count)
     on_time = template.binds and template.on_time
+    own = {c: group.variables[:, template.locals.index(name)] for c, (name, _) in enumerate(template.columns)}
+    angles = [c for c in nonlinear_columns(template) if model.potential[own[c]].any()]
+    turns = template.linear or (repeating and all(c in repeating for c in angles))
     for c, (name, order) in enumerate(template.columns):
-        j = template.locals.index(name)
-        v = group.variables[:, j]
+        j, v = template.locals.index(name), own[c]
         slope = mean(model, partial_kernel(template, c), g, group, parameters, a, b, discrete, over)
         p = np.where(np.isfinite(slope), slope * group.signs[:, j], 0.0)
-        if not template.linear:
+        if not turns:
             p = np.where(model.potential[v] & (order == 0), 0.0, p)  # frozen at the angle
         if c in repeating:
-            p = np.zeros(len(group))  # periodic terms do not grow
+            p = np.where(repeating[c], p, 0.0)  # periodic terms do not grow
         if order < 2 and not on_time:
             entries.put(rows, v[keep] + order * n, p[keep])
         if order == 0:

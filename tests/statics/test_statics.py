@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import time
 from typing import Any
@@ -639,3 +640,50 @@ def test_zeros_are_printed_without_a_sign() -> None:
     text = str(gl.PowerFlow((FlangePower("part", "flange", -0.0, 3.0, -0.0, 0, True),), 1))
     assert "part.flange" in text
     assert not re.search(r"-0(?![.\d])", text)
+
+
+class Crank(gl.Component):
+    """A slider on a crank, without friction."""
+
+    flange = gp.Flange("crank")
+    slider = gp.TranslationalFlange("slider")
+    r = gl.Parameter("m", default=0.05)
+    rod = gl.Parameter("m", default=0.2)
+
+    def equations(self) -> list[Any]:
+        sin, cos = gl.sin(self.flange.phi), gl.cos(self.flange.phi)
+        along = gl.sqrt(self.rod**2 - self.r**2 * sin**2)
+        lever = self.r * sin + self.r**2 * sin * cos / along
+        return [gl.Eq(self.slider.s, self.r * cos + along), gl.Eq(self.flange.tau, lever * self.slider.f)]
+
+
+class Jointed(gl.Component):
+    """A gear, two universal joints with a shaft between them, a crank with a piston, and a load that grows with the speed."""
+
+    def assemble(self) -> list[Any]:
+        self.drive, self.motor, self.gear = gp.Torque(), gp.Inertia(J=0.2), gp.IdealGear(ratio=-2.0)
+        self.first, self.second = gp.UniversalJoint(beta=0.5), gp.UniversalJoint(beta=0.3)
+        self.shaft, self.wheel = gp.SpringDamper(c=2000.0, d=2.0), gp.Inertia(J=0.3)
+        self.crank, self.piston = Crank(), gp.Mass(m=0.4)
+        self.load, self.ground = gp.Damper(d=0.4), gp.Fixed()
+        line = [self.motor, self.gear, self.first, self.shaft, self.second, self.wheel, self.load]
+        return [
+            gl.connect(self.drive.flange, self.motor.flange_a),
+            *(gl.connect(a.flange_b, b.flange_a) for a, b in itertools.pairwise(line)),
+            gl.connect(self.wheel.flange_a, self.crank.flange),
+            gl.connect(self.crank.slider, self.piston.flange_a),
+            gl.connect(self.load.flange_b, self.ground.flange),
+        ]
+
+
+def test_joints_and_cranks_turn_with_their_mean_speeds() -> None:
+    """Angles behind a joint are ahead of each other by what repeats; a slider goes to and fro."""
+    system = gl.compile(Jointed())
+    assert gl.mobility(system) == 1
+    assert gl.speed_ratio(system, "motor.w", "wheel.w") == pytest.approx(-2.0)
+    flow = system.power_flow(torques={"drive.tau": 3.0})
+    assert flow["wheel.flange_a"].speed == pytest.approx(-6.0 / 0.4)  # ratio * tau / d
+    assert flow["motor.flange_a"].speed == pytest.approx(12.0 / 0.4)
+    assert flow["piston.flange_a"].speed == pytest.approx(0.0, abs=1e-9)
+    assert flow.input_power == pytest.approx(90.0)
+    assert flow.output_power == pytest.approx(90.0)
