@@ -681,9 +681,9 @@ def test_joints_and_cranks_turn_with_their_mean_speeds() -> None:
     system = gl.compile(Jointed())
     assert gl.mobility(system) == 1
     assert gl.speed_ratio(system, "motor.w", "wheel.w") == pytest.approx(-2.0)
-    flow = system.power_flow(torques={"drive.tau": 3.0})
-    assert flow["wheel.flange_a"].speed == pytest.approx(-6.0 / 0.4)  # ratio * tau / d
-    assert flow["motor.flange_a"].speed == pytest.approx(12.0 / 0.4)
+    flow = system.power_flow(speeds={"motor.w": 30.0})
+    assert flow["wheel.flange_a"].speed == pytest.approx(-15.0)
+    assert flow["drive.flange"].torque == pytest.approx(-0.4 * 15.0 / 2)
     assert flow["piston.flange_a"].speed == pytest.approx(0.0, abs=1e-9)
     assert flow.input_power == pytest.approx(90.0)
     assert flow.output_power == pytest.approx(90.0)
