@@ -107,7 +107,9 @@ def _timed(batch: Batch, rows: NDArray[np.int64]) -> Timed:
     kernel = batch.kernel
     symbols = tuple(sympy.Symbol(f"p{p}", real=True) for p in kernel.parameters)
     # the variables in these rows are identically zero, or the condition would depend on more than time
-    expression = sympy.sympify(kernel.expression).xreplace({sympy.Symbol(f"x{c}", real=True): 0 for c in kernel.columns})
+    expression = sympy.sympify(kernel.expression).xreplace(
+        {sympy.Symbol(f"x{c}", real=True): sympy.S.Zero for c in kernel.columns}
+    )
     return Timed(expression, symbols, batch.targets[rows], batch.parameters[rows], _line(expression))
 
 
