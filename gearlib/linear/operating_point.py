@@ -16,6 +16,7 @@ from gearlib.program.program import Program
 from gearlib.run.afterwards.branch import iterated_unknowns
 from gearlib.run.refusals.limits import refuse_start
 from gearlib.run.result import SimulatedResult
+from gearlib.run.sampling.controllers import refuse_instants
 from gearlib.run.scene import Scene, guess_of
 from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import values
@@ -64,6 +65,7 @@ def operating_point(
     inputs: Mapping[str, float] | None = None,
 ) -> tuple[Scene, Floats, Point]:  # fmt: skip
     """A scene with some states, the parameter values, and the point that ``at`` denotes (see `System.linearize`)."""
+    refuse_instants(translation.structure, states, "a linear model")
     if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], SimulatedResult):
         return _moment(translation, states, at[0], at[1], parameters)
     numbers = translation.parameter_values(parameters)

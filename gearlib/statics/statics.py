@@ -12,6 +12,7 @@ from gearlib.arguments import by_name, name_list, one_name, real
 from gearlib.errors import ArgumentError, ModelError, SolverError, StartError
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Flow, Potential
+from gearlib.run.sampling.controllers import refuse_instants
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled, Translation
 from gearlib.statics.closed_gaps import drifting, refuse_drift, with_gaps_closed
@@ -91,6 +92,7 @@ def power_flow(
     (20.0, 10.0, 1000.0)
     """
     translation = _fitting(translation_of(system), parameters)
+    refuse_instants(translation.structure, translation.scene.states, "a steady motion")
     model = translation.model
     numbers = translation.parameter_values(parameters)
     given = _given(model, speeds, torques)

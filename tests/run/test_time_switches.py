@@ -132,3 +132,16 @@ def test_switches_inside_an_interval_only(first: float, last: float) -> None:
     switches = SYSTEM.translation.scene.time_switches
     found = sorted(t for t, _ in switches(SYSTEM.translation.parameter_values({}), first, last))
     assert found == pytest.approx([t for t in by_hand(0.3, 10.0) if first < t < last and t not in (first, last)], rel=1e-12)
+
+
+class NeverOn(gl.Component):
+    """A condition on a variable that is always zero."""
+
+    signal, x = gl.Variable("1"), gl.Variable("1", start=0.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(self.signal, 0), gl.Eq(gl.der(self.x), gl.Piecewise((5.0, self.signal > 0), (2.0, True)))]
+
+
+def test_a_condition_on_what_is_always_zero_never_switches() -> None:
+    assert gl.simulate(NeverOn(), 1.0, samples=3)["x"] == pytest.approx([0.0, 1.0, 2.0])

@@ -15,7 +15,11 @@ from gearlib.equations.switch_times import instants, rounding
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component, with_parts
 from gearlib.language.delayed import Delayed
+from gearlib.language.expressions import JustBefore
 from gearlib.language.sampled import Sampled
+from gearlib.reduce.reduction import Structure
+from gearlib.run.scene import needed_discretes
+from gearlib.structure.incidence import Node
 
 if TYPE_CHECKING:
     from gearlib.run.sampling.delays import Delay
@@ -97,4 +101,16 @@ def refuse_controllers(component: Component, what: str) -> None:
         raise ArgumentError(
             f"{what} needs equations, and {named} is a Python function (gl.Sampled); leave it out of the model, or put a block of "
             "gearparts.blocks in its place"
+        )
+
+
+def refuse_instants(structure: Structure, states: Sequence[Node], what: str) -> None:
+    """Raise `ArgumentError` if the rates of some states depend on what acts at single instants (`gl.sample`), and is held in between."""
+    updates = ((u.targets, u.equations.template.residual) for u in structure.model.updates if not u.reinit)
+    instants = {int(target) for targets, residual in updates if residual.has(JustBefore) for target in targets}
+    if instants and (acting := instants.intersection(needed_discretes(structure, [(v, k + 1) for v, k in states]))):
+        paths = dict.fromkeys(structure.model.discretes[k].rpartition(".")[0] or "the model" for k in sorted(acting))
+        raise ArgumentError(
+            f"{what} needs equations that act at all times, and {', '.join(paths)} acts at single instants (gl.sample): what it holds in "
+            "between would never change; put a continuous block in its place, such as gearparts.blocks.LimPID, or simulate it"
         )

@@ -10,7 +10,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import BoundError
+from gearlib.errors import ArgumentError, BoundError
 from tests.gearparts.blocks.bench import Driven
 
 B = gp.blocks
@@ -195,3 +195,41 @@ def test_a_trigger_that_stops_at_one_half_samples_nothing() -> None:
 
     result = gl.simulate(Triggered(), 3.0, times=[0.5, 1.5, 2.5])
     assert result["sampler.y"] == pytest.approx([0.0, 0.0, 2.0], abs=1e-12)
+
+
+class Governed(gl.Component):
+    """A body with a drag; a digital controller turns it, or only looks on."""
+
+    acts = gl.Structural(True, "whether the controller drives the body")
+
+    def assemble(self) -> list[gl.Connection]:
+        self.controller = B.DiscretePID(sample_period=0.05, k=2.0, Ti=0.3, y_max=20.0, u_s=3.0)
+        self.torque = gp.Torque(tau=self.controller.y if self.acts else 4.0)
+        self.body, self.drag, self.ground, self.speed = gp.Inertia(J=1.0), gp.Damper(d=2.0), gp.Fixed(), gp.SpeedSensor()
+        return [
+            gl.connect(self.torque.flange, self.body.flange_a, self.speed.flange),
+            gl.connect(self.body.flange_b, self.drag.flange_a),
+            gl.connect(self.drag.flange_b, self.ground.flange),
+            gl.connect(self.speed.w, self.controller.u_m),
+        ]
+
+
+ANALYSES: dict[str, Any] = {
+    "poles": lambda s: s.linearize([], ["body.w"]).poles()[0].real,
+    "modes": lambda s: gl.modes(s).decays[0],
+    "stability": lambda s: gl.stability(s).eigenvalues[0].real,
+    "steady state": lambda s: gl.steady_state(s, ["body.w"])["body.w"],
+    "steady run": lambda s: s.simulate(1.0, samples=2, start="steady")["body.w"][-1],
+    "power flow": lambda s: s.power_flow()["body.flange_a"].speed,
+    "power flow at a speed": lambda s: s.power_flow({"body.w": 2.0}, {"torque.tau": 4.0})["body.flange_a"].speed,
+}
+
+
+@pytest.mark.parametrize("analysis", sorted(ANALYSES))
+def test_analyses_refuse_what_acts_at_instants_unless_nothing_depends_on_it(analysis: str) -> None:
+    """With its output held for ever the body would seem to be another one, which no controller stabilises."""
+    with pytest.raises(
+        ArgumentError, match=r"^a .* needs equations that act at all times, and controller acts at single instants"
+    ):
+        ANALYSES[analysis](gl.compile(Governed()))
+    assert abs(ANALYSES[analysis](gl.compile(Governed(acts=False), ["body.w"]))) == pytest.approx(2.0)
