@@ -25,12 +25,12 @@ class Quotient(gl.Component):
 class Evaluations:
     """The source of the rates, carried out by Python, call by call on one block of data."""
 
-    def __init__(self) -> None:
-        translation = gl.compile(Quotient()).translation
+    def __init__(self, component: gl.Component | None = None) -> None:
+        translation = gl.compile(component or Quotient()).translation
         self.scene = translation.scene
-        self.native, none = self.scene.native, np.zeros(0)
+        self.native, flags = self.scene.native, np.zeros(self.scene.native.shared.n_discrete)
         numbers = self.scene.prepared(translation.parameter_values({}))
-        self.data = self.scene.data(self.native, numbers, none, none, np.zeros(translation.model.n_variables))
+        self.data = self.scene.data(self.native, numbers, np.zeros(0), flags, np.zeros(translation.model.n_variables))
         self.place = [self.scene.state_names.index(name) for name in "xz"]
 
     def __call__(self, x: float, z: float = 1.0) -> int:
@@ -88,3 +88,21 @@ def test_a_divisor_of_zero_has_no_side(rates: Evaluations) -> None:
     at = rates.native.rhs.layout.guards
     assert rates.data[at : at + EACH].tolist()[1:] == [1.0, 2.0]  # the largest numerator and divisor
     assert rates(-1.0) in (0, 1)
+
+
+def test_event_functions_leave_the_signs_of_divisors_alone() -> None:
+    """They look ahead, to where the run may never get."""
+
+    class Watched(Quotient):
+        n = gl.Discrete()
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.When(self.y > 7.0, gl.Eq(self.n, gl.pre(self.n) + 1))]
+
+    rates = Evaluations(Watched())
+    for x, ahead in ((2.0, -3.0), (3.0, -1e-3), (1.0, 2.0)):
+        assert rates(x) == 0
+        states, values = np.zeros(2), np.zeros(1)
+        states[rates.place] = ahead, 1.0
+        assert by_python(rates.native.roots.source, "roots", 0.0, states, values, rates.data, rates.native.index.copy()) == 0
+        assert values[0] == pytest.approx(1.0 / ahead - 7.0)

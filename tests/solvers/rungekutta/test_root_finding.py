@@ -20,8 +20,8 @@ DOWN_AND_UP = Polynomial([0.5, 0.0, -0.2, 0.3]).integ()
 
 
 def one_step(
-    motion: Polynomial, roots: Callable[[float, float], list[float]], n_roots: int, order: int = 5, begin: float = 0.0
-) -> Driver:
+    motion: Polynomial, roots: Callable[[float, float], list[float]], n_roots: int, order: int = 5, begin: float = 0.0, span: float = 10.0
+) -> Driver:  # fmt: skip
     """A run of one step of 1 s along a polynomial; event functions of time and state."""
     slope, looks = motion.deriv(), []
 
@@ -33,8 +33,8 @@ def one_step(
         for k, value in enumerate(roots(t - begin, x[0])):
             g[k] = value
 
-    own = problem(rates, [motion(0.0)], roots=values, n_roots=n_roots, atol=1e9)
-    run = driver(own, [begin, begin + 1.0, begin + 10.0], RungeKutta(order, 1.0))
+    own = problem(rates, [motion(0.0)], roots=values, n_roots=n_roots, atol=1e12)
+    run = driver(own, [begin, begin + 1.0, begin + span], RungeKutta(order, 1.0))
     run.looks = looks  # type: ignore[attr-defined]
     return run
 
@@ -60,6 +60,17 @@ def test_the_first_crossing_is_found_with_few_looks(order: int, sign: float, beg
         assert run.x[0] == pytest.approx(motion(at), rel=1e-9, abs=1e-12)
         looks.append(len(run.looks))  # type: ignore[attr-defined]
     assert np.mean(looks) < 14.0
+
+
+@pytest.mark.parametrize("order", [5, 8])
+def test_the_states_at_an_event_are_those_at_its_time_as_it_is_stored(order: int) -> None:
+    """And just beyond the crossing: a fast motion is elsewhere one rounding of the clock away."""
+    motion = Polynomial([0.0, 1e6])
+    for at in np.random.default_rng(order).uniform(0.1, 0.9, 20):
+        run = one_step(motion, lambda t, x, level=motion(at): [x - level], 1, order, 6e3, 6e3)  # noqa: B008
+        found, _ = first_event(run)
+        assert run.x[0] == pytest.approx(motion(found - 6e3), rel=1e-14)
+        assert 0.0 <= run.x[0] - motion(at) < 3e-6
 
 
 @pytest.mark.parametrize("order", [5, 8])
