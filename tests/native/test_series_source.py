@@ -77,6 +77,7 @@ FUNCTIONS: dict[str, tuple[Any, Any]] = {
         lambda x, t: mp.atan2(x, t) + mp.atan2(x, 2) - mp.atan2(-3, t),
     ),
     "magnitudes": (lambda x, t: gl.no_event(abs(x - 2) * t - abs(t)), lambda x, t: (2 - x) * t - t),
+    "magnitude of a variable": (lambda x, t: gl.no_event(abs(x) * x * t), lambda x, t: x * x * t),
     "signs": (lambda x, t: gl.no_event(gl.sign(x - 2) * t * x + gl.sign(t)), lambda x, t: 1 - t * x),
     "largest and smallest": (
         lambda x, t: gl.no_event(sympy.Max(x, 1) * t - sympy.Min(x, 3) + sympy.Max(t, x) - sympy.Min(x * t, 1) * x),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -203,6 +204,19 @@ def test_equations_that_are_almost_the_same() -> None:
         prepared(almost(1e-13))
     runs = np.stack([parameters_of(almost(distance)) for distance in (1.0, 1e-12, 1e-13)], axis=1)
     assert solutions_of_runs(CONSTANT.scene.program, runs)[1].tolist() == [True, True, False]
+
+
+def test_a_run_is_refused_alone_where_it_is_among_many() -> None:
+    """Wherever a matrix lies beside the limit."""
+    rng, matrices = np.random.default_rng(4), []
+    for decades in rng.uniform(12.2, 13.2, 40):
+        left, right = (np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(2))
+        matrices.append(left * [1.0, 0.5, 10.0**-decades] @ right)
+    solved = solutions_of_runs(CONSTANT.scene.program, np.stack([parameters_of(m) for m in matrices], axis=1))[1]
+    assert 5 < solved.sum() < 35
+    for matrix, good in zip(matrices, solved, strict=True):
+        with nullcontext() if good else pytest.raises(SingularError):
+            prepared(matrix)
 
 
 def test_constant_blocks_of_many_runs() -> None:
