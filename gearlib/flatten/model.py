@@ -21,6 +21,7 @@ from gearlib.equations.kernel import Kernel, differentiated, scalar_source
 from gearlib.equations.template import Column, Template, columns_among, parse_column
 from gearlib.errors import NameLookupError, nearest
 from gearlib.language.declarations import Declared, Variable
+from gearlib.language.units import NONE, dimension
 from gearlib.recent import recent
 
 Integers = NDArray[np.int64]
@@ -398,6 +399,14 @@ class FlatModel:
             return None
         instance = self.instances[bisect_right(self._firsts, variable) - 1]
         return list(instance.declared.variables.values())[variable - instance.first_variable]
+
+    @cached_property
+    def exponents(self) -> Floats:
+        """Exponents of the base units in the units of all variables, shape (variables, base units); NaN where the unit is not known."""
+        units = [d.unit for instance in self.instances for d in instance.declared.variables.values()]
+        known = {unit: dimension(unit) for unit in {*units, "any"}}
+        every = [known[unit] for unit in [*units, *["any"] * (self.n_variables - len(units))]]
+        return np.array([[math.nan] * len(NONE) if d is None else d for d in every], float).reshape(-1, len(NONE))
 
     def variable(self, name: str, what: str = "variable") -> int:
         """Number of the variable with a path."""

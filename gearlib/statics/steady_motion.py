@@ -18,6 +18,7 @@ from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_k
 from gearlib.errors import ArgumentError
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Flow
+from gearlib.language.units import SECOND
 from gearlib.program.newton import Correction, newton
 from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, nonlinear_columns, repeating_columns, turn
 from gearlib.structure.sparse_elimination import Factors, factorise
@@ -46,6 +47,7 @@ class MotionEquations:
     residual: Floats
     kinematic: NDArray[np.bool_]  # rows without torques
     owner: Callable[[int], str]  # path of the component that a row comes from
+    sizes: Floats  # of the unknowns, see `unit_sizes`
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +89,7 @@ def assemble(
     entries = MatrixAssembly()
     rest: list[Floats] = []
     kinematic: list[NDArray[np.bool_]] = []
+    linear: list[NDArray[np.bool_]] = []
     writers: list[tuple[int, Integers]] = []  # group, and the row in it of each line
     repeating = repeating_columns(model, parameters, a, b, discrete)
     over = turn(model, parameters, repeating, a, b, discrete)
@@ -98,6 +101,7 @@ def assemble(
         value, torques = _group(model, entries, g, keep, parameters, a, b, discrete, repeating.get(g, {}), over)
         rest.append(value)
         kinematic += [~torques, np.ones(len(keep), bool)]
+        linear.append(np.full(2 * len(keep), group.template.linear))
         writers += [(g, keep), (g, keep)]
     x = np.concatenate([a, b])
     steady = np.flatnonzero(model.flow & (model.representative == np.arange(n)))  # torques do not grow
@@ -118,7 +122,30 @@ def assemble(
         row -= int(ends[-1]) if len(ends) else 0
         return "connection" if row < len(steady) else given[row - len(steady)].name
 
-    return MotionEquations(entries.matrix(2 * n), np.concatenate(rest), np.concatenate(kinematic), owner)
+    matrix = entries.matrix(2 * n)
+    units = np.concatenate([model.exponents, model.exponents - np.array(SECOND, float)])
+    sizes = unit_sizes(matrix[np.flatnonzero(np.concatenate(linear))], units)
+    return MotionEquations(matrix, np.concatenate(rest), np.concatenate(kinematic), owner, sizes)
+
+
+def unit_sizes(matrix: Any, exponents: Floats) -> Floats:
+    """Sizes of the unknowns: their units, made of base units in which coefficients are as close to 1 as possible; NaN: unit not known.
+
+    A train and the same one in other units so have the same scaled equations. Sums of magnitudes are minimised (by reweighted least
+    squares), so that a few coefficients far from the others have little effect.
+    """
+    entries = matrix.tocoo()
+    kept = (entries.data != 0) & np.isfinite(exponents[entries.col]).all(axis=1)
+    i, of_unknowns = entries.row[kept], exponents[entries.col[kept]]
+    terms = np.column_stack([-np.log(np.abs(entries.data[kept])), of_unknowns])
+    count = np.maximum(np.bincount(i, minlength=matrix.shape[0]), 1)
+    terms -= np.column_stack([np.bincount(i, t, len(count)) / count for t in terms.T])[i]  # each row has a scale of its own
+    wanted, known = terms[:, 0], terms[:, 1:]
+    weights = np.ones(len(wanted))
+    for _ in range(10):
+        units = np.linalg.lstsq((known.T * weights) @ known, (known.T * weights) @ wanted, rcond=1e-9)[0]
+        weights = 1 / np.maximum(1.0, np.abs(wanted - known @ units))
+    return np.asarray(np.exp(exponents @ units), float)
 
 
 def _group(
@@ -201,7 +228,7 @@ def speeds_near(model: FlatModel, parameters: Floats, given: Sequence[Given], ne
     """Consistent speeds, as close as possible to the wanted ones."""
     zero = np.zeros(model.n_variables)
     rows = assemble(model, parameters, [*given, *near], zero, zero, model.initial_discrete())
-    return -factorise(rows.matrix[np.flatnonzero(rows.kinematic)]).solve(rows.residual[rows.kinematic])
+    return -factorise(rows.matrix[np.flatnonzero(rows.kinematic)], rows.sizes).solve(rows.residual[rows.kinematic])
 
 
 def motion_from(model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floats) -> Motion:
@@ -213,7 +240,7 @@ def motion_from(model: FlatModel, parameters: Floats, given: Sequence[Given], x:
     def equations(x: Floats) -> tuple[Floats, Correction]:
         nonlocal last
         rows = assemble(model, parameters, given, x[:n], x[n:], discrete)
-        last = _factors(rows.matrix, last)
+        last = _factors(rows, last)
         return rows.residual, last.solve
 
     def settled(x: Floats, change: Floats, _: Floats) -> bool:
@@ -227,14 +254,14 @@ def motion_from(model: FlatModel, parameters: Floats, given: Sequence[Given], x:
             break
         discrete = new
     rows = assemble(model, parameters, given, x[:n], x[n:], discrete)
-    factors = _factors(rows.matrix, last)
+    factors = _factors(rows, last)
     contradiction = factors.contradiction(rows.residual, x)
     return Motion(x[:n], x[n:], factors.undetermined, contradiction, factors, rows.owner, discrete)
 
 
-def _factors(matrix: Any, last: Factors | None) -> Factors:
-    """Factors of a matrix; the previous ones if it is unchanged."""
-    return last if last is not None and not (matrix != last.matrix).nnz else factorise(matrix)
+def _factors(rows: MotionEquations, last: Factors | None) -> Factors:
+    """Factors of the equations; the previous ones if their matrix is unchanged."""
+    return last if last is not None and not (rows.matrix != last.matrix).nnz else factorise(rows.matrix, rows.sizes)
 
 
 def kinematics(
@@ -260,7 +287,7 @@ def _kinematic_rows(model: FlatModel, parameters: Floats, given: Sequence[Given]
     rows = assemble(model, parameters, given, x[:n], x[n:], discrete)
     for _ in range(3 if any(not group.template.linear for group in model.groups) else 0):
         still = np.flatnonzero(rows.kinematic)
-        x = x - factorise(rows.matrix[still]).solve(rows.residual[still])
+        x = x - factorise(rows.matrix[still], rows.sizes).solve(rows.residual[still])
         x[n:] = 0.0
         rows = assemble(model, parameters, given, x[:n], x[n:], discrete)
     return replace(rows, residual=rows.residual - rows.matrix @ x)  # residual at zero unknowns
@@ -278,7 +305,7 @@ def _connected(rows: MotionEquations, wanted: Integers) -> tuple[Factors, Intege
     graph = csr_matrix((np.ones(len(entries.data)), (entries.row, m + entries.col)), shape=(m + n, m + n))
     parts = connected_components(graph, directed=False)[1]
     chosen = np.flatnonzero(np.isin(parts[:m], parts[m + wanted]))
-    return factorise(matrix[chosen]), np.flatnonzero(rows.kinematic)[chosen]
+    return factorise(matrix[chosen], rows.sizes), np.flatnonzero(rows.kinematic)[chosen]
 
 
 def settled_discrete(model: FlatModel, parameters: Floats, a: Floats, b: Floats) -> Floats:

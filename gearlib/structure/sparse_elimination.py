@@ -113,8 +113,11 @@ class Factors:
         return weights
 
 
-def factorise(matrix: Any) -> Factors:
+def factorise(matrix: Any, sizes: Floats | None = None) -> Factors:
     """Scale a sparse matrix, and find independent rows and columns.
+
+    Scaling begins with ``sizes`` of the unknowns, NaN where they are not known.
+
 
     Examples
     --------
@@ -126,23 +129,31 @@ def factorise(matrix: Any) -> Factors:
     import scipy.sparse as sparse
 
     matrix = sparse.csr_matrix(matrix)
-    row, column = _scales(matrix)
+    row, column = _scales(matrix, sizes)
     scaled = (sparse.diags(row) @ matrix @ sparse.diags(column)).tocsr()
     rows, columns = independent(scaled)
     return Factors(matrix, row, column, rows, columns)
 
 
-def _scales(matrix: Any) -> tuple[Floats, Floats]:
+def _scales(matrix: Any, sizes: Floats | None = None) -> tuple[Floats, Floats]:
     """Scale factors that bring the largest entry of every row and column close to 1."""
     entries = matrix.tocoo()
     size, i, j = np.abs(entries.data), entries.row, entries.col
     row, column = np.ones(matrix.shape[0]), np.ones(matrix.shape[1])
+    if sizes is not None:
+        row /= _largest(size * np.nan_to_num(sizes)[j], i, row)
+        column = np.where(np.isfinite(sizes), sizes, 1 / _largest(size * row[i], j, column))
     for _ in range(8):
         for factors, place in ((row, i), (column, j)):
-            largest = np.zeros(len(factors))
-            np.maximum.at(largest, place, size * row[i] * column[j])
-            factors /= np.sqrt(np.where(largest > 0, largest, 1.0))
+            factors /= np.sqrt(_largest(size * row[i] * column[j], place, factors))
     return row, column
+
+
+def _largest(size: Floats, place: Integers, factors: Floats) -> Floats:
+    """The largest entry of each row or column; 1 where there is none."""
+    found = np.zeros(len(factors))
+    np.maximum.at(found, place, size)
+    return np.where(found > 0, found, 1.0)
 
 
 def independent(scaled: Any, safe: float = SAFE, exchange: float = EXCHANGE) -> tuple[Integers, Integers]:
