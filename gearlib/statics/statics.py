@@ -27,6 +27,7 @@ from gearlib.statics.steady_motion import (
     kinematics,
     motion_from,
     refuse_contradiction,
+    refuse_unsettled,
     solve,
 )
 
@@ -98,6 +99,7 @@ def power_flow(
     given = _given(model, speeds, torques)
     motion = _reached(translation, numbers, given)
     refuse_contradiction(motion, given)
+    refuse_unsettled(model, numbers, motion)
     refuse_drift(model, numbers, motion, given)
     ports = [int(model.representative[flow]) for _, _, flow, _ in _mechanical(model) if model.sign[flow]]
     places = np.unique(np.array(ports, np.int64))

@@ -311,21 +311,11 @@ def _connected(rows: MotionEquations, wanted: Integers) -> tuple[Factors, Intege
 def settled_discrete(model: FlatModel, parameters: Floats, a: Floats, b: Floats) -> Floats:
     """Relations and discrete variables of a run that starts in this motion."""
     discrete = model.initial_discrete()
-    groups = [*model.groups, *(u.equations for u in model.updates)]
     first, d = model.n_relations, len(model.discretes)
     for _ in range(50):
         for _ in range(50):
             before = discrete.copy()
-            for g, group in enumerate(groups):
-                for c, relation in enumerate(group.template.relations):
-                    value = apply(model, relation_kernel(group.template, c), g, group, parameters, a, b, discrete)
-                    value = -value if relation.negated else value
-                    flags = value > 0 if relation.strict else value >= 0
-                    discrete[model.first_relations[g] + np.arange(len(group)) * len(group.template.relations) + c] = flags
-            for u, update in enumerate(model.updates):
-                if not update.reinit:
-                    g, kernel = len(model.groups) + u, residual_kernel(update.equations.template)
-                    discrete[first + update.targets] = apply(model, kernel, g, update.equations, parameters, a, b, discrete)
+            _sweep(model, parameters, a, b, discrete)
             if (before == discrete).all():
                 break
         if not d:
@@ -336,6 +326,33 @@ def settled_discrete(model: FlatModel, parameters: Floats, a: Floats, b: Floats)
         if (old == discrete[first : first + d]).all():
             break
     return discrete
+
+
+def _sweep(model: FlatModel, parameters: Floats, a: Floats, b: Floats, discrete: Floats) -> None:
+    """Evaluate every relation and discrete variable once, in place."""
+    groups = [*model.groups, *(u.equations for u in model.updates)]
+    for g, group in enumerate(groups):
+        for c, relation in enumerate(group.template.relations):
+            value = apply(model, relation_kernel(group.template, c), g, group, parameters, a, b, discrete)
+            value = -value if relation.negated else value
+            flags = value > 0 if relation.strict else value >= 0
+            discrete[model.first_relations[g] + np.arange(len(group)) * len(group.template.relations) + c] = flags
+    for u, update in enumerate(model.updates):
+        if not update.reinit:
+            g, kernel = len(model.groups) + u, residual_kernel(update.equations.template)
+            value = apply(model, kernel, g, update.equations, parameters, a, b, discrete)
+            discrete[model.n_relations + update.targets] = value
+
+
+def refuse_unsettled(model: FlatModel, parameters: Floats, motion: Motion) -> None:
+    """Raise an error that names the discrete variables which change again and again, as ``n = 1 - pre(n)`` does."""
+    first, again = model.n_relations, motion.discrete.copy()
+    _sweep(model, parameters, motion.constants, motion.rates, again)
+    changed = np.flatnonzero((again != motion.discrete)[first : first + len(model.discretes)])
+    if len(changed):
+        raise ArgumentError(
+            f"there is no steady motion: {', '.join(model.discretes[i] for i in changed[:6])} does not settle, each event changes it"
+        )
 
 
 def refuse_contradiction(motion: Motion, given: Sequence[Given]) -> None:

@@ -183,6 +183,28 @@ def test_relations_and_discrete_variables_are_settled(x: float, y: float) -> Non
             assert found[model.first_relations[g] + c] == holds[relation.strict, relation.negated], group.template.label
 
 
+def test_a_discrete_variable_that_each_event_changes_has_no_steady_value() -> None:
+    class Alternating(gl.Component):
+        flange = gp.Flange()
+        again = gl.Parameter("1", default=1.0)
+        n = gl.Discrete(start=0.0)
+
+        def equations(self) -> list[Any]:
+            next_ = gl.Piecewise((1 - gl.pre(self.n), self.again > 0.5), (4.0, True))
+            return [gl.Eq(self.n, next_), gl.Eq(self.flange.tau, self.n)]
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.motor, self.gear, self.brake = gp.ConstantSpeed(w_fixed=10.0), gp.IdealGear(ratio=2.0), Alternating()
+            return [gl.connect(self.motor.flange, self.gear.flange_a), gl.connect(self.gear.flange_b, self.brake.flange)]
+
+    system = gl.compile(Driven())
+    for ask in (system.power_flow, lambda: system.simulate(1.0, start="steady")):
+        with pytest.raises(gl.GearlibError, match=r"does not settle.*brake\.n|brake\.n does not settle, each event changes it"):
+            ask()
+    assert system.power_flow(parameters={"brake.again": 0.0})["gear.flange_a"].torque == pytest.approx(2.0)
+
+
 @pytest.mark.parametrize(("link", "free"), [("gap", 1), ("spring", 1), ("damper", 2), ("clutch", 2)])
 def test_a_gap_is_closed_where_that_joins_more(link: str, free: int) -> None:
     class Joined(gl.Component):
