@@ -27,6 +27,7 @@ from gearlib.structure.sparse_elimination import Factors
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 CONJUGATE = {"N": "m", "N.m": "rad"}
+NOTHING = 1e-12  # relative to the terms: smaller sums are rounding
 MOVES = 1e-8  # smallest change of a scaled unknown in a direction of norm about 1
 
 
@@ -55,8 +56,9 @@ def _self_balanced(factors: Factors, places: Integers) -> Floats:
         _, sizes, rows = np.linalg.svd(found[places], full_matrices=False)
         rank = int((sizes > MOVES * max(1.0, float(sizes.max(initial=0.0)))).sum())
         if rank < looks:
-            result: Floats = factors.column[:, None] * (found @ rows[:rank].T)
-            return result
+            basis = found @ rows[:rank].T
+            basis[np.abs(basis) <= NOTHING * np.abs(basis).max(axis=0, initial=0.0)] = 0.0
+            return np.asarray(factors.column[:, None] * basis)
         looks *= 4
 
 
@@ -64,8 +66,8 @@ def _balanced(model: FlatModel, parameters: Floats, motion: Motion, free: Floats
     """Constant parts for which the self-equilibrated forces ``free`` do no work."""
     constants = motion.constants.copy()
     deflection, force = _elastic(model, parameters, motion)
-    stretched = deflection @ free
-    left, values, right = np.linalg.svd(stretched.T @ (force @ free))
+    stretched, pulled = _exact(deflection, free), _exact(force, free)
+    left, values, right = np.linalg.svd(stretched.T @ pulled)
     rank = int((values > 1e-10 * values.max(initial=0.0)).sum())
     if rank:
         work = stretched.T @ (force @ constants)
@@ -74,6 +76,12 @@ def _balanced(model: FlatModel, parameters: Floats, motion: Motion, free: Floats
         rigid = free @ right[rank:].T
         constants -= rigid @ np.linalg.lstsq(rigid[torques], constants[torques], rcond=None)[0]
     return constants
+
+
+def _exact(matrix: Any, columns: Floats) -> Floats:
+    """The product of two matrices, with 0 for entries that are rounding: rigid paths must not look elastic."""
+    product = np.asarray(matrix @ columns)
+    return np.where(np.abs(product) > NOTHING * np.asarray(abs(matrix) @ np.abs(columns)), product, 0.0)
 
 
 def _elastic(model: FlatModel, parameters: Floats, motion: Motion) -> tuple[Any, Any]:

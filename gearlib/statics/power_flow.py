@@ -285,8 +285,8 @@ class PowerFlow:
             return []
         named = ", ".join(self.shared[:3]) + (", ..." if len(self.shared) > 3 else "")
         return [
-            f"(equilibrium leaves {len(self.shared)} torques open: {named}; they are those of parallel paths without preload,",
-            " which share the load by stiffness, equally among equal planets)",
+            f"(equilibrium leaves {len(self.shared)} torques open: {named}; they are those of parallel paths without preload, "
+            "which share the load by stiffness, equally among equal planets, and the smallest ones where these are rigid)",
         ]
 
     @property

@@ -94,7 +94,7 @@ def power_flow(
     """
     translation = _fitting(translation_of(system), parameters)
     refuse_instants(translation.structure, translation.scene.states, "a steady motion")
-    model = translation.model
+    model = translation.structure.complete  # with the equations that leave torques of rigid parallel paths undetermined
     numbers = translation.parameter_values(parameters)
     given = _given(model, speeds, torques)
     motion = _reached(translation, numbers, given)
@@ -108,7 +108,8 @@ def power_flow(
         refuse_contradiction(motion, given)
     _refuse_open(model, motion)
     paths = _shared_names(model, set(places[motion.undetermined[places] > UNDETERMINED].tolist()))
-    return PowerFlow(tuple(_flanges(model, motion)), _mobility(model, numbers), translation.name, paths, translation.component)
+    mobility_ = _mobility(translation.model, numbers)
+    return PowerFlow(tuple(_flanges(model, motion)), mobility_, translation.name, paths, translation.component)
 
 
 def _fitting(translation: Translation, parameters: Mapping[str, float] | None) -> Translation:
@@ -125,7 +126,7 @@ def _reached(translation: Translation, numbers: Floats, given: Sequence[Given]) 
     If everything that drives the train is given, it is the motion reached from the start values. If a speed is given, or the start
     values indicate which motion is meant, it is the closest one; ambiguous cases are refused.
     """
-    model = translation.model
+    model = translation.structure.complete
     motion = solve(model, numbers, given)
     if all(group.template.linear for group in model.groups):
         return motion

@@ -58,7 +58,7 @@ def test_planets_with_meshes_of_their_own(kind: str) -> None:
             assert torques == pytest.approx([torques[0]] * 3, rel=1e-11)
             assert abs(torques[0]) > 1.0
             assert f"train.{unit}.{side}_meshes[0].flange_a" in flow.shared
-    assert "which share the load by stiffness, equally among equal planets" in str(flow)
+    assert "which share the load by stiffness, equally among equal planets" in " ".join(str(flow).split())
 
 
 class Parallel(gl.Component):
@@ -131,6 +131,33 @@ def test_any_number_of_paths_share_by_stiffness(count: int, observed: tuple[int,
     expected = [120.0 * x / sum(k) for x in k]
     assert [-flow[f"rear[{i}].flange_b"].torque for i in range(count)] == pytest.approx(expected, rel=1e-9)
     assert flow["drive.flange"].torque == pytest.approx(-30.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("ratios", [(2.0, 2.0), (2.0, 2.0, 2.0)])
+def test_equal_rigid_paths_share_equally(ratios: tuple[float, ...]) -> None:
+    """However they are declared; a run sets all but one to zero. Two fixed flanges hold a shaft together."""
+
+    class Rigid(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.load, self.wheel = gp.Torque(), gp.Torque(), gp.Inertia(J=1.0)
+            self.gear, self.ground = [gp.IdealGear(ratio=r) for r in ratios], [gp.Fixed(), gp.Fixed()]
+            self.held = gp.Torque(tau=3.0)
+            return [
+                gl.connect(self.drive.flange, *(gear.flange_a for gear in self.gear)),
+                gl.connect(*(gear.flange_b for gear in self.gear), self.wheel.flange_a),
+                gl.connect(self.wheel.flange_b, self.load.flange),
+                gl.connect(self.ground[0].flange, self.ground[1].flange, self.held.flange),
+            ]
+
+    system = gl.compile(Rigid())
+    flow = system.power_flow(speeds={"wheel.w": 5.0}, torques={"load.tau": -120.0})
+    assert [gear.torque for gear in (flow[f"gear[{k}].flange_b"] for k in range(len(ratios)))] == pytest.approx(
+        [-120 / len(ratios)] * len(ratios), rel=1e-12
+    )
+    assert [flow[f"ground[{k}].flange"].torque for k in range(2)] == pytest.approx([1.5, 1.5], rel=1e-12)
+    assert flow["drive.flange"].torque == pytest.approx(-60.0, rel=1e-12)
+    assert (flow.mobility, len(flow.shared)) == (1, 2 * len(ratios) + 2)
+    assert "and the smallest ones where these are rigid)" in " ".join(str(flow).split())
 
 
 def stiffness(c_front: float, c_rear: float) -> float:
