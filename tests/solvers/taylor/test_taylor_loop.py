@@ -267,7 +267,7 @@ COUNTED = ("t", "order", "next_order", "h", "h_step", "looked", "expansions", "r
 def compared(
     series: Series, x0: list[float], special: dict[str, Any], rtol: float, longest: float, seen: Series | None = None
 ) -> Alone:
-    """Take the steps in both ways, sixty at most, and compare them and the samples; ``seen``: the series with what the rates refuse."""
+    """Take the steps in both ways, 45 at most, and compare them and the samples; ``seen``: the series with what the rates refuse."""
     special, end = dict(special), 4.0
     costs = {name: special[name] for name in ("sums", "products") if name in special}
     both = {name: special[name] for name in ("rhs_cost", "begin") if name in special}
@@ -275,7 +275,7 @@ def compared(
     own = Alone(seen or series, np.array(x0), end, rtol, min(end, longest), highest, **costs, **both)
     run = taylor(series, x0, end, rtol, **special, longest_expanded_step=longest)
     run.stepper.watch(math.inf)  # type: ignore[attr-defined]
-    for step in itertools.islice(own.steps(), 60):
+    for step in itertools.islice(own.steps(), 45):
         assert run.advance(1) == "more"
         assert [getattr(run.record, name) for name in COUNTED] == pytest.approx(step, rel=1e-6)
     assert run.record.evaluations == 1 + own.attempts * special.get(
