@@ -345,6 +345,14 @@ def test_pace_is_that_of_the_limit_of_stability(order: int) -> None:
     assert 0.5 < 1000.0 * step / {5: 3.5, 8: 6.1}[order] < 1.1
 
 
+def test_work_is_counted_in_operations() -> None:
+    """Of the stages of each step, of vectors, and of looks at event functions, if there are any."""
+    own = problem(oscillator, [1.0, 0.0], roots=lambda *_: 0, n_roots=1, rhs_cost=70.0, roots_cost=11.0, update_cost=13.0)
+    assert work(own, 5, 7, 3) == 7 * (6 * 70.0 + 150.0 + 5 * 2 + 2 * 11.0) + 3 * (70.0 + 13.0 + 10 * 11.0)
+    assert work(own, 8, 7, 3) == 7 * (12 * 70.0 + 250.0 + 10 * 2 + 2 * 11.0) + 3 * (70.0 + 13.0 + 10 * 11.0)
+    assert work(problem(oscillator, [1.0, 0.0], rhs_cost=70.0), 5, 7, 0) == 7 * (6 * 70.0 + 150.0 + 5 * 2)
+
+
 def test_watching_begins_after_some_work() -> None:
     p = problem(van_der_pol, [2.0, 0.0])
     run = driver(p, [0.0, 500.0], stepper := RungeKutta(), rtol=1e-4)
