@@ -4,9 +4,6 @@ A locked friction element imposes ``der(v) = 0``, and its torque takes whatever 
 slides or sticks, and would add a pole at 0 to the linear model that is not a motion: while it sticks, nothing can move it. Where
 ``v = c x`` with ``c A = 0`` and ``c B = 0``, the subspace ``c x = 0`` is invariant, and the model restricted to it is that of the train
 with the element replaced by a rigid connection. The same holds for combinations of positions whose rate is a held speed.
-
-A held speed differs from one that merely stays constant (a coasting rotor has a true pole at 0) by a reaction: an unknown that occurs
-in the equation in another discrete state, but not in this one, and that responds when the equation is perturbed.
 """
 
 from __future__ import annotations
@@ -17,19 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.program.build import build
-from gearlib.program.derivatives import At, derivatives, newton_matrix, slopes
-from gearlib.program.interpret import Prepared, evaluate, prepare
-from gearlib.program.program import Newton
+from gearlib.program.held_speeds import held_speeds
+from gearlib.program.interpret import Prepared
 from gearlib.reduce.reduction import Structure, integrals
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-REACTION = 1e-13  # relative to the largest response in a block: smaller ones are rounding
-# Relative to the largest coefficient of an equation: smaller ones are artificial compliances (`gearparts.rotational.friction.YIELD` is
-# 1e-25), which determine reactions that would be undetermined otherwise.
-YIELDS = 1e-20
 CONSTANT = 1e-9  # relative to its terms: a smaller rate is zero
 RANK = 1e-11  # of rows scaled to 1
 
@@ -58,13 +49,12 @@ def remaining(
     A, B : arrays or sparse matrices
         Derivatives of the rates with respect to the states and the inputs.
     """
-    speeds = _held_speeds(prepared, t, slots, discrete)
-    if not speeds:
+    held = held_speeds(structure, prepared, t, slots, discrete)
+    if not len(held):
         return None
     n = A.shape[0]
     A = A.tocsr() if hasattr(A, "tocsr") else np.asarray(A)
     rates = A if B is None or not B.shape[1] else _beside(A, B)
-    held = _functionals(structure, prepared, t, slots, discrete, speeds)
     held = held[[_vanishes(row, rates) for row in held]]
     if not len(held):
         return None
@@ -83,76 +73,6 @@ def _beside(A: Any, B: Any) -> Any:
 
         return sparse.hstack([A, B]).tocsr()
     return np.hstack([A, np.asarray(B)])
-
-
-def _held_speeds(prepared: Prepared, t: float, slots: Floats, discrete: Floats) -> list[Node]:
-    """Nodes v for which an equation imposes ``der(v) = 0`` in this discrete state, maintained by a reaction."""
-    blocks = [s for s in prepared.program.steps if isinstance(s, Newton)]
-    if not blocks:
-        return []
-    nodes = {slot: node for node, slot in prepared.program.slots.items() if node[1] > 0}
-    found: list[Node] = []
-    for step in blocks:
-        changing = [b for b in step.residuals if b.relations.shape[1]]
-        if changing:
-            found += _held_in(step, changing, nodes, prepared, t, slots, discrete)
-    return list(dict.fromkeys(found))
-
-
-def _held_in(
-    step: Newton, changing: list[Any], nodes: dict[int, Node], prepared: Prepared, t: float, slots: Floats, discrete: Floats
-) -> list[Node]:
-    at = At(prepared, np.array([t]), slots[:, None], discrete[:, None])
-    place = {int(slot): i for i, slot in enumerate(step.unknowns)}
-    found = []
-    answers: Floats | None = None
-    for batch in changing:
-        terms: dict[int, dict[int, float]] = {}
-        for rows, columns, values in slopes(batch, at):
-            for r, c, value in zip(rows.tolist(), columns.tolist(), np.abs(values).tolist(), strict=True):
-                terms.setdefault(r, {})[c] = value
-        for r, sizes in terms.items():
-            only = [c for c, size in sizes.items() if size > YIELDS * max(sizes.values())]
-            (slot,) = only if len(only) == 1 else (-1,)
-            if slot not in place or slot not in nodes:
-                continue
-            others = [place[c] for c in batch.arguments[r].tolist() if c in place and c != slot]
-            answers = _answers(newton_matrix(step, at)[0]) if answers is None else answers
-            answer = answers[:, batch.targets[r]]
-            if others and (answer[others] > REACTION * answer.max()).any():
-                v, k = nodes[slot]
-                found.append((v, k - 1))
-    return found
-
-
-def _answers(matrix: Floats) -> Floats:
-    """Response of each unknown of a block to a perturbation of each equation; elements in parallel share it."""
-    try:
-        answers: Floats = np.abs(np.linalg.inv(matrix))
-    except np.linalg.LinAlgError:
-        answers = np.abs(np.linalg.pinv(matrix))
-    return answers
-
-
-def _functionals(
-    structure: Structure, prepared: Prepared, t: float, slots: Floats, discrete: Floats, speeds: list[Node]
-) -> Floats:
-    """Rows c with ``v = c x``; a speed that needs states outside the program is omitted."""
-    states = prepared.program.states
-    place = {node: i for i, node in enumerate(states)}
-    rows = [np.eye(len(states))[place[v]] for v in speeds if v in place]
-    others = [v for v in speeds if v not in place]
-    if others:
-        program = build(structure, others, None, dynamic=False)
-        if set(program.states) <= set(states):
-            program = build(structure, others, states, dynamic=False)
-            ready = prepare(program, structure, prepared.parameters)
-            n = len(states)
-            inputs = slots[n : n + len(program.inputs), None]
-            values = evaluate(ready, np.array([t]), slots[:n, None], inputs, discrete[:, None])[:, 0]
-            d = derivatives(ready, t, values, discrete, range(n), wanted=program.output_slots)
-            rows += list(d.toarray() if hasattr(d, "toarray") else d)
-    return np.array(rows).reshape(-1, len(states))
 
 
 def _vanishes(row: Floats, rates: Any) -> bool:

@@ -79,9 +79,11 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
         if scene.model.bounded:
             refuse_start(scene, parameters, float(grid[0]), values(signals, grid[:1])[:, 0], begin)
     if request.directions is not None:
+        from gearlib.run.tangents.requested import refuse_held
         from gearlib.run.tangents.tangents import Tangents
 
         assert begin.changes is not None, "they were asked for"
+        refuse_held(scene, parameters, float(grid[0]), values(signals, grid[:1])[:, 0], begin, request.directions)
         first = replace(first, tangents=Tangents(request.directions, begin.changes))
     with nullcontext() if request.progress is False else reporting(request.progress, _label(translation, grid)) as tell:
         watch = None if tell is None else RunProgress(tell, float(grid[0]), float(grid[-1]))

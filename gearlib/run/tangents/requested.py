@@ -12,11 +12,15 @@ from gearlib.arguments import name_list
 from gearlib.errors import ArgumentError, GearlibError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Structural
-from gearlib.run.start_values import start_named, start_variable
+from gearlib.program.held_speeds import held_speeds
+from gearlib.program.interpret import evaluate
+from gearlib.run.scene import Scene, guess_of
+from gearlib.run.start_values import Start, start_named, start_variable
 from gearlib.run.tangents.directions import TangentDirections
 from gearlib.run.translation import Translation
 
 Floats = NDArray[np.float64]
+ROUNDING = 1e-9  # relative to its terms: a smaller change of a speed is zero
 CONTINUED = (
     "sensitivities are those of a whole run: a run that goes on from a result does not know how its start changes; "
     "begin at the beginning, or give start values: start={'load.w': ...}"
@@ -99,6 +103,31 @@ def directions(
     moved = [(p, columns[c], weight) for p, c, weight in changes if weight != 0.0]
     pairs = tuple((p, k) for p, k, _ in moved)
     return TangentDirections(tuple(chosen), pairs, np.array([weight for *_, weight in moved]), tuple(starts), sizes)
+
+
+def refuse_held(
+    scene: Scene, parameters: Floats, t: float, inputs: Floats, start: Start, directions: TangentDirections
+) -> None:
+    """Refuse directions that move what sticks at the start: it would slide until it sticks again, but its tangent would stay for ever.
+
+    Raises
+    ------
+    ArgumentError
+        The message names the direction, and the states that it moves.
+    """
+    if scene.relations is None or start.steady or start.changes is None:  # a steady state moves nothing
+        return
+    prepared, now, x, u = scene.prepared(parameters), np.array([t]), start.states[:, None], inputs[:, None]
+    discrete = scene.discrete(prepared, now, x, u, start=start.guess) if start.discrete is None else start.discrete[:, None]
+    slots = evaluate(prepared, now, x, u, discrete, guess_of(scene.program, start.guess))[:, 0]
+    held = held_speeds(scene.structure, prepared, t, slots, discrete[:, 0])
+    moved = np.abs(held @ start.changes) > ROUNDING * (np.abs(held) @ np.abs(start.changes))
+    for row, k in np.argwhere(moved).tolist():
+        states = ", ".join(name for name, c in zip(scene.state_names, held[row], strict=True) if c)
+        raise ArgumentError(
+            f"sensitivities names {directions.names[k]!r}, which moves {states} at the start, where something sticks: it would slide until "
+            "it sticks again, and tangents of a run that begins stuck do not follow that; begin with a slip, or vary what moves both sides"
+        )
 
 
 def _parameter(translation: Translation, name: str) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import SolverError
+from gearlib.errors import ArgumentError, SolverError
 from tests.benchmarks.equations import BacklashPair
 from tests.run.tangents.other_runs import against_other_runs, off
 
@@ -207,3 +208,33 @@ def test_states_that_end_on_the_way_are_refused() -> None:
         pytest.fail(f"the states are {system.states}")
     with pytest.raises(SolverError, match="there are no sensitivities after t ="):
         system.simulate(20.0, samples=3, start={"vx": 8.0}, sensitivities=["length"])
+
+
+class Engaged(gl.Component):
+    """Two bodies and a clutch, which holds unless they start at different speeds; a load."""
+
+    w = gl.Parameter("rad/s", "speed of the load at the start", default=5.0)
+    press = gl.Parameter("1", "of the clutch", default=1.0)
+
+    def assemble(self) -> list[Any]:
+        self.motor, self.load = gp.Inertia(J=0.2, start={"w": 5.0}), gp.Inertia(J=0.3, start={"w": self.w})
+        self.clutch = gp.Clutch(fn_max=8.0, f_normalized=self.press)
+        self.fan, self.ground = gp.Damper(d=0.1), gp.Fixed()
+        return [
+            c(self.motor.flange_b, self.clutch.flange_a), c(self.clutch.flange_b, self.load.flange_a),
+            c(self.load.flange_b, self.fan.flange_a), c(self.fan.flange_b, self.ground.flange),
+        ]  # fmt: skip
+
+
+def test_a_start_that_moves_what_sticks_is_refused() -> None:
+    """It would slide for a moment; beginning with a slip, or where both sides move together, there is a tangent."""
+    system = gl.compile(Engaged(), outputs=["motor.w", "load.w", "clutch.w_rel"])
+    for name in ("start(motor.w)", "w"):
+        with pytest.raises(
+            ArgumentError, match=rf"^sensitivities names '{re.escape(name)}', which moves .* where something sticks"
+        ):
+            system.simulate(1.0, sensitivities=["load.J", name])
+    sliding = system.simulate(1.0, samples=3, rtol=1e-10, parameters={"w": 4.0}, sensitivities=["w"])
+    near = [system.simulate(1.0, samples=3, rtol=1e-11, parameters={"w": 4.0 + d})["motor.w"] for d in (-1e-4, 1e-4)]
+    assert sliding.sensitivity("motor.w", "w") == pytest.approx((near[1] - near[0]) / 2e-4, abs=1e-6)
+    assert system.simulate(1.0, parameters={"press": 0.0}, sensitivities=["w"]).sensitivity("clutch.w_rel", "w")[0] == 1.0
