@@ -96,6 +96,11 @@ def refuse_controllers(component: Component, what: str) -> None:
             f"{what} needs equations without a history, and {delays} delays a signal; put a rational approximation in its place, "
             "gearparts.blocks.PadeDelay(delay_time=..., n=3)"
         )
+    refuse_programs(component, what)
+
+
+def refuse_programs(component: Component, what: str) -> None:
+    """Raise `ArgumentError` if a component has sampled controllers."""
     named = ", ".join(path for path, part in with_parts(component) if isinstance(part, Sampled))
     if named:
         raise ArgumentError(

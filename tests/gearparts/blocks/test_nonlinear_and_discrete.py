@@ -233,3 +233,18 @@ def test_analyses_refuse_what_acts_at_instants_unless_nothing_depends_on_it(anal
     ):
         ANALYSES[analysis](gl.compile(Governed()))
     assert abs(ANALYSES[analysis](gl.compile(Governed(acts=False), ["body.w"]))) == pytest.approx(2.0)
+
+
+def test_a_run_does_not_begin_in_a_steady_state_that_a_python_function_would_leave() -> None:
+    class Programmed(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.torque, self.body, self.drag, self.ground = gp.Torque(), gp.Inertia(J=1.0), gp.Damper(d=2.0), gp.Fixed()
+            self.program = gl.Sampled(lambda t, v: 4.0 * (3.0 - v[0]), 0.05, inputs=[self.body.w], outputs=[self.torque.tau])
+            return [
+                gl.connect(self.torque.flange, self.body.flange_a),
+                gl.connect(self.body.flange_b, self.drag.flange_a),
+                gl.connect(self.drag.flange_b, self.ground.flange),
+            ]
+
+    with pytest.raises(ArgumentError, match=r"^a steady state needs equations, and program is a Python function"):
+        gl.compile(Programmed()).simulate(1.0, start="steady")
