@@ -95,3 +95,28 @@ def test_what_has_crossed_counts_until_it_is_compared_with_something_else(x: flo
             before = compares_with_before(phase.batch)
             assert held[target] == (x >= level + 1.0 if before else 1.0)
             assert fired[relations.searched.tolist().index(target)] == (-2 if held[target] else 2)
+
+
+class Sawtooth(gl.Component):
+    """A state that is set back whenever it reaches one."""
+
+    one = gl.Parameter("1", default=1.0)
+    rate = gl.Parameter("1/s", default=1.0)
+    x = gl.Variable("1")
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), self.rate), gl.When(self.x >= self.one, gl.reinit(self.x, 0.25))]
+
+
+@pytest.mark.parametrize("x", [1.0 - 1e-15, 1.0, 1.0 + 1e-15])
+def test_what_has_crossed_does_not_count_where_a_state_has_been_set(x: float) -> None:
+    """The relation is judged by the new state."""
+    system = gl.compile(Sawtooth())
+    scene, n_variables = system.translation.scene, system.translation.model.n_variables
+    native, state, fired = scene.native, np.array([x]), np.full(1, -1, np.int32)  # the function is one minus x
+    assert native.update is not None
+    numbers = scene.prepared(system.translation.parameter_values({}))
+    data = scene.data(native, numbers, np.zeros(0), np.zeros(scene.n_discrete), np.zeros(n_variables))
+    status = MODEL(native.update.address)(0.0, state.ctypes.data, fired.ctypes.data, data.ctypes.data, native.index.ctypes.data)
+    assert (status, state.tolist(), fired.tolist()) == (2, [0.25], [2])
+    assert data[native.shared.relations] == 0.0
