@@ -116,7 +116,7 @@ class Trace:
         near &= np.stack(distinct, axis=1)
         near &= np.abs(t[np.clip(others, 0, len(t) - 1)] - t[steps][:, None]) <= FAR * h[:, None]
         chosen = np.where(near, others, -1)
-        chosen = np.take_along_axis(chosen, np.argsort(~near, axis=1, kind="stable"), 1)[:, : POINTS - 2]
+        chosen = np.take_along_axis(chosen, np.argsort(~near, axis=1, kind="stable"), 1)
         return np.concatenate([steps[:, None], steps[:, None] + 1, chosen], axis=1)
 
     def _inner(self, steps: Integers, samples: Floats) -> Integers:
