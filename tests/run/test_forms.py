@@ -262,3 +262,16 @@ def test_forms_and_backends_are_checked() -> None:
         system.simulate(1.0, method="rk", backend="sksundae", inputs=given)
     with pytest.raises(ArgumentError, match=r"there is no form 3"):
         system.simulate(1.0, method="ida", form=3, inputs=given)  # type: ignore[arg-type]
+
+
+def test_a_clutch_that_locks_in_a_form_where_it_cannot_names_the_one_where_it_can() -> None:
+    class Locking(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.motor, self.load = gp.Inertia(J=0.2, start={"w": 5.0}), gp.Inertia(J=0.3, start={"w": -5.0})
+            self.clutch = gp.Clutch(fn_max=40.0, f_normalized=1.0)
+            return [gl.connect(self.motor.flange_b, self.clutch.flange_a), gl.connect(self.clutch.flange_b, self.load.flange_a)]
+
+    system = gl.compile(Locking(), outputs=["load.w"])
+    with pytest.raises(SolverError, match=r"does not settle at t = 0\.06 s .*; take form='ode'"):
+        system.simulate(1.0, method="ida", form="dae")
+    assert system.simulate(1.0, method="ida", form="ode")["load.w"][-1] == pytest.approx(-1.0)  # of the momentum

@@ -292,7 +292,8 @@ class Driver:
             return SolverError(f"an event could not be handled {where}{problem.not_settled(self.t, self.x, self.data)}")
         if code == drive_loop.UNSETTLED:
             return SolverError(
-                f"the event iteration does not settle {where}: the algebraic unknowns carry event functions to and fro"
+                f"the event iteration does not settle {where}: the algebraic unknowns carry event functions to and fro; take "
+                "form='ode', which solves for them in each iteration"
             )
         if code == drive_loop.STEP_LIMIT:
             return SolverError(f"gave up {where} towards t = {self.t_end:.9g} s: max_steps is {problem.max_steps}")
