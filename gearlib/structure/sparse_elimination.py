@@ -118,7 +118,6 @@ def factorise(matrix: Any, sizes: Floats | None = None) -> Factors:
 
     Scaling begins with ``sizes`` of the unknowns, NaN where they are not known.
 
-
     Examples
     --------
     >>> import numpy as np, scipy.sparse as sparse

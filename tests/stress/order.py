@@ -92,9 +92,10 @@ def questions(system: gl.System, train: Train, methods: Sequence[str]) -> Iterat
         found = gl.frequency_response(system, np.array([2.0, 40.0]), sorted(given), bodies)
         return {f"{i} {o}": found[o, i] for i in given for o in bodies}
 
-    def flow() -> dict[str, Any]:
+    def flow(what: str) -> dict[str, Any]:
         found = system.power_flow(torques=given)
-        return {f"{p.name}.{f}": found[f"{p.name}.{f}"].speed for p in train.parts if "Sensor" not in p.kind for f in p.flanges}
+        flanges = [f"{p.name}.{f}" for p in train.parts if "Sensor" not in p.kind for f in p.flanges]
+        return {flange: getattr(found[flange], what) for flange in flanges}
 
     def energies() -> dict[str, Any]:
         balance = system.simulate(TIMES[-1], times=TIMES, inputs=given, rtol=1e-9).energy_balance()
@@ -113,7 +114,8 @@ def questions(system: gl.System, train: Train, methods: Sequence[str]) -> Iterat
             yield "response", response
     yield "stability", poles
     yield "modes", modes
-    yield "power flow", flow
+    yield "power flow", lambda: flow("speed")
+    yield "torques", lambda: flow("torque")
     yield "energies", energies
 
 
