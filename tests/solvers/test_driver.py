@@ -175,6 +175,24 @@ def test_a_run_is_handed_over_with_its_samples_and_events(name: str, other: str,
     first.close()
 
 
+@pytest.mark.parametrize("begin", [0.0, 50.0])
+def test_a_finished_run_goes_on_to_later_times(begin: float) -> None:
+    """Through the time events on the way, in steps as long as they then may be; it takes no more samples."""
+    own = problem(lambda t, x, dx, data: dx.__setitem__(0, 1.0), [0.0], discrete=slice(2, 3))
+    run = driver(own, begin + np.array([0.0, 0.5, 1.0]), RungeKutta())
+    events = begin + np.array([0.5, 1.0, 1.5, 2.0, 2.5])
+    for end, given, longest in ((1.0, None, 0.0), (2.0, events, 0.01), (3.0, np.empty(0), math.inf), (4.0, events, math.inf)):
+        before = run.record.steps
+        if given is not None:
+            run.go_on(begin + end, given, longest)
+        while run.advance() == "more":
+            pass
+        assert (run.t, run.x[0]) == (begin + end, pytest.approx(end, abs=1e-13))
+        assert (run.record.steps - before >= 100) == (longest == 0.01)
+    assert run.event_times.tolist() == [begin + 1.5, begin + 2.0]
+    assert run.out[:, 0] == pytest.approx([0.0, 0.5, 1.0], abs=1e-14)
+
+
 @pytest.mark.parametrize("name", ["rk5", "rk8", "ida"])
 def test_memory_of_a_run_that_is_over_does_not_wait_for_the_garbage_collector(name: str) -> None:
     gc.collect()

@@ -313,7 +313,7 @@ class Driver:
         """
         record, self.t_end, self.status = self.record, t, "more"
         self._steps_before = record.steps
-        stops, record.n_timed = _stops(time_events, self.t, t) if time_events.size else (np.array([t]), 0)
+        stops, record.n_timed = _stops(time_events, self.t, t)
         self.stops = stops - record.origin
         record.stops, record.n_stops, record.stop = address_of(self.stops), stops.size, 0
         record.n_times = record.sample = 0

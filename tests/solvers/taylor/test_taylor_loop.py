@@ -16,6 +16,7 @@ import pytest
 from gearlib.errors import SolverError
 from gearlib.solvers.drive.driver import PATIENCE, Driver, integrate
 from gearlib.solvers.problem import Floats
+from gearlib.solvers.rungekutta.first_step import DAMPED
 from gearlib.solvers.taylor.polynomial import DECAY, LAST
 from gearlib.solvers.taylor.taylor import COEFFICIENT, OPERATION, STEP, TERM, Taylor
 from gearlib.solvers.taylor.taylor_loop import SEARCHED, UNSEEN
@@ -281,6 +282,7 @@ def compared(
     assert run.record.evaluations == 1 + own.attempts * special.get(
         "guarded", False
     )  # at the start, and to look for divisors of zero
+    assert run.stepper.damped == (own.cosine < -DAMPED)  # type: ignore[attr-defined]
     if own.t == end:
         assert run.advance(1) == "done"
     reached = run.record.sample
