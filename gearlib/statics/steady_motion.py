@@ -26,6 +26,7 @@ from gearlib.structure.sparse_elimination import Factors, factorise
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 CONTRADICTION = 1e-8  # relative residual of an equation that cannot be satisfied
+ROUNDING = 1e-13  # of a row's largest coefficient, in equations that are not linear
 SPEED, VALUE = 1, 0
 
 
@@ -124,21 +125,25 @@ def assemble(
 
     matrix = entries.matrix(2 * n)
     units = np.concatenate([model.exponents, model.exponents - np.array(SECOND, float)])
-    sizes = unit_sizes(matrix[np.flatnonzero(np.concatenate(linear))], units)
+    sizes = unit_sizes(matrix, units, np.concatenate(linear))
     return MotionEquations(matrix, np.concatenate(rest), np.concatenate(kinematic), owner, sizes)
 
 
-def unit_sizes(matrix: Any, exponents: Floats) -> Floats:
+def unit_sizes(matrix: Any, exponents: Floats, linear: NDArray[np.bool_]) -> Floats:
     """Sizes of the unknowns: their units, made of base units in which coefficients are as close to 1 as possible; NaN: unit not known.
 
     A train and the same one in other units so have the same scaled equations. Sums of magnitudes are minimised (by reweighted least
-    squares), so that a few coefficients far from the others have little effect.
+    squares), so that a few coefficients far from the others have little effect; in rows that are not ``linear`` very small ones have
+    none, which may be rounding.
     """
-    entries = matrix.tocoo()
-    kept = (entries.data != 0) & np.isfinite(exponents[entries.col]).all(axis=1)
+    entries = matrix[: len(linear)].tocoo()
+    size = np.abs(entries.data)
+    least = np.zeros(len(linear))
+    np.maximum.at(least, entries.row, np.where(linear[entries.row], 0.0, ROUNDING * size))
+    kept = (size > least[entries.row]) & np.isfinite(exponents[entries.col]).all(axis=1)
     i, of_unknowns = entries.row[kept], exponents[entries.col[kept]]
-    terms = np.column_stack([-np.log(np.abs(entries.data[kept])), of_unknowns])
-    count = np.maximum(np.bincount(i, minlength=matrix.shape[0]), 1)
+    terms = np.column_stack([-np.log(size[kept]), of_unknowns])
+    count = np.maximum(np.bincount(i, minlength=len(linear)), 1)
     terms -= np.column_stack([np.bincount(i, t, len(count)) / count for t in terms.T])[i]  # each row has a scale of its own
     wanted, known = terms[:, 0], terms[:, 1:]
     weights = np.ones(len(wanted))
