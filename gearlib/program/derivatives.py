@@ -18,6 +18,9 @@ from gearlib.program.program import Batch, Linear, Newton
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Added = tuple[int, int, float]  # slot, index of the added seed, weight
+# Relative to the largest coefficient of an equation: smaller ones are artificial compliances (`gearparts.rotational.friction.YIELD` is
+# 1e-25), which determine reactions that would be undetermined otherwise.
+COMPLIANCE = 1e-20
 SINGULAR = 1e13  # condition number beyond which equations count as linearly dependent
 MOST_DENSE = 4_000_000  # slots times seeds up to which a dense matrix is returned
 
@@ -280,12 +283,27 @@ def undetermined(prepared: Prepared, t: float, slots: Floats, relations: Floats,
 
 def _null_space(matrix: Floats) -> Floats:
     """Orthonormal null space of a square matrix, after scaling its rows and columns."""
-    row = np.abs(matrix).max(axis=1)
-    scaled = matrix / np.where(row > 0.0, row, 1.0)[:, None]
-    column = np.abs(scaled).max(axis=0)
-    column[column == 0.0] = 1.0
-    _, sizes, right = np.linalg.svd(scaled / column)
-    return np.asarray(right[sizes * SINGULAR <= sizes.max()].T / column[:, None], float)
+    row, column = equilibrating(matrix)
+    _, sizes, right = np.linalg.svd(matrix * row[:, None] * column)
+    return np.asarray(right[sizes * SINGULAR <= sizes.max()].T * column[:, None], float)
+
+
+def equilibrating(matrix: Floats) -> tuple[Floats, Floats]:
+    """Scale factors of rows and columns that bring all entries as close to 1 as possible, and then the largest ones to 1.
+
+    Other units leave the scaled matrix as it is. Artificial compliances count as nothing.
+    """
+    size = np.abs(matrix)
+    there = size > COMPLIANCE * size.max(axis=1, initial=0.0)[:, None]
+    logs = np.log(np.where(there, size, 1.0))
+    n = len(matrix)
+    joined = np.block([[np.diag(there.sum(axis=1)), there], [there.T, np.diag(there.sum(axis=0))]]) + 1e-9 * np.eye(2 * n)
+    scales = np.exp(np.linalg.solve(joined, -np.concatenate([logs.sum(axis=1), logs.sum(axis=0)])))
+    row, column = scales[:n], scales[n:]
+    for factors, axis in ((row, 1), (column, 0)):
+        largest = (size * row[:, None] * column).max(axis=axis, initial=0.0)
+        factors /= np.where(largest > 0.0, largest, 1.0)
+    return row, column
 
 
 def solve_shared(matrix: Floats, right: Floats) -> Floats:
@@ -296,8 +314,7 @@ def solve_shared(matrix: Floats, right: Floats) -> Floats:
     LinAlgError
         The equations are inconsistent.
     """
-    row = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
-    column = 1 / np.maximum((np.abs(matrix) * row[:, None]).max(axis=0), 1e-300)
+    row, column = equilibrating(matrix)
     scaled, right = matrix * row[:, None] * column, right * row[:, None]
     try:
         inverse = np.linalg.inv(scaled)

@@ -12,17 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.program.build import build
-from gearlib.program.derivatives import At, derivatives, newton_matrix, slopes
+from gearlib.program.derivatives import COMPLIANCE, At, derivatives, newton_matrix, slopes
 from gearlib.program.interpret import Prepared, evaluate, prepare
 from gearlib.program.program import Newton
 from gearlib.reduce.reduction import Structure
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
-REACTION = 1e-13  # relative to the largest response in a block: smaller ones are rounding
-# Relative to the largest coefficient of an equation: smaller ones are artificial compliances (`gearparts.rotational.friction.YIELD` is
-# 1e-25), which determine reactions that would be undetermined otherwise.
-YIELDS = 1e-20
+REACTION = 1e-13  # relative to the largest response in a block, or to the terms of a response: smaller ones are rounding
 
 
 def held_speeds(structure: Structure, prepared: Prepared, t: float, slots: Floats, discrete: Floats) -> Floats:
@@ -75,21 +72,24 @@ def _held_in(
     at = At(prepared, np.array([t]), slots[:, None], discrete[:, None])
     place = {int(slot): i for i, slot in enumerate(step.unknowns)}
     found = []
-    answers: Floats | None = None
+    answers = rounded = None
     for batch in changing:
         terms: dict[int, dict[int, float]] = {}
         for rows, columns, values in slopes(batch, at):
             for r, c, value in zip(rows.tolist(), columns.tolist(), np.abs(values).tolist(), strict=True):
                 terms.setdefault(r, {})[c] = value
         for r, sizes in terms.items():
-            only = [c for c, size in sizes.items() if size > YIELDS * max(sizes.values())]
+            only = [c for c, size in sizes.items() if size > COMPLIANCE * max(sizes.values())]
             (slot,) = only if len(only) == 1 else (-1,)
             if slot not in place or slot not in nodes:
                 continue
             others = [place[c] for c in batch.arguments[r].tolist() if c in place and c != slot]
-            answers = _answers(newton_matrix(step, at)[0]) if answers is None else answers
+            if answers is None or rounded is None:
+                matrix = newton_matrix(step, at)[0]
+                answers = _answers(matrix)
+                rounded = answers @ np.abs(matrix) @ answers
             answer = answers[:, batch.targets[r]]
-            if others and (answer[others] > REACTION * answer.max()).any():
+            if others and (answer > REACTION * np.minimum(answer.max(), rounded[:, batch.targets[r]]))[others].any():
                 v, k = nodes[slot]
                 found.append((v, k - 1))
     return found

@@ -381,9 +381,9 @@ SOLVER = SOLVE + module("return solve(data, 1, 0 + index[0], index[1], index[3],
 def solved(matrix: Floats, right: Floats, lead: int = 0) -> tuple[int, Floats, Floats]:
     """Code, solutions and all data; ``right`` has the right-hand sides one after the other."""
     n = len(matrix)
-    data = np.concatenate([[0.0], matrix.ravel(), np.zeros(n + 1), right])
+    data = np.concatenate([[0.0], matrix.ravel(), np.zeros(n + 1 + n * n), right])
     others = data.copy()
-    index = np.array([1 + n * n + n + 1, n, lead, len(right) // n])
+    index = np.array([1 + 2 * n * n + n + 1, n, lead, len(right) // n])
     code = by_machine(SOLVER, "f", 0.0, data, index)
     assert by_python(SOLVER, "f", 0.0, others, index) == code
     assert same(data, others)
@@ -415,6 +415,19 @@ def test_elimination_of_dependent_equations() -> None:
     assert code == 0
     assert matrix @ x == pytest.approx([2.0, 4.0, 6.0])
     assert solved(matrix, np.array([2.0, 5.0, 6.0]))[0] == 1
+
+
+@pytest.mark.parametrize("exponent", [15, 30])
+def test_elimination_in_other_units(exponent: int) -> None:
+    """A body of small inertia that slides: torque is its inertia times its acceleration; and two equations that say the same."""
+    J = 2.0**-exponent * 2.0**-exponent
+    matrix = np.array([[J, 1.0, 0.0, 0.0], [1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    code, x, _ = solved(matrix, np.array([3.0, 0.0, 2.0, 5.0]))
+    assert code == 0
+    assert x == pytest.approx([1.0 / J, 2.0, 1.0 / J, 5.0], rel=1e-9)
+    matrix[3] = 0.3 * matrix[0] + 0.7 * matrix[1]
+    assert solved(matrix, np.array([3.0, 0.0, 2.0, 0.9]))[0] == 0
+    assert solved(matrix, np.array([3.0, 0.0, 2.0, 1.0]))[0] == 1
 
 
 # ---------------------------------------------------------------- whole models

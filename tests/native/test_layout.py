@@ -152,7 +152,7 @@ def test_sections_follow_each_other(model: gl.Component, keep: bool) -> None:
                 assert matrix.size == 1 + len(step.discrete) + stored
                 at += matrix.size
             sides = 1 if matrix is None else 1 + len(matrix.known)
-            dense, sparse = n * n + sides * n + n + 1, 0 if order is None else n + len(order.places) + factors_size(order)
+            dense, sparse = 2 * n * n + sides * n + n + 1, 0 if order is None else n + len(order.places) + factors_size(order)
             scratch = max(scratch, sparse or dense)
     assert found.slots == at
     assert found.scratch == at + program.n_slots
