@@ -283,27 +283,29 @@ def undetermined(prepared: Prepared, t: float, slots: Floats, relations: Floats,
 
 def _null_space(matrix: Floats) -> Floats:
     """Orthonormal null space of a square matrix, after scaling its rows and columns."""
-    row, column = equilibrating(matrix)
-    _, sizes, right = np.linalg.svd(matrix * row[:, None] * column)
-    return np.asarray(right[sizes * SINGULAR <= sizes.max()].T * column[:, None], float)
+    rows, columns = equilibrating(matrix)
+    if np.linalg.cond(matrix * rows[:, None] * columns) < SINGULAR:
+        return np.zeros((len(matrix), 0))
+    row = np.abs(matrix).max(axis=1)
+    scaled = matrix / np.where(row > 0.0, row, 1.0)[:, None]
+    column = np.abs(scaled).max(axis=0)
+    column[column == 0.0] = 1.0
+    _, sizes, right = np.linalg.svd(scaled / column)
+    return np.asarray(right[sizes * SINGULAR <= sizes.max()].T / column[:, None], float)
 
 
 def equilibrating(matrix: Floats) -> tuple[Floats, Floats]:
-    """Scale factors of rows and columns that bring all entries as close to 1 as possible, and then the largest ones to 1.
+    """Scale factors of rows and columns that bring all entries close to 1: powers of 2, so that entries are not rounded.
 
-    Other units leave the scaled matrix as it is. Artificial compliances count as nothing.
+    Other units leave the scaled matrix as it is, up to factors of 2. Artificial compliances count as nothing.
     """
     size = np.abs(matrix)
     there = size > COMPLIANCE * size.max(axis=1, initial=0.0)[:, None]
-    logs = np.log(np.where(there, size, 1.0))
+    logs = np.log2(np.where(there, size, 1.0))
     n = len(matrix)
     joined = np.block([[np.diag(there.sum(axis=1)), there], [there.T, np.diag(there.sum(axis=0))]]) + 1e-9 * np.eye(2 * n)
-    scales = np.exp(np.linalg.solve(joined, -np.concatenate([logs.sum(axis=1), logs.sum(axis=0)])))
-    row, column = scales[:n], scales[n:]
-    for factors, axis in ((row, 1), (column, 0)):
-        largest = (size * row[:, None] * column).max(axis=axis, initial=0.0)
-        factors /= np.where(largest > 0.0, largest, 1.0)
-    return row, column
+    scales = np.exp2(np.round(np.linalg.solve(joined, -np.concatenate([logs.sum(axis=1), logs.sum(axis=0)]))))
+    return scales[:n], scales[n:]
 
 
 def solve_shared(matrix: Floats, right: Floats) -> Floats:
@@ -314,14 +316,15 @@ def solve_shared(matrix: Floats, right: Floats) -> Floats:
     LinAlgError
         The equations are inconsistent.
     """
-    row, column = equilibrating(matrix)
+    row = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
+    column = 1 / np.maximum((np.abs(matrix) * row[:, None]).max(axis=0), 1e-300)
+    for rows, columns in ((row, column), equilibrating(matrix)):
+        scaled = matrix * rows[:, None] * columns
+        with suppress(np.linalg.LinAlgError):
+            inverse = np.linalg.inv(scaled)
+            if np.abs(inverse).sum(axis=1).max(initial=0.0) * np.abs(scaled).sum(axis=1).max(initial=0.0) < SINGULAR:
+                return np.asarray(columns[:, None] * (inverse @ (right * rows[:, None])), float)
     scaled, right = matrix * row[:, None] * column, right * row[:, None]
-    try:
-        inverse = np.linalg.inv(scaled)
-        if np.abs(inverse).sum(axis=1).max(initial=0.0) * np.abs(scaled).sum(axis=1).max(initial=0.0) < SINGULAR:
-            return np.asarray(column[:, None] * (inverse @ right), float)
-    except np.linalg.LinAlgError:
-        pass
     found = np.linalg.lstsq(scaled, right, rcond=1 / SINGULAR)[0]
     if np.abs(scaled @ found - right).max(initial=0.0) > 1e-9 * np.abs(right).max(initial=0.0):
         raise np.linalg.LinAlgError
