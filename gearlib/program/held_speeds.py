@@ -49,7 +49,7 @@ def held_speeds(structure: Structure, prepared: Prepared, t: float, slots: Float
             values = evaluate(ready, np.array([t]), slots[:n, None], inputs, discrete[:, None])[:, 0]
             d = derivatives(ready, t, values, discrete, range(n), wanted=program.output_slots)
             rows += list(d.toarray() if hasattr(d, "toarray") else d)
-    return np.array(rows).reshape(-1, len(states))
+    return np.array(rows, float).reshape(len(rows), len(states))
 
 
 def _nodes(prepared: Prepared, t: float, slots: Floats, discrete: Floats) -> list[Node]:
