@@ -12,7 +12,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 
-SCALES = ((20, 0), (0, -20), (-40, 20))
+SCALES = ((20, -20), (-40, 20))
 NONE, TORQUE, SPEED, TIME, STIFFNESS, DAMPING, INERTIA = (0, 0), (1, 0), (0, -1), (0, 1), (1, 0), (1, 1), (1, 2)
 KINDS = ("linear", "cubic", "backlash", "clutch")
 FREQUENCY, RUN = 30.0, 0.5  # rad/s, s
