@@ -71,9 +71,8 @@ def motion(method: str, rtol: float = 1e-6) -> Callable[..., dict[str, Any]]:
     def found(kind: str, k: tuple[int, int]) -> dict[str, Any]:
         result = run(kind, k, method=method, rtol=rtol)
         torque, speed = 2.0 ** k[0], 2.0 ** -k[1]
-        events = (
-            len(result.events) if kind != "clutch" else 0
-        )  # a speed's rounding is compared with a speed that counts as rest
+        # A clutch compares the rounding of a speed with one that counts as rest
+        events = 0 if kind == "clutch" else len(result.events)
         return {"events": events, "load": result["load.w"] / speed, "twist": result["shaft.tau"] / torque}
 
     return found

@@ -144,15 +144,15 @@ class StabilityReport:
 
     @cached_property
     def conditions(self) -> tuple[str, ...]:
-        return () if self._discrete is None else self._discrete.conditions
+        return () if self._modes is None else self._modes.conditions
 
     @cached_property
     def at_zero(self) -> str:
-        return "" if self._discrete is None else _at_zero(self._discrete)
+        return "" if self._modes is None else _at_zero(self._modes)
 
     @cached_property
-    def _discrete(self) -> Modes | None:
-        with warnings.catch_warnings():  # of rounding `stability` warned
+    def _modes(self) -> Modes | None:
+        with warnings.catch_warnings():  # `stability` has warned of rounding already
             warnings.simplefilter("ignore", GearlibWarning)
             return None if self.find_modes is None else self.find_modes()
 

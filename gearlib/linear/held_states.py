@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.linear.linear_model import full
 from gearlib.program.held_speeds import held_speeds
 from gearlib.program.interpret import Prepared
 from gearlib.reduce.reduction import Structure, integrals
@@ -80,7 +81,7 @@ def _vanishes(row: Floats, rates: Any) -> bool:
     if (row != 0).sum() == 1:
         return True
     largest = abs(rates).max(axis=0)
-    largest = np.asarray(largest.toarray() if hasattr(largest, "toarray") else largest).ravel()
+    largest = full(largest).ravel()
     return bool((np.abs(rates.T @ row) <= CONSTANT * largest * np.abs(row).sum()).all())
 
 
@@ -129,7 +130,7 @@ def _held_positions(structure: Structure, states: tuple[Node, ...], A: Any, rate
     before = rates[places]
     inside = A[places] @ basis
     extra = rates[places][:, A.shape[0] :]
-    before, inside, extra = (m.toarray() if hasattr(m, "toarray") else np.asarray(m) for m in (before, inside, extra))
+    before, inside, extra = full(before), full(inside), full(extra)
     size = np.abs(before).max(axis=1, initial=0.0)
     chosen = np.flatnonzero(size > 0)
     if not len(chosen):

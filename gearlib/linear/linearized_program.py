@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.linear.linear_model import full
 from gearlib.linear.operating_point import Point, PointChange, slots_at
 from gearlib.program.derivative_plan import derivative_plan
 from gearlib.program.derivatives import MOST_DENSE, Added, At, derivatives
@@ -109,11 +110,7 @@ class LinearizedProgram:
         states = np.array([found[node] for node in program.states]).reshape(-1, count)
         entering = [(program.n_slots + p, k, weight) for p, k, weight in moved.parameters]
         slopes = derivatives(self.prepared, self.point.t, self.slots, self.discrete, range(len(states)), entering)
-        return np.asarray(slopes[:, : len(states)] @ states) + _full(slopes[:, len(states) :])
-
-
-def _full(matrix: Any) -> Floats:
-    return np.asarray(matrix if isinstance(matrix, np.ndarray) else matrix.toarray(), float)
+        return np.asarray(slopes[:, : len(states)] @ states) + full(slopes[:, len(states) :])
 
 
 def _matrix(values: Floats, rows: Any, columns: Any, shape: tuple[int, int]) -> Any:

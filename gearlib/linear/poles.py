@@ -23,8 +23,7 @@ from gearlib.linear.linear_model import full
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Verdict = Literal["stable", "marginal", "drifting", "unstable"]
-# Singular values below this fraction of the largest count as zero: of the matrices of 1100 random trains those at zero had up to a
-# tenth of it.
+# Singular values below this fraction of the largest count as zero; those at zero of 1100 random trains had up to a tenth of it.
 RANK = 4e-15
 # Resolution relative to the slowest pole above which it is reported: where poles count as 0 or as undamped, and where none do.
 HIDING, BLURRING = 1e-6, 1e-3
@@ -130,8 +129,7 @@ def poles(A: Any) -> Poles:
     values = np.concatenate([np.zeros(sum(found.chains)), others])
     error = np.concatenate([np.zeros(sum(found.chains)), found.tolerances])
     order = np.lexsort((values.imag, np.abs(values.imag), np.round(np.abs(values), 12)))
-    chained = _chained(balanced, others, found.tolerances)
-    return Poles(values[order], error[order], found.chains, chained, found.resolution)
+    return Poles(values[order], error[order], found.chains, _chained(balanced, others, found.tolerances), found.resolution)
 
 
 @dataclass(frozen=True, eq=False)

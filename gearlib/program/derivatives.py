@@ -318,7 +318,8 @@ def solve_shared(matrix: Floats, right: Floats) -> Floats:
     """
     row = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
     column = 1 / np.maximum((np.abs(matrix) * row[:, None]).max(axis=0), 1e-300)
-    for rows, columns in ((row, column), equilibrating(matrix)):
+    for by_units in (False, True):
+        rows, columns = equilibrating(matrix) if by_units else (row, column)
         scaled = matrix * rows[:, None] * columns
         with suppress(np.linalg.LinAlgError):
             inverse = np.linalg.inv(scaled)

@@ -21,7 +21,7 @@ from gearlib.equations.kernel import array_function
 from gearlib.equations.quasipolynomials import TIME
 from gearlib.equations.switch_times import distinct, times_of_breakpoints
 from gearlib.equations.time_rates import time_rates
-from gearlib.language.expressions import SquareWave
+from gearlib.language.expressions import SquareWave, real_symbol
 from gearlib.program.program import Batch, Newton, Program
 from gearlib.program.relations import Relations
 from gearlib.recent import recent
@@ -105,11 +105,9 @@ def time_switches(relations: Relations | None) -> TimeSwitches:
 
 def _timed(batch: Batch, rows: NDArray[np.int64]) -> Timed:
     kernel = batch.kernel
-    symbols = tuple(sympy.Symbol(f"p{p}", real=True) for p in kernel.parameters)
+    symbols = tuple(real_symbol(f"p{p}") for p in kernel.parameters)
     # the variables in these rows are identically zero, or the condition would depend on more than time
-    expression = sympy.sympify(kernel.expression).xreplace(
-        {sympy.Symbol(f"x{c}", real=True): sympy.S.Zero for c in kernel.columns}
-    )
+    expression = sympy.sympify(kernel.expression).xreplace({real_symbol(f"x{c}"): sympy.S.Zero for c in kernel.columns})
     return Timed(expression, symbols, batch.targets[rows], batch.parameters[rows], _line(expression))
 
 
@@ -178,7 +176,7 @@ def fastest_drive(program: Program, relations: Relations | None) -> FastestDrive
         if rates is None:
             known = False
             continue
-        symbols = [sympy.Symbol(f"p{p}", real=True) for p in batch.kernel.parameters]
+        symbols = [real_symbol(f"p{p}") for p in batch.kernel.parameters]
         for rate in rates:
             if rate.is_number:
                 constant = max(constant, abs(float(rate)))

@@ -108,8 +108,8 @@ def power_flow(
         refuse_contradiction(motion, given)
     _refuse_open(model, motion)
     paths = _shared_names(model, set(places[motion.undetermined[places] > UNDETERMINED].tolist()))
-    mobility_ = _mobility(translation.model, numbers)
-    return PowerFlow(tuple(_flanges(model, motion)), mobility_, translation.name, paths, translation.component)
+    freedoms = _mobility(translation.model, numbers)
+    return PowerFlow(tuple(_flanges(model, motion)), freedoms, translation.name, paths, translation.component)
 
 
 def _fitting(translation: Translation, parameters: Mapping[str, float] | None) -> Translation:

@@ -25,6 +25,7 @@ from gearlib.language.outline import train_in
 from gearlib.linear.condition import conditions, described, matters_elsewhere
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
 from gearlib.linear.held_states import remaining
+from gearlib.linear.linear_model import full
 from gearlib.linear.linearize import refuse_undetermined
 from gearlib.linear.linearized_program import LinearizedProgram
 from gearlib.linear.operating_point import fitting, operating_point
@@ -461,6 +462,11 @@ def modes(
     -------
     Modes
 
+    Raises
+    ------
+    SolverError
+        The equations leave a speed undetermined at that point.
+
     Notes
     -----
     For a repeated frequency the shapes are one choice of basis, and so are the energy shares of each mode; their sums are unique.
@@ -567,8 +573,7 @@ def _gaps(
 def _spectrum(A: Any, speeds: Any, forces: Any, count: int | None, angles: bool) -> Spectrum:
     """All modes of a small matrix, the lowest of a large one."""
     if A.shape[0] <= MOST_DENSE:
-        full = [m.toarray() if hasattr(m, "toarray") else np.asarray(m) for m in (A, speeds, forces)]
-        return dense_spectrum(full[0], full[1], count, full[2])
+        return dense_spectrum(full(A), full(speeds), count, full(forces))
     return sparse_spectrum(A, speeds, 20 if count is None else count, angles)
 
 

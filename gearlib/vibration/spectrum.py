@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
 from gearlib.linear.balancing import balance
+from gearlib.linear.linear_model import full
 from gearlib.linear.poles import Eigen, eigen
 from gearlib.structure.sparse_elimination import factorise
 from gearlib.vibration.lowest_eigenvalues import REAL, lowest
@@ -59,21 +60,20 @@ def dense_spectrum(A: Floats, speeds: Floats, count: int | None, forces: Floats 
     found = eigen(balanced)
     zero, others, values = found.zero, found.others, found.values
     inner, coupling = zero.T @ balanced @ zero, zero.T @ balanced @ others
-    full = np.zeros((n, len(values)), complex)
+    shapes = np.zeros((n, len(values)), complex)
     for k, value in enumerate(values):
         if value.imag <= 0:
             continue  # a decay, which has no shape here, or the conjugate
         w = found.vectors[:, k]
         at_zero = np.linalg.solve(inner - value * np.eye(len(inner)), -coupling @ w) if len(inner) else np.empty(0)
-        full[:, k] = others @ w + zero @ at_zero
-    zero_ = zero
-    full, zero = full * scale[:, None], zero * scale[:, None]
-    free = _free(zero, speeds)
+        shapes[:, k] = others @ w + zero @ at_zero
+    shapes *= scale[:, None]
+    free = _free(zero * scale[:, None], speeds)
     # With zero rates; in a chain a motion consists of a position and a speed
-    still = zero_[:, : found.chains[0]] if found.chains else zero_
+    still = zero[:, : found.chains[0]] if found.chains else zero
     rates, acting = (np.asarray(rows) * scale for rows in (speeds, speeds if forces is None else forces))
     preloads = None if forces is None else _preloads(still, rates, acting)
-    return replace(_ordered(values, full, free, preloads, count, found.tolerances), found=found)
+    return replace(_ordered(values, shapes, free, preloads, count, found.tolerances), found=found)
 
 
 def _preloads(still: Floats, speeds: Floats, forces: Floats) -> int:
@@ -146,7 +146,7 @@ def sparse_spectrum(A: Any, speeds: Any, count: int, chained: bool = True) -> Sp
             f"the lowest {count} modes of {A.shape[0]} states could not be told from all others: decays without oscillation lie "
             f"between them, or there are fewer; ask for a smaller count, or for a part of the train ({MOST_FULL} states have all theirs)"
         )
-    return dense_spectrum(A.toarray(), speeds.toarray() if hasattr(speeds, "toarray") else speeds, count)
+    return dense_spectrum(full(A), full(speeds), count)
 
 
 def _free_motions(A: Any, speeds: Any, chained: bool) -> tuple[Complexes, int]:
