@@ -94,14 +94,13 @@ class Forced:
 
     def driven(self, scene: Scene) -> Callable[[float], Driven]:
         """The scene at a frequency; the most recent ones are cached."""
-        translation = self.translation
+        translation, given = self.translation, self._signals
         self._check_inputs()
-        given = [self.inputs.get(name, 0.0) for name in translation.inputs]
 
         def signals(phase: Floats, omega: float) -> Floats:
             rows = [
                 [_finite(name, g(float(p), omega)) for p in phase % (2 * np.pi)] if callable(g) else np.full(len(phase), g)
-                for name, g in zip(translation.inputs, given, strict=True)
+                for name, g in given
             ]
             return np.array(rows, float).reshape(len(given), len(phase))
 
@@ -129,6 +128,11 @@ class Forced:
                 )
         return np.array([float(self.turning.get(name, 0.0)) for name in scene.state_names])
 
+    @property
+    def _signals(self) -> list[tuple[str, Any]]:
+        """The number or function of each input."""
+        return [(name, self.inputs.get(name, 0.0)) for name in self.translation.inputs]
+
     def _check_inputs(self) -> None:
         self.translation.input_signals({name: 0.0 if callable(g) else g for name, g in self.inputs.items()})
 
@@ -142,10 +146,7 @@ class Forced:
         translation = self.translation
         driven = self.driven(scene)
         numbers = translation.parameter_values(self.values(omega))
-        now = [
-            _finite(n, g(0.0, omega)) if callable(g) else g
-            for n, g in ((n, self.inputs.get(n, 0.0)) for n in translation.inputs)
-        ]
+        now = [_finite(name, g(0.0, omega)) if callable(g) else g for name, g in self._signals]
         means = translation.start(scene, numbers, 0.0, dict(guess) if guess else None, now).states
         size = (2 * self.harmonics + 1, len(scene.states))
         for tried in (omega, 1.2345678 * omega):  # forcing with a fixed frequency may happen to be periodic at one of them
