@@ -59,7 +59,7 @@ def test_the_error_is_what_was_added_to_the_motion(place: int, state: int) -> No
 
 @pytest.mark.parametrize(("place", "added"), [((1, 0), -0.02), ((2, 1), 0.02)])
 def test_the_error_sums_what_is_wrong_and_what_is_missing(place: tuple[int, int], added: float) -> None:
-    """An error of x in cos(p) beside a missing wave of 0.002 cos(5 p), and one of v in sin(p) beside its missing rate: both peak at once."""
+    """An error of x in cos(p) beside a missing 0.002 cos(5 p), or one of v in sin(p) beside its rate: both peak at once."""
     fifth = 1 / (1 - (5 * OMEGA) ** 2 + 10j * ZETA * OMEGA)
     c = np.zeros((2 * HARMONICS + 1, 2))
     c[1], c[2] = [1.0, 0.0], [0.0, -OMEGA]

@@ -671,12 +671,12 @@ def test_a_mean_that_nothing_determines_is_refused_by_name() -> None:
 
 
 def test_a_frequency_in_hertz() -> None:
-    """It is converted where it is declared so; where it is not, the message says what varies otherwise."""
+    """It is converted where it is declared so, for its bounds as well; where it is not, the message says what varies otherwise."""
 
     class Shaken(gl.Component):
         x = gl.Variable("1", "place")
         v = gl.Variable("1", "speed")
-        f = gl.Parameter("Hz", default=0.0)
+        f = gl.Parameter("Hz", default=0.0, max=0.1)
         g = gl.Parameter("1/s", default=0.0)
 
         def equations(self) -> list[gl.Eq]:
