@@ -206,7 +206,7 @@ def campbell(
     damping = np.array([r.damping[p] for r, p in zip(runs, places, strict=True)])
     at_each = at_speed if varies else None
     crossings = [
-        _crossing(at_each, grid, frequencies, damping, places, int(i), k, name, order)
+        _crossing(at_each, runs[i], grid, frequencies, damping, places, int(i), k, name, order)
         for name, order in named.items()
         for k in range(frequencies.shape[1])
         for i in np.flatnonzero(np.diff(np.sign(frequencies[:, k] - order * grid / (2 * np.pi))))
@@ -246,19 +246,19 @@ def _followed(runs: Sequence[Modes]) -> NDArray[np.int64]:
     places = np.empty((len(runs), n), np.int64)
     places[0] = runs[0].free + np.arange(n)
     for i in range(1, len(runs)):
-        last, this = runs[i - 1], runs[i]
-        _, chosen = same_modes(
-            last.shapes[:, places[i - 1]],
-            last.frequencies[places[i - 1]],
-            this.shapes[:, this.free :],
-            this.frequencies[this.free :],
-        )
-        places[i] = runs[i].free + chosen
+        places[i] = [*_same(runs[i - 1], places[i - 1], runs[i]).values()]
     return places
 
 
+def _same(last: Modes, places: NDArray[np.int64], this: Modes) -> dict[int, int]:
+    """Indices of modes at another speed, by their columns."""
+    shapes, frequencies = this.shapes[:, this.free :], this.frequencies[this.free :]
+    columns, chosen = same_modes(last.shapes[:, places], last.frequencies[places], shapes, frequencies)
+    return dict(zip(columns.tolist(), (this.free + chosen).tolist(), strict=True))
+
+
 def _crossing(
-    at_speed: Callable[[float], Modes] | None, grid: Floats, frequencies: Floats, damping: Floats,
+    at_speed: Callable[[float], Modes] | None, last: Modes, grid: Floats, frequencies: Floats, damping: Floats,
     places: NDArray[np.int64], i: int, k: int, name: str, order: float,
 ) -> Crossing:  # fmt: skip
     """Crossing between two speeds: exact for constant frequencies, otherwise iterated with the modes at each speed."""
@@ -268,12 +268,17 @@ def _crossing(
     if at_speed is not None:
         from scipy.optimize import brentq
 
-        def nearest(w: float) -> tuple[float, float, int]:
+        def followed(w: float) -> tuple[float, float, int]:
             found = at_speed(w)
-            expected = np.interp(w, grid[i : i + 2], frequencies[i : i + 2, k])
-            j = found.free + int(np.argmin(np.abs(found.frequencies[found.free :] - expected)))
+            j = _same(last, places[i], found).get(k)
+            if j is None:
+                raise ArgumentError(
+                    f"mode {mode} at {grid[i]:g} rad/s no longer oscillates at {w:g} rad/s; take speeds in between"
+                )
             return float(found.frequencies[j]), float(found.damping[j]), j
 
-        speed = float(brentq(lambda w: nearest(w)[0] - order * w / (2 * np.pi), grid[i], grid[i + 1], xtol=1e-10 * grid[i + 1]))
-        f, ratio, mode = nearest(speed)
+        speed = float(
+            brentq(lambda w: followed(w)[0] - order * w / (2 * np.pi), grid[i], grid[i + 1], xtol=1e-10 * grid[i + 1])
+        )
+        f, ratio, mode = followed(speed)
     return Crossing(speed, name, mode, f, ratio)

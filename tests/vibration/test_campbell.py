@@ -97,6 +97,25 @@ def test_modes_are_followed_through_each_other_and_crossings_are_exact(rotors: g
         assert c.damping == pytest.approx(d / (2 * np.sqrt(400.0 * (1 + 0.01 * w))), rel=1e-6, abs=1e-9)
 
 
+def test_crossings_of_a_mode_that_jumps_over_another_between_two_speeds_are_its_own(rotors: gl.System) -> None:
+    """A shaft that softens near 80 rad/s, from 100 to 10 rad/s, past the 50 rad/s of the other; or is overdamped there for a while."""
+
+    def first(w: float) -> float:
+        return float(100 - 45 * (1 + np.tanh((w - 80) / 2)))
+
+    def softer(w: float) -> dict[str, float]:
+        return {"shaft[0].c": first(w) ** 2, "shaft[0].d": 0.0, "shaft[1].c": 2500.0}
+
+    found = gl.campbell(rotors, [1.0, 100.0], [1.0], parameters=softer)
+    by_hand = float(brentq(lambda w: first(w) - w, 1, 100))
+    assert [c.speed for c in found.crossings] == pytest.approx([50.0, by_hand], rel=1e-9)
+    assert [c.frequency for c in found.crossings] == pytest.approx([50 / (2 * np.pi), by_hand / (2 * np.pi)], rel=1e-8)
+    with pytest.raises(
+        ArgumentError, match=r"^mode 2 at 1 rad/s no longer oscillates at 52\.8571 rad/s; take speeds in between$"
+    ):
+        gl.campbell(rotors, [1.0, 100.0], [1.0], parameters=lambda w: {**softer(w), "shaft[0].d": 500.0 * (2 < w < 99)})
+
+
 def test_constant_frequencies_are_met_on_a_straight_line(rotors: gl.System) -> None:
     """Also where a point of the grid is a crossing, which is told once."""
     found = gl.campbell(rotors, [0.0, 10.0, 20.0, 45.0], [1.0, 0.5])
