@@ -95,6 +95,7 @@ def test_all_linear_analyses_are_free_vibration(held: gl.System, state: str, see
     assert any(text.startswith(f"{deflection} (") for text in found.positions) == (state == "open" and mesh)
     report = gl.stability(held, at=at, parameters=values)
     assert said[state] + thing in str(report)
+    assert ("a loop of meshes keeps a preload" in report.at_zero) == (acts and mesh)
     assert np.sort_complex(report.eigenvalues[report.eigenvalues.imag > 0]) == pytest.approx(ringing, rel=1e-8)
 
     model = held.linearize(["t.tau"], ["a.w"], at=at, parameters=values, sparse=True)

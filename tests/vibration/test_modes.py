@@ -296,9 +296,11 @@ def test_two_free_shafts_and_a_preload_are_told_apart() -> None:
         planets=3, planet_meshes="separate", R_s=0.03, R_p=0.04, I_s=1e-3, I_r=0.1, I_h=0.05, I_spin=1e-3, I_orbit=1e-3,
         K_ring=1e8, C_ring=0.0, K_sun=1e8, C_sun=0.0,
     )  # fmt: skip
-    found = gl.modes(gl.compile(unit))
+    system = gl.compile(unit)
+    found = gl.modes(system)
     # 6 meshes and 6 bodies (sun, ring, carrier, 3 planets): 12 states. Four modes and two free motions take 4 * 2 + 2 of them.
     assert (len(found), found.free, found.preloads) == (6, 2, 2)
+    assert gl.stability(system).at_zero == "the train turns freely in 2 ways; loops of meshes keep preloads"
 
 
 @pytest.mark.parametrize("d", [0.0, 1.0])
