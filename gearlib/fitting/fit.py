@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -73,7 +74,7 @@ def fit(
         Standard deviation of the noise, for everything or by name; measurements may specify their own. If none is given, the noise of
         each series is assumed to be the same fraction of its spread, and is estimated from the residuals.
     parameters : mapping, optional
-        Other values by path, in all experiments.
+        Other values by path, in all experiments that do not give their own.
     evaluations : int
         Limit on evaluations of the system (of all experiments at once).
     progress : bool or callable
@@ -111,13 +112,13 @@ def fit(
 
     translation = translation_of(system)
     common = by_name("parameters", parameters, "a mapping of paths to numbers")
-    experiments = _experiments(data)
-    ranges = _ranges(translation, free, common, experiments)
+    experiments = _experiments(data, common)
+    ranges = _ranges(translation, free, experiments)
     series = [s for e in experiments for s in e.series(system)]
     given = checked_noise(noise, list(dict.fromkeys(s.name for s in series))) if noise is not None else {}
     sizes, known = _sizes(series, given)
     names = [s.name for s in series for _ in s.numbers]
-    evaluator = _Evaluator(system, experiments, ranges, common, names, np.concatenate([s.numbers for s in series]), sizes)
+    evaluator = _Evaluator(system, experiments, ranges, names, np.concatenate([s.numbers for s in series]), sizes)
     evaluator.most = whole("evaluations", evaluations, 1)
     check_progress(progress)
     own = translation.parameter_values(common)
@@ -139,7 +140,6 @@ class _Evaluator:
     system: Compiled
     experiments: list[Measured]
     ranges: list[Range]
-    common: Mapping[str, float]
     names: list[str]  # of the series of each residual
     measured: Floats
     sizes: Floats
@@ -195,14 +195,18 @@ class _Evaluator:
         return self.at(place)[1]
 
 
-def _experiments(data: Any) -> list[Measured]:
+def _experiments(data: Any, common: Mapping[str, float]) -> list[Measured]:
+    """The experiments, with the values of all where they have none of their own."""
     given = list(data) if isinstance(data, (list, tuple)) else [data]
     if not given:
         raise ArgumentError("data is empty; expected measurements from at least one experiment")
-    return [e if isinstance(e, Measured) else MeasuredHistories(e) for e in given]
+    found = [copy(e) if isinstance(e, Measured) else MeasuredHistories(e) for e in given]
+    for experiment in found:
+        experiment.parameters = {**common, **experiment.parameters}
+    return found
 
 
-def _ranges(translation: Translation, free: Any, common: Mapping[str, float], experiments: Sequence[Measured]) -> list[Range]:
+def _ranges(translation: Translation, free: Any, experiments: Sequence[Measured]) -> list[Range]:
     given = by_name("free", free, "a mapping of paths to bounds (low, high)", "shaft.c")
     if not given:
         raise ArgumentError("free is empty; expected the parameters to find with their bounds: free={'shaft.c': (1e3, 1e5)}")
@@ -212,7 +216,7 @@ def _ranges(translation: Translation, free: Any, common: Mapping[str, float], ex
             start_variable(translation.model, started)
         else:
             table.number(name, " (in free)")
-        fixed = next((o for o in (common, *(e.parameters for e in experiments)) if name in o), None)
+        fixed = next((e.parameters for e in experiments if name in e.parameters), None)
         if fixed is not None:
             raise ArgumentError(f"'{name}' is free, and given as {shown(fixed[name])} in parameters; leave one of the two out")
         pair = reals(f"free['{name}']", bounds, "(low, high)")

@@ -75,6 +75,13 @@ def spread_of_fits(seeds: range) -> tuple[dict[str, int], float, int]:
     return inside, squares, most
 
 
+def test_values_for_all_experiments_hold_where_they_give_none_of_their_own() -> None:
+    data = measured(0, 1, noise=0.0)  # with a load of 1 kg.m2
+    found = gl.fit(system(), data, FREE, parameters={"load.J": 3.0})
+    assert found.values == pytest.approx(TRUE, rel=1e-5)
+    assert data.parameters == {"load.J": 1.0}
+
+
 def test_standard_errors_are_those_of_the_noise() -> None:
     inside, squares, most = spread_of_fits(range(12))
     assert min(inside.values()) >= 10
@@ -141,6 +148,8 @@ def test_every_kind_of_data_recovers_the_shaft(kind: int) -> None:
     found = gl.fit(system(), data, FREE)
     for name, value in TRUE.items():
         assert found[name] == pytest.approx(value, rel=1e-5)
+    fixed = gl.fit(system(), data, {"shaft.d": FREE["shaft.d"]}, parameters={"shaft.c": TRUE["shaft.c"]})
+    assert fixed["shaft.d"] == pytest.approx(TRUE["shaft.d"], rel=1e-5)
     at = {"shaft.c": 430.0, "shaft.d": 2.4}
     slopes = np.concatenate(data.predicted(system(), at).slopes)
     for k, (name, value) in enumerate(at.items()):
