@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from fractions import Fraction
 from numbers import Real
 from typing import Any
 
@@ -51,8 +50,6 @@ def expression(value: Any, default: str) -> Any:
 
 def checked(value: Any, name: str, expected: str = "a number or an expression") -> Any:
     """A number or an expression in sympy's form; strings, which sympy would execute, are refused."""
-    if isinstance(value, Fraction):
-        value = sp.Rational(value.numerator, value.denominator)
     if not isinstance(value, sp.Expr) and not is_real(value):
         if isinstance(value, Real) and not isinstance(value, bool):
             expected = "a finite number"

@@ -93,9 +93,17 @@ class Loop:
 
     @cached_property
     def closed_poles(self) -> Poles:
-        if 1 + self.d == 0:
-            raise ArgumentError(f"the loop {self.input} -> {self.output} cannot be closed: 1 + L is 0 at infinite frequency")
-        return poles(self.A - np.outer(self.b, self.c) / (1 + self.d))
+        return poles(self.closed(1.0))
+
+    def closed(self, factor: float) -> Floats:
+        """State matrix of the closed loop, with its gain multiplied by a factor."""
+        if 1 + factor * self.d == 0:
+            times = "" if factor == 1 else f" with {factor:.6g} times its gain"
+            raise ArgumentError(
+                f"the loop {self.input} -> {self.output} cannot be closed{times}: 1 + L is 0 at infinite frequency"
+            )
+        found: Floats = self.A - np.outer(self.b, self.c) * factor / (1 + factor * self.d)
+        return found
 
     @cached_property
     def zeros(self) -> Complexes:

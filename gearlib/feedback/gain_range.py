@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from gearlib.feedback.feedback_loop import Loop
 from gearlib.feedback.margins import PhaseCrossing
+from gearlib.linear.poles import poles
 
 
 def stable_gains(loop: Loop, crossings: Sequence[PhaseCrossing]) -> tuple[tuple[float, float], ...]:
@@ -40,8 +40,7 @@ def stable_gains(loop: Loop, crossings: Sequence[PhaseCrossing]) -> tuple[tuple[
         factor = (
             1.0 if (low, high) == (0.0, np.inf) else high / 2 if not low else 2 * low if high == np.inf else np.sqrt(low * high)
         )
-        closed = replace(loop, b=loop.b * factor, d=loop.d * factor).closed_poles
-        if not closed.right:
+        if not poles(loop.closed(factor)).right:
             joined = found and found[-1][1] == low
             found[-1:] = [(found[-1][0], high)] if joined else [*found[-1:], (low, high)]
     return tuple(found)

@@ -12,7 +12,6 @@ from gearlib.arguments import check_axes, increasing
 from gearlib.feedback.feedback_loop import Loop, as_loop
 from gearlib.feedback.margins import Margins, margins
 from gearlib.linear.balancing import balance
-from gearlib.linear.poles import poles
 from gearlib.optional import optional
 
 Floats = NDArray[np.float64]
@@ -415,7 +414,7 @@ def root_locus_plot(
     colours = plt.get_cmap("viridis")(np.linspace(0, 0.85, len(paths.T)))
     for path, colour in zip(paths.T, colours, strict=True):
         axes.plot(path.real, path.imag, color=colour, lw=1.2)
-    opened, closed = chosen.open_poles.values, poles(_closed(chosen, 1.0)).values
+    opened, closed = chosen.open_poles.values, chosen.closed_poles.values
     axes.plot(opened.real, opened.imag, "x", color="black", ms=8, mew=1.5, label="open-loop poles (gain 0)")
     axes.plot(closed.real, closed.imag, "o", color=CURVE, ms=5, label="closed-loop poles (gain 1)")
     zeros = chosen.zeros
@@ -439,11 +438,6 @@ def root_locus_plot(
     return axes
 
 
-def _closed(loop: Loop, factor: float) -> Floats:
-    closed: Floats = loop.A - np.outer(loop.b, loop.c) * (factor / (1 + factor * loop.d))
-    return closed
-
-
 def _gains(loop: Loop, m: Margins) -> Floats:
     """Gains from almost zero to well beyond the last margin."""
     peak = float(np.nanmax(np.abs(_curve(loop)[1])))
@@ -458,7 +452,7 @@ def _paths(loop: Loop, factors: Floats) -> Complexes:
     _, scale = balance(loop.A)
     rows: list[Any] = []
     for factor in factors:
-        values = np.linalg.eigvals(_closed(loop, float(factor)) / scale[:, None] * scale)
+        values = np.linalg.eigvals(loop.closed(float(factor)) / scale[:, None] * scale)
         if rows:
             _, order = linear_sum_assignment(np.abs(rows[-1][:, None] - values[None, :]))
             values = values[order]

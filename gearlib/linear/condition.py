@@ -42,10 +42,7 @@ def conditions(scene: Scene, parameters: Floats, point: Point) -> Conditions:
     point : Point
     """
     structure, model = scene.structure, scene.model
-    worded = _worded(model)
-    if not worded:
-        return Conditions()
-    known = set(scene.states)
+    worded, known = _worded(model), set(scene.states)
     # Some have no effect on the requested outputs
     if not set(needed_states(structure, [(v, 0) for v, _, _ in worded])) <= known:
         worded = [item for item in worded if set(needed_states(structure, [(item[0], 0)])) <= known]

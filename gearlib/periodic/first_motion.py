@@ -54,11 +54,10 @@ class Forced:
             There are no states, or there is discrete state with memory.
         """
         translation = self.translation
-        structure = translation.structure
         outputs = name_list("outputs", outputs, "mesh.q")
         if not outputs:
             raise ArgumentError("outputs is []; expected a list of names, such as ['mesh.q']")
-        states = needed_states(structure, translation.nodes(outputs))
+        states = needed_states(translation.structure, translation.nodes(outputs))
         if not states:
             raise ArgumentError(f"{', '.join(outputs)} depend on no states, so there is nothing to balance")
         scene = translation.scene_of(states)
@@ -95,7 +94,7 @@ class Forced:
     def driven(self, scene: Scene) -> Callable[[float], Driven]:
         """The scene at a frequency; the most recent ones are cached."""
         translation, given = self.translation, self._signals
-        self._check_inputs()
+        translation.input_signals({name: 0.0 if callable(g) else g for name, g in self.inputs.items()})
 
         def signals(phase: Floats, omega: float) -> Floats:
             rows = [
@@ -132,9 +131,6 @@ class Forced:
     def _signals(self) -> list[tuple[str, Any]]:
         """The number or function of each input."""
         return [(name, self.inputs.get(name, 0.0)) for name in self.translation.inputs]
-
-    def _check_inputs(self) -> None:
-        self.translation.input_signals({name: 0.0 if callable(g) else g for name, g in self.inputs.items()})
 
     def first(
         self, scene: Scene, omega: float, samples: int, guess: Mapping[str, float] | None, known: Floats | None = None

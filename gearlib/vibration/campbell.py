@@ -204,9 +204,8 @@ def campbell(
     places = _followed(runs) if varies else np.tile(_followed(runs[:1]), (len(grid), 1))
     frequencies = np.array([r.frequencies[p] for r, p in zip(runs, places, strict=True)])
     damping = np.array([r.damping[p] for r, p in zip(runs, places, strict=True)])
-    at_each = at_speed if varies else None
     crossings = [
-        _crossing(at_each, runs[i], grid, frequencies, damping, places, int(i), k, name, order)
+        _crossing(at_speed if varies else None, runs[i], grid, frequencies, damping, places, int(i), k, name, order)
         for name, order in named.items()
         for k in range(frequencies.shape[1])
         for i in np.flatnonzero(np.diff(np.sign(frequencies[:, k] - order * grid / (2 * np.pi))))

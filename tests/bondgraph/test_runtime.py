@@ -121,6 +121,7 @@ def test_what_is_refused_at_run_time(run: RunTime, call: Any, said: str) -> None
         (lambda: state_equations(oscillator(law=lambda f: "f")), "the law of R on bond 4 is 'f'; expected a number or an expression"),
         (lambda: state_equations(oscillator(value=math.inf)), "R_4 is inf; expected a finite number"),
         (lambda: state_equations(oscillator(value=sp.I)), "R_4 is I; expected a finite real number or expression"),
+        (lambda: state_equations(oscillator(value=1 - sp.oo)), "R_4 is -oo; expected a finite real number or expression"),
     ],
 )  # fmt: skip
 def test_what_is_refused_of_elements_and_graphs(make: Any, said: str | None) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import control
 import numpy as np
 import pytest
 
+import gearlib as gl
 from gearlib.errors import ArgumentError, NameLookupError
 from gearlib.feedback.feedback_loop import Loop, as_loop, refine
 
@@ -123,3 +125,16 @@ def test_a_loop_that_feeds_its_input_through_at_once() -> None:
         _ = random_loop(2, 1, -1.0).closed_poles
     with pytest.raises(ArgumentError, match="at and parameters belong to a System"):
         as_loop(two(), ("a", "x"), at={})
+
+
+def test_a_loop_closed_with_a_factor_of_its_gain() -> None:
+    """As the loop with that gain is closed, but where its direct feedthrough becomes -1."""
+    loop = random_loop(2, 3, -0.5)
+    for factor in (0.0, 0.5, 1.0, 1.9, 7.0):
+        times = replace(loop, c=loop.c * factor, d=loop.d * factor)
+        assert loop.closed(factor) == pytest.approx(times.A - np.outer(times.b, times.c) / (1 + times.d), rel=1e-12)
+    said = "the loop u -> y cannot be closed with 2 times its gain: 1 \\+ L is 0 at infinite frequency"
+    model = control.ss(loop.A, loop.b[:, None], loop.c[None, :], [[loop.d]], inputs=["u"], outputs=["y"])
+    for ask in (lambda: loop.closed(2.0), lambda: gl.root_locus_plot(model, gains=[0.0, 1.0, 2.0])):
+        with pytest.raises(ArgumentError, match=said):
+            ask()
