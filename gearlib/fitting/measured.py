@@ -161,7 +161,9 @@ class MeasuredHistories(Measured):
             self.columns[one_name("a column of data", name, "load.w")] = np.where(missing, np.nan, found)
         if not self.columns:
             raise ArgumentError("data has no column but the time; expected one for each variable, by path")
-        self.inputs, self.start = inputs, start
+        expected = "a mapping of paths to numbers, functions of time or tables"
+        self.inputs = None if inputs is None else by_name("inputs", inputs, expected, "torque.tau")
+        self.start = by_name("start", start, "a mapping of paths to start values") if isinstance(start, Mapping) else start
         self.parameters = by_name("parameters", parameters, "a mapping of paths to numbers")
         self.noise = checked_noise(noise, list(self.columns))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 from bisect import bisect_right
@@ -327,6 +328,27 @@ class FlatModel:
     loose_ports: tuple[tuple[int, str], ...] = ()  # instance and connector, for messages: connected to nothing outside,
     inner_ports: tuple[tuple[int, str], ...] = ()  # or to parts inside
     closed: tuple[int, ...] = ()  # flows set to zero since nothing determines them
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of names, values and equations, also those at events and of parameters: the same in every process."""
+        table, found = self.parameters, hashlib.sha256()
+
+        def tell(*values: Any) -> None:
+            found.update(b"".join(v.tobytes() if isinstance(v, np.ndarray) else repr(v).encode() + b"\0" for v in values))
+
+        tell([i[:2] for i in self.instances], table.names, self.discretes, table.defaults, table.lower, table.upper)
+        tell(self.started, self.start_slots, self.start_fixed, self.inputs, self.representative, self.sign, self.nominal)
+        tell(self.discrete_starts)
+        for group in (*self.groups, *(update.equations for update in self.updates)):
+            template = group.template
+            tell(template.label, str(template.residual), [str(r.g) for r in template.relations])
+            tell(group.variables, group.signs, group.parameters, group.discretes)
+        for update in self.updates:
+            tell(update.targets, update.reinit)
+        for d in table.dependents:
+            tell(str(d.expression), d.arguments, d.targets)
+        return found.hexdigest()
 
     @property
     def n_variables(self) -> int:

@@ -21,23 +21,8 @@ Known = dict[int, Any]  # what has been told, so that what refers to itself has 
 
 
 def of_model(translation: Translation) -> Iterator[bytes]:
-    """Equations, also those at events and of parameters, names and default values of a model, and its requested outputs."""
-    model = translation.model
-    table = model.parameters
-    yield repr((translation.name, translation.outputs, translation.states, table.names, model.discretes)).encode()
-    for numbers in (
-        table.defaults, table.lower, table.upper, model.started, model.start_slots, model.start_fixed, model.inputs,
-        model.representative, model.sign, model.nominal, model.discrete_starts,
-    ):  # fmt: skip
-        yield numbers.tobytes()
-    for group in (*model.groups, *(update.equations for update in model.updates)):
-        template = group.template
-        yield repr((template.label, str(template.residual), [str(r.g) for r in template.relations])).encode()
-        yield from (part.tobytes() for part in (group.variables, group.signs, group.parameters, group.discretes))
-    for update in model.updates:
-        yield repr((update.targets.tolist(), update.reinit)).encode()
-    for d in table.dependents:
-        yield repr((str(d.expression), d.arguments.tolist(), d.targets.tolist())).encode()
+    """The equations, names and default values of a model, its requested outputs, and its sampled controllers."""
+    yield repr((translation.name, translation.outputs, translation.states, translation.model.digest)).encode()
     for controller in translation.controllers:
         yield from of_values((controller.path, controller.reads))
         if isinstance(controller, Controller):

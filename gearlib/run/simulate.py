@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.arguments import one_of, real
+from gearlib.arguments import by_name, one_of, real
 from gearlib.errors import ArgumentError, GearlibWarning, InputWarning, warn
 from gearlib.progress import RunProgress, check_progress, reporting
 from gearlib.records import altered
@@ -171,6 +171,9 @@ def checked_request(
         The message names what was found and what was expected.
     """
     names = translation.open_inputs
+    # copies, since the result may repeat the run when it is read, after the caller has changed them
+    start = by_name("start", start, "a mapping of paths to start values") if isinstance(start, Mapping) else start
+    atol = atol.copy() if isinstance(atol, (list, np.ndarray)) else atol
     earlier = None if start is None else earlier_run(translation, start)
     t_start = (earlier[1] if earlier else 0.0) if t_start is None else t_start
     options = (method, rtol, max_step, form, backend, progress, on_interrupt)

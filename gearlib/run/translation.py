@@ -68,14 +68,15 @@ def translate(
     with _uncollected():
         model = flatten(component)
         tell(FLATTENED)
-        variants = Variants(component, outputs, factors(model), sums(model), model.parameters.names)
+        variants = Variants(component, outputs, model, factors(model), sums(model))
         defaults = model.parameters.defaults
-        if variants.special(defaults):
+        if special := variants.special(defaults):
             try:
+                variants.chosen[special] = variants.tried(special, defaults)
                 return variants.fitting(defaults)
             except SingularError:
                 pass  # other parameters may be given for a run
-        return variants.translated(frozenset(), defaults, model)
+        return variants.translated(frozenset(), defaults)
 
 
 @contextmanager
@@ -99,9 +100,9 @@ class Variants:
 
     component: Component
     outputs: tuple[str, ...] | None
+    model: FlatModel  # with nothing substituted
     factors: Integers  # parameters that multiply a variable
     sums: Sums  # coefficients that may cancel
-    names: tuple[str, ...]
     known: dict[Special, Translation] = field(default_factory=dict)  # keyed by the substituted values
     chosen: dict[Special, Translation] = field(default_factory=dict)  # keyed by the values that make a coefficient zero
     combined: dict[Special, dict[Rounds, Translation]] = field(default_factory=dict)  # with sums in place of equations
@@ -124,10 +125,10 @@ class Variants:
         """Mask of the runs in which no coefficient is zero; ``parameters`` has the shape (parameters, runs)."""
         return nothing_special(self.factors, self.sums, parameters)
 
-    def translated(self, substituted: Special, parameters: Floats, model: FlatModel | None = None) -> Translation:
+    def translated(self, substituted: Special, parameters: Floats) -> Translation:
         """The translation with the values of some parameters substituted into its equations."""
         if substituted not in self.known:
-            model = model or flatten(self.component, substituted)
+            model = flatten(self.component, substituted) if substituted else self.model
             structure = analyse(model, parameters)
             self.known[substituted] = Translation(structure, self.scene(structure), self, substituted)
         return self.known[substituted]
@@ -142,11 +143,13 @@ class Variants:
         Raises
         ------
         ModelError
-            Neither can be solved.
+            Neither can be solved, or the component has changed since it was compiled.
         """
         special = self.special(parameters)
         if special not in self.chosen:
-            self.chosen[special] = self._tried(special, parameters)
+            if special and flatten(self.component).digest != self.model.digest:
+                raise changed(self.model, f"with {some(self.named(special))} the equations are derived anew")
+            self.chosen[special] = self.tried(special, parameters)
         return self.without_cancelling(self.chosen[special], parameters)
 
     def without_cancelling(self, found: Translation, parameters: Floats) -> Translation:
@@ -174,7 +177,8 @@ class Variants:
             pass
         return found
 
-    def _tried(self, special: Special, parameters: Floats) -> Translation:
+    def tried(self, special: Special, parameters: Floats) -> Translation:
+        """As `fitting`, of the component as it is now."""
         if not special:
             return self.translated(special, parameters)
         general: Translation | None = None
@@ -195,7 +199,16 @@ class Variants:
 
     def named(self, special: Special) -> list[str]:
         """Parameters as text, such as ``body.J = 0``."""
-        return [f"{self.names[p]} = {value:g}" for p, value in sorted(special)]
+        names = self.model.parameters.names
+        return [f"{names[p]} = {value:g}" for p, value in sorted(special)]
+
+
+def changed(model: FlatModel, why: str) -> ModelError:
+    """The error for a component that is no longer the compiled one."""
+    return ModelError(
+        f"{model.instances[0].kind} has changed since it was compiled, and {why}: something that its equations() or assemble() read (an "
+        "attribute of a class, a constant of a module) is different now; compile it again"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -547,14 +560,19 @@ class Translation:
         return replace(begin, discrete=discrete[:, 0])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _translated_again, (packed((self.component, self.outputs)), self.substituted, self.rounds, self.decisive)
+        recipe = packed((self.component, self.outputs))
+        return _translated_again, (recipe, self.variants.model.digest, self.substituted, self.rounds, self.decisive)
 
 
 @lru_cache(maxsize=16)
-def _translated_again(recipe: bytes, substituted: Special, rounds: Rounds = (), decisive: Special = frozenset()) -> Translation:
+def _translated_again(
+    recipe: bytes, digest: str, substituted: Special, rounds: Rounds = (), decisive: Special = frozenset()
+) -> Translation:
     """Unpickle a translation in another process, or a copy: translated once for all results from there."""
     component, outputs = pickle.loads(recipe)
     found = translate(component, outputs)
+    if found.variants.model.digest != digest:
+        raise changed(found.model, "this process derives its equations anew")
     numbers = found.model.parameters.defaults.copy()
     for p, value in substituted | decisive:
         numbers[p] = value

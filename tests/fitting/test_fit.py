@@ -46,6 +46,19 @@ def measured(seed: int, plan: int = 0, noise: float = 0.05, **options: Any) -> g
     return gl.MeasuredHistories({"time": TIME, **data}, **{**PLANS[plan], "noise": noise or None, **options})
 
 
+def test_an_experiment_does_not_follow_what_was_given_for_it() -> None:
+    """One mapping that is filled anew for each experiment."""
+    inputs, start, data, experiments = {"torque.tau": 5.0}, {"motor.w": 0.0}, {"time": TIME.copy()}, []
+    for speed in (0.0, 3.0):
+        start["motor.w"] = speed
+        data["load.w"] = system().simulate(2.0, times=TIME, rtol=1e-10, inputs=inputs, start=start, parameters=TRUE)["load.w"]
+        experiments.append(gl.MeasuredHistories(data, inputs=inputs, start=start))
+    data["time"] *= 2.0
+    inputs["torque.tau"] = -1.0
+    found = gl.fit(system(), experiments, FREE)
+    assert found["shaft.c"] == pytest.approx(TRUE["shaft.c"], rel=1e-6)
+
+
 def test_a_shaft_from_two_experiments() -> None:
     """Other inputs, start values and a load of another mass in the second."""
     found = gl.fit(system(), [measured(1), measured(2, 1)], FREE)

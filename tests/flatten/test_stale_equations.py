@@ -134,6 +134,48 @@ def test_the_parts_that_assemble_makes(monkeypatch: pytest.MonkeyPatch) -> None:
         assert end(copied, "kept.body.w") == 3.0 / 4.0
 
 
+class Bound(gl.Component):
+    """A body with a load that is written with a constant of this module, at the end of a spring."""
+
+    def assemble(self) -> list[gl.Connection]:
+        self.torque, self.body, self.spring = gp.Torque(tau=GAIN), gp.Inertia(J=1.0), gp.SpringDamper(c=50.0, d=1.0)
+        self.end, self.load = gp.Inertia(J=1.0), gp.Damper(d=1.0 if GAIN < 5 else 4.0)
+        self.ground = gp.Fixed()
+        return [
+            gl.connect(self.torque.flange, self.body.flange_a),
+            gl.connect(self.body.flange_b, self.spring.flange_a),
+            gl.connect(self.spring.flange_b, self.end.flange_a),
+            gl.connect(self.end.flange_b, self.load.flange_a),
+            gl.connect(self.load.flange_b, self.ground.flange),
+        ]  # fmt: skip
+
+
+def test_a_system_whose_component_has_changed_does_not_mix_old_and_new_equations(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Equations are derived once more where a coefficient is zero, and in other processes: as they were, or not at all."""
+    system = gl.compile(Bound(), outputs=["end.w"])
+    massless, data = {"end.J": 0.0}, pickle.dumps(system)
+    right = system.simulate(1.0, samples=3)["end.w"]
+    known = system.simulate(1.0, samples=3, parameters=massless)["end.w"]
+    monkeypatch.setitem(globals(), "GAIN", 6.0)
+    np.testing.assert_array_equal(system.simulate(1.0, samples=3)["end.w"], right)
+    np.testing.assert_array_equal(system.simulate(1.0, samples=3, parameters=massless)["end.w"], known)
+    with pytest.raises(
+        ModelError, match=r"Bound has changed since it was compiled, and with body\.J = 0 the equations are derived anew"
+    ):
+        system.simulate(1.0, samples=3, parameters={"body.J": 0.0})
+    for copied in (lambda: pickle.loads(data), lambda: copy.deepcopy(system)):
+        with pytest.raises(
+            ModelError, match="Bound has changed since it was compiled, and this process derives its equations anew"
+        ):
+            copied()
+    new = gl.compile(Bound(), outputs=["end.w"])
+    expected = new.simulate(1.0, samples=3)["end.w"]
+    assert np.abs(expected - right).max() > 0.1
+    np.testing.assert_array_equal(copy.deepcopy(new).simulate(1.0, samples=3)["end.w"], expected)
+    monkeypatch.undo()
+    np.testing.assert_array_equal(copy.deepcopy(system).simulate(1.0, samples=3)["end.w"], right)
+
+
 def test_an_assembly_that_failed_is_not_taken_for_a_model(monkeypatch: pytest.MonkeyPatch) -> None:
     class Fails(gl.Component):
         broken = True

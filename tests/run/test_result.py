@@ -71,6 +71,31 @@ def test_histories_are_not_shared_with_the_caller() -> None:
     assert result["motor.w"] == pytest.approx(4 * T)
 
 
+def test_a_result_does_not_follow_what_was_given_for_it() -> None:
+    """Angles and gradients are computed when they are read, by another run: (J + 2 / 4) der(motor.w) = 6 - 24 / 2."""
+
+    class Pulled(Drive):
+        def assemble(self) -> list[Any]:
+            links = super().assemble()
+            self.pull = gp.Torque()
+            return [*links, c(self.pull.flange, self.load.flange_b)]
+
+    times, t, tau, atol = T.copy(), np.array([0.0, 2.0]), np.array([24.0, 24.0]), np.array([1e-9])
+    start, parameters, inputs = {"load.w": 3.0, "load.phi": 0.5}, {"motor.J": 2.5}, {"pull.tau": gl.Table(t, tau)}
+    found = gl.compile(Pulled(), outputs=["motor.w"]).simulate(
+        2.0, times=times, start=start, parameters=parameters, inputs=inputs, atol=atol, method="rk"
+    )
+    times *= 3.0
+    tau *= 7.0
+    atol *= 1e9
+    start.update({"load.w": 8.0, "load.phi": -4.0})
+    parameters["motor.J"], inputs["pull.tau"] = 9.0, gl.Table(t, -tau)
+    assert found["load.phi"] == pytest.approx(0.5 + 3 * T + T**2 / 2, rel=1e-9)
+    assert found["load.w"] == pytest.approx(3 + T, rel=1e-9)
+    # d/dJ of 3 t / (J + 1 / 2) at t = 2
+    assert found.gradient({"load.w": [0, 0, 0, 0, 1.0]}, ["motor.J"])["motor.J"] == pytest.approx(-2 / 3, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [
