@@ -231,6 +231,14 @@ class Program:
         return np.array([*(self.slots[n] for n in self.outputs), *self.residuals], np.int64)
 
     @cached_property
+    def inputs_read(self) -> NDArray[np.bool_]:
+        """Which of the inputs anything is computed from."""
+        steps = [s.residuals if isinstance(s, Newton) else (s,) for s in self.steps if not isinstance(s, Linear)]
+        read = [self.output_slots, *(batch.arguments.ravel() for step in steps for batch in step)]
+        found: NDArray[np.bool_] = np.isin(len(self.states) + np.arange(len(self.inputs)), np.concatenate(read))
+        return found
+
+    @cached_property
     def undifferentiated(self) -> tuple[Integers, Integers]:
         """Variables that are not derivatives: their numbers and their slots."""
         pairs = [(v, slot) for (v, k), slot in self.slots.items() if k == 0]

@@ -82,8 +82,11 @@ class Segment:
         """History of a variable that depends on the integrated states."""
         if node not in self.known:
             place = self.scene.place_of.get(node)
+            inputs = self.scene.program.inputs
             if place is not None:
                 self.known[node] = self.states[:, place].copy()
+            elif node in inputs:
+                self.known[node] = values([self.signals[inputs.index(node)]], self.time)[0]
             else:
                 found = next((c for c in self.computed if node in c[0].slots), None) or self._compute(node)
                 history = self.known[node] = found[1][found[0].slots[node]]
@@ -136,7 +139,9 @@ class Segment:
         return self._discrete_for(program, self._inputs(program))[:, int(np.searchsorted(self.time, t, side="right")) - 1]
 
     def _inputs(self, program: Program) -> Floats:
-        return values(self.signals, self.time)
+        """Values of the inputs at the samples; NaN of those that nothing in the program depends on."""
+        read = program.inputs_read | (self.scene.n_discrete > 0)
+        return values([signal if used else np.nan for signal, used in zip(self.signals, read, strict=True)], self.time)
 
     def _compute(self, node: Node) -> tuple[Program, Floats]:
         scene = self.scene

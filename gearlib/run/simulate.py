@@ -29,7 +29,7 @@ from gearlib.run.start_values import Start
 from gearlib.run.state_switching import integrate_through
 from gearlib.run.tangents.requested import CONTINUED, directions, refuse_form
 from gearlib.run.translation import Translation
-from gearlib.solvers.inputs.table import Table, values
+from gearlib.solvers.inputs.table import FunctionInput, Table, values
 
 Floats = NDArray[np.float64]
 INTERRUPTS = ("raise", "stop")
@@ -128,6 +128,9 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
         (Segment.of(part, o, skipped, finer if len(parts) > 1 else None, again), o.stats | given, o.events)
         for (part, o), skipped in zip(parts, hidden, strict=True)
     ]
+    for signal in request.signals:
+        if isinstance(signal, FunctionInput):
+            signal.remember(times)
     if first.longest_step < math.inf:
         request = altered(request, max_step=first.longest_step)  # a repeated run takes the same steps
     refuse_too_small([part for part, _, _ in found], request.rtol)
@@ -188,7 +191,9 @@ def checked_request(
         signals = tuple(translation.input_signals(inputs))
         zero = tuple(name for name in names if name not in inputs) if inputs else names
     else:
-        signals, zero = earlier[0].request.signals, earlier[0].request.zero_inputs
+        before = earlier[0].request
+        signals = tuple(replace(s, remembered={}) if isinstance(s, FunctionInput) else s for s in before.signals)
+        zero = before.zero_inputs
     varied = None
     if not (type(sensitivities) is tuple and not sensitivities):
         varied = directions(translation, sensitivities, numbers, given, start)

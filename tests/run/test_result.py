@@ -96,6 +96,40 @@ def test_a_result_does_not_follow_what_was_given_for_it() -> None:
     assert found.gradient({"load.w": [0, 0, 0, 0, 1.0]}, ["motor.J"])["motor.J"] == pytest.approx(-2 / 3, rel=1e-6)
 
 
+def test_a_function_that_is_no_longer_what_it_was_in_the_run_is_refused() -> None:
+    """Each lambda reads the variable of the loop, which has its last value when the variables of the first run are computed."""
+
+    class Pushed(Drive):
+        def assemble(self) -> list[Any]:
+            links = super().assemble()
+            self.push = gp.Torque()
+            return [*links, c(self.push.flange, self.load.flange_b)]
+
+    system = gl.compile(Pushed(), outputs=["load.w"])
+    late, bound = [], []
+    for k in (2.0, 4.0):
+        late.append(system.simulate(2.0, samples=5, inputs={"push.tau": lambda t: k}))  # noqa: B023  (that is the case)
+        bound.append(system.simulate(2.0, samples=5, inputs={"push.tau": lambda t, k=k: k}))
+    for run, same, k in zip(late, bound, (2.0, 4.0), strict=True):
+        right = (k - 12) / 6 * T  # (2 + 4) der(w) = k - 2 * 6
+        assert run["load.w"] == pytest.approx(right, rel=1e-9)
+        assert same["load.phi"] == pytest.approx(right * T / 2, rel=1e-9)
+        assert run["motor.w"] == pytest.approx(-2 * right, rel=1e-9)  # for which no input is read
+    first = late[0]
+    reads: list[Any] = [
+        lambda: first["load.phi"], lambda: first["push.tau"], lambda: first["der(load.w)"], first.energy_balance,
+        lambda: first.gradient({"load.w": [0, 0, 0, 0, 1.0]}, ["load.J"]), lambda: first.at(0.3),
+        lambda: system.linearize(["push.tau"], ["load.w"], at=(first, 0.3)),
+    ]  # fmt: skip
+    for read in reads:
+        with pytest.raises(
+            ArgumentError, match=r"push\.tau, called with t = \d\S* s, returned 4, but 2 in the run: .*: lambda t, k=k"
+        ):
+            read()
+    more = system.simulate(3.0, samples=2, start=first)  # goes on with the function as it is now
+    assert more["load.w"] == pytest.approx([-20 / 6, -28 / 6], rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [

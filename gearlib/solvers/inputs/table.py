@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ Floats = NDArray[np.float64]
 INTERPOLATIONS = ("linear", "previous", "monotone", "akima", "cubic")
 OUTSIDE = ("hold", "periodic")
 MOST_KNOTS = 10_000_000  # knots of a periodic table over a run
+REMEMBERED = 30  # values of a function that are remembered with a run, about
 
 
 class Table(Tabulated):
@@ -396,6 +397,9 @@ def breakpoints(signals: Sequence[Signal]) -> Floats:
 class FunctionInput:
     """An input given by a Python function of time; errors name it by its path.
 
+    What a function reads may change after the run, whose variables are computed when they are asked for: then it no longer is the
+    input of the run. So some of its values are remembered with the run.
+
     Raises
     ------
     ArgumentError
@@ -404,6 +408,7 @@ class FunctionInput:
 
     path: str
     function: Callable[[float], Any]
+    remembered: dict[float, float] = field(default_factory=dict, compare=False, repr=False)  # values at some times of the run
 
     def __call__(self, t: float) -> float:
         try:
@@ -411,6 +416,22 @@ class FunctionInput:
         except Exception as problem:
             raise ArgumentError(f"{self._at(t, 'raised')} {type(problem).__name__}: {problem}") from problem
         return finite(lambda: self._at(t, "returned"), value)
+
+    def remember(self, times: Floats) -> None:
+        """Remember the values at some samples of a run."""
+        some = times[:: max(1, len(times) // REMEMBERED)].tolist()
+        self.remembered.update((t, self(t)) for t in some)
+
+    def confirm(self) -> None:
+        """Raise `ArgumentError` if the function returns other values than in the run."""
+        for t, value in self.remembered.items():
+            now = self(t)
+            if now != value:
+                raise ArgumentError(
+                    f"{self._at(t, 'returned')} {now:.9g}, but {value:.9g} in the run: something that it reads has changed since, and "
+                    "what is computed now would not belong to the run. Bind what it reads, such as the variable of a loop: "
+                    "lambda t, k=k: ..."
+                )
 
     def _at(self, t: float, did: str) -> str:
         name = getattr(self.function, "__name__", None) or shown(self.function)
@@ -424,6 +445,8 @@ def values(signals: Sequence[Signal], times: Floats) -> Floats:
         if isinstance(signal, Table):
             rows.append(signal(times))
         elif callable(signal):
+            if isinstance(signal, FunctionInput):
+                signal.confirm()
             rows.append(np.array([signal(float(t)) for t in times]))
         else:
             rows.append(np.full(len(times), float(signal)))
