@@ -216,3 +216,17 @@ def test_starts_of_many_runs() -> None:
     assert found.shape == (2, len(everything().scene.states))
     assert found[:, everything().scene.state_names.index("a.w")].tolist() == [3.0, 3.0]
     assert (everything().scene.unfixed is not None) == (found is not None)
+
+
+@pytest.mark.parametrize("method", ["rk5", "ida"])
+def test_errors_are_relative_to_the_size_that_a_variable_declares(method: str) -> None:
+    """A vibration of 1e-9: with a size of 1, it would lie below the absolute tolerance."""
+
+    def worst(size: float) -> float:
+        own = {name: gl.Variable("1", start=start, nominal=size) for name, start in (("x", 1e-9), ("v", 0.0))}
+        own["equations"] = lambda s: [gl.Eq(gl.der(s.x), 7 * s.v), gl.Eq(gl.der(s.v), -7 * s.x)]  # type: ignore[assignment]
+        found = gl.simulate(type("Tiny", (gl.Component,), own)(), 5.0, samples=51, method=method, rtol=1e-6)
+        return float(np.abs(found["x"] - 1e-9 * np.cos(7 * found.time)).max() / 1e-9)
+
+    assert worst(1e-9) < 1e-3
+    assert worst(1.0) > 0.1
