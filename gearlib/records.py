@@ -1,8 +1,11 @@
-"""`altered`: a copy of a frozen record with other values in some fields, as a run makes several of them."""
+"""`altered`: a copy of a frozen record with other values in some fields, as a run makes several of them; and `unwritable` arrays."""
 
 from __future__ import annotations
 
 from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 Record = TypeVar("Record")
 
@@ -29,3 +32,14 @@ def altered(record: Record, **values: Any) -> Record:
     if len(here) != len(fields):
         raise TypeError(f"{type(record).__name__} has no fields {', '.join(sorted(here.keys() - fields.keys()))}")
     return found
+
+
+def unwritable(array: NDArray[Any]) -> NDArray[Any]:
+    """A view of an array for a caller, whose changes would reach what is computed from it later.
+
+    >>> unwritable(np.ones(3)).flags.writeable
+    False
+    """
+    view = array.view()
+    view.flags.writeable = False
+    return view

@@ -14,6 +14,7 @@ from gearlib.files.contents import versions
 from gearlib.files.sweep_files import StoredArray
 from gearlib.many_runs.samples import RUN, Samples
 from gearlib.optional import optional
+from gearlib.records import unwritable
 
 if TYPE_CHECKING:
     import pandas
@@ -65,14 +66,14 @@ class Runs:
         """The varied values, by name: arrays of the shape of the runs (lists of tables for inputs); and the values common to all runs."""
         found: dict[str, Any] = {}
         for name, column in self._samples.columns.items():
-            found[name] = column.reshape(self.shape) if isinstance(column, np.ndarray) else list(column)
+            found[name] = unwritable(column).reshape(self.shape) if isinstance(column, np.ndarray) else list(column)
         return found | dict(self._samples.fixed)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         if one_name("runs[...]", name, "load.w") in self._values:
-            return self._read(name).reshape(self.shape + self._values[name].shape)
+            return unwritable(self._read(name)).reshape(self.shape + self._values[name].shape)
         if name in self._samples.numbers:
-            return self._samples.numbers[name].reshape(self.shape)
+            return unwritable(self._samples.numbers[name]).reshape(self.shape)
         raise NameLookupError(
             f"the runs have kept nothing of the name '{name}'; {nearest(name, [*self._values, *self._samples.numbers])}"
         )

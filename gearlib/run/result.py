@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from gearlib.arguments import as_path, by_name, flag, name_list, one_name, real, shown
 from gearlib.errors import ArgumentError, NameLookupError, SolverError, warn
 from gearlib.optional import optional
-from gearlib.records import altered
+from gearlib.records import altered, unwritable
 from gearlib.run.request import Request
 from gearlib.run.scene import Scene
 from gearlib.run.segment import ADDED, Segment
@@ -456,7 +456,7 @@ class SimulatedResult(Result):
         run: Callable[[Translation, Request, Scene], SimulatedResult],
     ) -> None:  # fmt: skip
         (first, stats, _), *later = parts
-        self.time = np.concatenate([first.time, *(part.time[1:] for part, *_ in later)]) if later else first.time.copy()
+        self.time = unwritable(np.concatenate([first.time, *(part.time[1:] for part, *_ in later)]) if later else first.time)
         statistics = Statistics(stats)
         statistics.check_energy = self.check_energy
         self.stats = statistics
@@ -666,7 +666,7 @@ class SimulatedResult(Result):
     def states(self) -> Floats:
         """Histories of the integrated states, shape (samples, states)."""
         if len(self._segments) == 1:
-            return self._segments[0].states
+            return unwritable(self._segments[0].states)
         return np.column_stack([self.history_of(node) for node in self.scene.states])
 
     def _again(self, states: tuple[Node, ...], times: Floats | None = None) -> SimulatedResult:

@@ -148,6 +148,13 @@ def test_tables_and_arrays_of_samples(drive: gl.System) -> None:
     assert np.allclose(runs["load.w"][5], single["load.w"], rtol=1e-12, atol=1e-12)
 
 
+def test_what_was_kept_is_not_changed_by_its_reader(drive: gl.System) -> None:
+    runs = drive.sweep({"J": [0.5, 1.0]}, 1.0, outputs=["load.w"], samples=3, inputs=TORQUE)
+    for array in (runs["load.w"], runs["J"], runs.parameters["J"]):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
+
+
 def test_one_run_where_nothing_varies(drive: gl.System) -> None:
     runs = drive.sweep({"J": 3.0}, 1.0, samples=3, outputs=["load.w"], inputs=TORQUE)
     assert runs["load.w"].shape == (1, 3)

@@ -68,6 +68,9 @@ def test_a_run_with_outputs_knows_the_others_too() -> None:
 def test_histories_are_not_shared_with_the_caller() -> None:
     result = gl.compile(Drive()).simulate(2.0, samples=5)
     result["load.w"][:] = 99.0
+    for array in (result.time, result.states):
+        with pytest.raises(ValueError, match="read-only"):
+            array[:] = 99.0
     assert result["motor.w"] == pytest.approx(4 * T)
 
 
