@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any, TypeVar
 
-import numpy as np
 from numpy.typing import NDArray
 
 Record = TypeVar("Record")
@@ -37,6 +36,7 @@ def altered(record: Record, **values: Any) -> Record:
 def unwritable(array: NDArray[Any]) -> NDArray[Any]:
     """A view of an array for a caller, whose changes would reach what is computed from it later.
 
+    >>> import numpy as np
     >>> unwritable(np.ones(3)).flags.writeable
     False
     """
