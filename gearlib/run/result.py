@@ -673,7 +673,7 @@ class SimulatedResult(Result):
         """The same run with other states or other sample times."""
         request = self.request
         atol = request.atol if states == self.translation.scene.states or np.ndim(request.atol) == 0 else None  # type: ignore[arg-type]
-        request = replace(request, times=request.times if times is None else times, atol=atol)
+        request = replace(request, times=request.times if times is None else times, atol=atol, on_interrupt="raise")
         return self._run(self.translation, request, self.translation.with_states(states))
 
     def with_sample(self, t: float) -> SimulatedResult:

@@ -133,6 +133,8 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
             signal.remember(times)
     if first.longest_step < math.inf:
         request = altered(request, max_step=first.longest_step)  # a repeated run takes the same steps
+    if parts[-1][1].status == "interrupted":
+        request = altered(request, times=times[times <= found[-1][0].time[-1]])  # and ends where this one did
     refuse_too_small([part for part, _, _ in found], request.rtol)
     return SimulatedResult(found, translation, request, run)
 

@@ -13,7 +13,7 @@ import pytest
 
 import gearlib as gl
 from gearlib.errors import ArgumentError, GearlibWarning
-from tests.many_runs.models import Rattle
+from tests.many_runs.models import Drive, Rattle
 from tests.many_runs.test_in_lanes import Relaxing
 
 METHODS = ["auto", "rk5", "ida"]
@@ -77,6 +77,45 @@ def test_an_interrupt_between_events() -> None:
         part = system.simulate(20.0, samples=201, progress=interrupted_at(0.3), on_interrupt="stop")
     assert 40 < len(part.time) < 201
     assert np.isfinite(part["load.w"]).all()
+
+
+def test_an_interrupted_run_is_repeated_as_far_as_it_came() -> None:
+    """For a variable that it did not integrate, and for its energies."""
+    system, told = gl.compile(Rattle(), outputs=["load.w"]), list[float]()
+
+    def once(done: float, _: float) -> None:
+        told.append(done)
+        if done > 0.3 and max(told[:-1], default=0.0) <= 0.3:
+            raise KeyboardInterrupt
+
+    with pytest.warns(GearlibWarning, match="interrupted at"):
+        part = system.simulate(20.0, samples=201, progress=once, on_interrupt="stop")
+    whole = system.simulate(20.0, samples=201)
+    assert part["load.phi"] == pytest.approx(whole["load.phi"][: len(part.time)], rel=1e-6)
+    assert part.energy_balance().time[-1] == part.time[-1]
+
+
+@pytest.mark.parametrize("method", ["rk5", "ida"])
+def test_an_interrupt_within_a_function_of_an_input(method: str) -> None:
+    """The function is asked again, and the run ends behind the step."""
+    system = gl.compile(Drive(), outputs=["load.w"])
+    calls = []
+
+    def torque(t: float) -> float:
+        calls.append(t)
+        if len(calls) == 300:
+            raise KeyboardInterrupt
+        return 5.0 if t < 1.0 else -5.0
+
+    options: dict[str, Any] = {"samples": 401, "method": method, "inputs": {"torque.tau": torque}}
+    with pytest.warns(GearlibWarning, match="interrupted at"):
+        part = system.simulate(20.0, on_interrupt="stop", **options)
+    whole = system.simulate(20.0, **options)
+    assert 1 < len(part.time) < 401
+    assert part["load.w"].tobytes() == whole["load.w"][: len(part.time)].tobytes()
+    calls.clear()
+    with pytest.raises(KeyboardInterrupt):
+        system.simulate(20.0, **options)
 
 
 @pytest.mark.usefixtures("interruptible")

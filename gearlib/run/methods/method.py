@@ -109,7 +109,7 @@ def with_callbacks(run: Run, integrated: Callable[[Callbacks], Solution]) -> Sol
     """The solution of a run; checks the Python callbacks, and adds advice to solver errors."""
     from gearlib.solvers.inputs.moving import Callbacks
 
-    callbacks = Callbacks()
+    callbacks = Callbacks(run.may_stop)
     try:
         with callbacks.listening() if any(map(is_function, run.signals)) else nullcontext():
             solution = integrated(callbacks)

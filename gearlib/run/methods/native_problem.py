@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -141,10 +142,21 @@ def _wired(
     return altered(
         common, x0=x0, data=data, time_events=time_events(run), longest_step=run.longest_step,
         longest_expanded_step=run.longest_expanded_step, unsettled=partial(_unsettled, run, native.shared),
-        culprit=partial(_culprit, run, native.shared), times=run.times, rtol=run.rtol, atol=atol, tell=run.tell,
+        culprit=partial(_culprit, run, native.shared), times=run.times, rtol=run.rtol, atol=atol, tell=_told(run, callbacks),
         may_stop=run.may_stop, traced=run.scene.feeding if run.traced and run.handed is None and run.tangents is None else None,
         **more,
     )  # fmt: skip
+
+
+def _told(run: Run, callbacks: Callbacks) -> Callable[[float], None] | None:
+    """What is told the time that was reached; it also answers an interrupt that a Python function met."""
+
+    def told(t: float) -> None:
+        callbacks.answer()
+        if run.tell is not None:
+            run.tell(t)
+
+    return told if run.may_stop else run.tell
 
 
 def _with_costs(problem: Problem, scene: Scene | SceneForm, native: NativeScene, functions: int, tables: int) -> Problem:

@@ -240,6 +240,15 @@ class Driver:
 
     def advance(self, steps: int = STEPS_PER_CALL) -> str:
         """Continue for a number of steps, or until something happens; returns the status."""
+        try:
+            self._advance(steps)
+        except KeyboardInterrupt:
+            if not self.problem.may_stop:
+                raise
+            self.status = "interrupted"
+        return self.status
+
+    def _advance(self, steps: int) -> None:
         record, left = self.record, self.problem.max_steps + self._steps_before - self.record.steps
         if left <= 0 and self.t < self.t_end:
             raise self._failure(drive_loop.STEP_LIMIT)
@@ -249,15 +258,9 @@ class Driver:
             self._make_room()
         budget = max(1, min(steps, left, self.stepper.looks_every))
         record.budget, begin = min(budget, self._most_steps), perf_counter()
-        try:
-            code = self.stepper.carry_on(self)
-            if self.problem.tell is not None:
-                self.problem.tell(self.t)
-        except KeyboardInterrupt:
-            if not self.problem.may_stop:
-                raise
-            self.status = "interrupted"
-            return self.status
+        code = self.stepper.carry_on(self)
+        if self.problem.tell is not None:
+            self.problem.tell(self.t)
         if (seconds := perf_counter() - begin) > LONGEST_CALL:
             self._most_steps = max(1, int(0.5 * record.budget * LONGEST_CALL / seconds))
         elif seconds < 0.25 * LONGEST_CALL:  # the machine may have been busy, or the process suspended
@@ -277,7 +280,6 @@ class Driver:
             self.status = "left"
         else:
             raise self._failure(code)
-        return self.status
 
     def _failure(self, code: int) -> GearlibError:
         """The exception for a negative result code."""

@@ -38,13 +38,16 @@ class Callbacks:
 
     Attributes
     ----------
+    may_stop : bool
+        Whether an interrupt is to end the run where it is; ``interrupted`` says that a function met one.
     alive : list
         What native code refers to.
     stopped : array, shape (1,)
         Whether one has failed, for native code.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, may_stop: bool = False) -> None:
+        self.may_stop, self.interrupted = may_stop, False
         self.alive: list[Any] = []
         self.problem: BaseException | None = None
         self.stopped = np.zeros(1, np.int64)
@@ -58,12 +61,20 @@ class Callbacks:
                 value[0] = signal(t)
             # An exception must not propagate through native frames, nor an interrupt be lost there
             except BaseException as problem:
+                if self.may_stop and isinstance(problem, KeyboardInterrupt):
+                    self.interrupted = True  # the step is completed first
+                    return call(t)
                 self.stop(problem)
             return 0
 
         callback = _KIND(call)
         self.alive += [callback, value]
         return ctypes.cast(callback, ctypes.c_void_p).value or 0, value.ctypes.data
+
+    def answer(self) -> None:
+        """Raise the interrupt that a function met."""
+        if self.interrupted:
+            raise KeyboardInterrupt
 
     def stop(self, problem: BaseException) -> None:
         """End the run, which then raises an exception."""
