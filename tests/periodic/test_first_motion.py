@@ -187,6 +187,35 @@ def test_motions_that_cannot_begin_are_refused(kind: str, said: str) -> None:
         task.first(task.scene(["x"]), 0.7, 16, None, None)
 
 
+class Sided(gl.Component):
+    """A spring that is three times as stiff on one side; which side it is on may be a discrete variable, which has no memory."""
+
+    F = gl.Input("1")
+    named = gl.Structural(False)
+    x, v = gl.Variable("1", start=0.0), gl.Variable("1", start=0.0)
+    side, other = gl.Discrete(start=0.0), gl.Discrete(start=0.0)
+
+    def equations(self) -> list[Any]:
+        side = gl.Piecewise((3, self.x > 0), (1, True))
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), self.F - 0.2 * self.v - self.x * (self.side * self.other if self.named else side)),
+            gl.Eq(self.other, 1.0),
+            gl.Eq(self.side, side),
+        ]
+
+
+def test_a_discrete_variable_without_memory_is_no_hindrance() -> None:
+    found = [
+        gl.harmonic_balance(
+            gl.compile(Sided(named=named)), 2.0, 2.1, harmonics=3, inputs={"F": lambda phase, w: np.cos(phase)}, outputs=["x"]
+        )
+        for named in (False, True)
+    ]
+    assert found[1].coefficients == pytest.approx(found[0].coefficients, rel=1e-9)
+    assert found[0].mean("x")[0] < -0.1
+
+
 class Loaded(gl.Component):
     """A phase that turns with a speed that its own load determines, with a ripple."""
 
