@@ -294,6 +294,7 @@ class System(Compiled):
             Values of unbound inputs: a number, a function of time, a `Table`, or data that converts to one: times and values ``(t,
             y)``, a pandas Series. Inputs not given are 0: they are listed in ``stats["zero_inputs"]``, and one warning (`InputWarning`)
             names those that the outputs depend on. Without ``outputs`` every variable is available, and the warning names all of them.
+            A function is called again where the result computes further variables: it must still return what it returned in the run.
         max_step : float, optional
             Maximum step size, s. No event or pulse that lasts longer is stepped over. By default a hundredth of the run if there are
             event functions or time drives the scene, and at most half the shortest period of what time drives, a sixteenth of it if
