@@ -312,19 +312,14 @@ class MeasuredModes(Measured):
     def predicted(self, system: Compiled, free: Mapping[str, float], exact: bool = True) -> Prediction:
         given = {**self.parameters, **split(free)[0]}
         found = modes(system, at=self.at, parameters=given)
-        chosen = found.free + self.numbers
-        if chosen.max() >= len(found):
-            raise ArgumentError(
-                f"numbers names mode {self.numbers.max()}; the system has {len(found) - found.free} that vibrate"
-            )
+        chosen, count = found.free + self.numbers, len(found) - found.free
+        if self.numbers.max() >= count:
+            raise ArgumentError(f"numbers names mode {self.numbers.max()}; the system has {count} that vibrate")
         slopes = {name: found.sensitivity(name) for name in free if name in given}
         none = np.zeros(len(chosen))
         return Prediction(
             [getattr(found, n)[chosen] for n in self.measured],
-            [
-                np.column_stack([getattr(slopes[p], n)[chosen] if p in slopes else none for p in free])
-                for n in self.measured
-            ],
+            [np.column_stack([getattr(slopes[p], n)[chosen] if p in slopes else none for p in free]) for n in self.measured],
         )  # fmt: skip
 
 

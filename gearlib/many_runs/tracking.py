@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.many_runs.samples import Samples
-from gearlib.vibration.mode_matching import same_modes
+from gearlib.vibration.mode_matching import branches
 
 Complexes = NDArray[np.complex128]
 Integers = NDArray[np.int64]
@@ -42,29 +42,13 @@ def followed(samples: Samples, eigenvalues: Complexes, shapes: Complexes) -> Bra
     shapes : complex array (runs, states, modes)
     """
     count = np.isfinite(eigenvalues).sum(axis=1)
-    n = int(count.max(initial=0))
-    found = np.full((len(eigenvalues), n), np.nan + 0j)
-    numbers = np.full((len(eigenvalues), n), np.nan)
-    kept: dict[int, tuple[Complexes, NDArray[np.float64]]] = {}
-    for run, before in nearest_first(samples, np.flatnonzero(count)):
-        k = int(count[run])
-        now, sizes = shapes[run][:, :k], np.abs(eigenvalues[run, :k])
-        if before < 0:
-            there, modes = np.arange(k), np.arange(k)
-            known, known_sizes = now.copy(), sizes.copy()
-        else:
-            known, known_sizes = kept[before][0].copy(), kept[before][1].copy()
-            there, modes = same_modes(known, known_sizes, now, sizes)
-            # An oscillating mode that was overdamped before, for instance
-            new = np.setdiff1d(np.arange(k), modes)
-            there = np.concatenate([there, known.shape[1] + np.arange(len(new))])
-            modes = np.concatenate([modes, new])
-            known = np.concatenate([known, now[:, new]], axis=1)
-            known_sizes = np.concatenate([known_sizes, sizes[new]])
-        known[:, there], known_sizes[there] = now[:, modes], sizes[modes]
-        kept[run] = known, known_sizes
-        found[run, there], numbers[run, there] = eigenvalues[run, modes], modes
-    return Branches(found, numbers)
+    sizes = [np.abs(values[:k]) for values, k in zip(eigenvalues, count, strict=True)]
+    own = [table[:, :k] for table, k in zip(shapes, count, strict=True)]
+    modes = branches(nearest_first(samples, np.flatnonzero(count)), own, sizes)
+    there = modes >= 0
+    found = np.full(modes.shape, np.nan + 0j)
+    found[there] = eigenvalues[np.nonzero(there)[0], modes[there]]
+    return Branches(found, np.where(there, modes, np.nan))
 
 
 def nearest_first(samples: Samples, runs: Integers) -> list[tuple[int, int]]:

@@ -17,7 +17,7 @@ from gearlib.optional import optional
 from gearlib.progress import RunProgress, check_progress, reporting
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled
-from gearlib.vibration.mode_matching import same_modes
+from gearlib.vibration.mode_matching import branches, same_modes
 from gearlib.vibration.modes import Modes, modes
 
 if TYPE_CHECKING:
@@ -61,9 +61,9 @@ class Campbell:
     speeds : array (speeds,)
         Speeds of the reference shaft, rad/s.
     frequencies, damping : arrays (speeds, modes)
-        Hz, and ratios; modes are tracked by the similarity of their shapes.
+        Hz, and ratios; modes are tracked by the similarity of their shapes. NaN where a mode does not oscillate, as inside a gap.
     modes : array of int (speeds, modes)
-        Indices of these modes in `modes` at each speed, where free motions are counted, too; they are omitted here.
+        Indices of these modes in `modes` at each speed, where free motions are counted, too; they are omitted here. -1: none.
     conditions : tuple of str
         Operating points in words, such as "open: mesh m".
     orders : dict of str to float
@@ -102,8 +102,8 @@ class Campbell:
     def highest(self) -> float:
         """Upper limit of the diagram (Hz): the range of the excitations, and at least one natural frequency."""
         excited = max((order * float(self.speeds[-1]) / (2 * np.pi) for order in self.orders.values()), default=np.inf)
-        lowest = float(self.frequencies.min(axis=0).min(initial=np.inf))
-        return 1.1 * min(max(excited, lowest), float(self.frequencies.max(initial=0.0))) or 1.0
+        lowest, highest = (f.reduce(self.frequencies, None, initial=x) for f, x in ((np.fmin, np.inf), (np.fmax, 0.0)))
+        return float(1.1 * min(max(excited, lowest), highest)) or 1.0
 
     def plot(self, *, axes: Any = None) -> Any:
         """Plot the diagram; returns the matplotlib axes."""
@@ -115,9 +115,10 @@ class Campbell:
         rpm = self.speeds * RPM
         for k in range(self.frequencies.shape[1]):
             axes.plot(rpm, self.frequencies[:, k], color="black", lw=1.2, label="natural frequencies" if not k else None)
-            start = (rpm[0], self.frequencies[0, k])
+            i = int(np.argmax(self.modes[:, k] >= 0))  # where it begins
+            start = (rpm[i], self.frequencies[i, k])
             axes.annotate(
-                f"{self.modes[0, k]}", start, xytext=(-3, 0), textcoords="offset points", fontsize=8, ha="right", va="center"
+                f"{self.modes[i, k]}", start, xytext=(-3, 0), textcoords="offset points", fontsize=8, ha="right", va="center"
             )
         for k, (name, order) in enumerate(self.orders.items()):
             colour = COLOURS[k % len(COLOURS)]
@@ -202,13 +203,12 @@ def campbell(
         if watch is not None:
             watch.end(float(grid[-1]))
     places = _followed(runs) if varies else np.tile(_followed(runs[:1]), (len(grid), 1))
-    frequencies = np.array([r.frequencies[p] for r, p in zip(runs, places, strict=True)])
-    damping = np.array([r.damping[p] for r, p in zip(runs, places, strict=True)])
+    frequencies = np.array([np.append(r.frequencies, np.nan)[p] for r, p in zip(runs, places, strict=True)])
+    damping = np.array([np.append(r.damping, np.nan)[p] for r, p in zip(runs, places, strict=True)])
     crossings = [
-        _crossing(at_speed if varies else None, runs[i], grid, frequencies, damping, places, int(i), k, name, order)
+        _crossing(at_speed if varies else None, runs[i], grid, frequencies, damping, places, i, k, name, order)
         for name, order in named.items()
-        for k in range(frequencies.shape[1])
-        for i in np.flatnonzero(np.diff(np.sign(frequencies[:, k] - order * grid / (2 * np.pi))))
+        for k, i in np.argwhere(np.nan_to_num(np.diff(np.sign(frequencies.T - order * grid / (2 * np.pi))))).tolist()
     ]
     found = {(c.order, c.mode, round(c.speed, 9)): c for c in crossings}
     said = tuple(dict.fromkeys(text for run in runs for text in run.conditions))
@@ -240,20 +240,12 @@ def _named(orders: Mapping[str, float] | Sequence[float]) -> dict[str, float]:
 
 
 def _followed(runs: Sequence[Modes]) -> NDArray[np.int64]:
-    """Indices of the modes at each speed, with each tracked mode in its own column."""
-    n = min(len(r) - r.free for r in runs)
-    places = np.empty((len(runs), n), np.int64)
-    places[0] = runs[0].free + np.arange(n)
-    for i in range(1, len(runs)):
-        places[i] = [*_same(runs[i - 1], places[i - 1], runs[i]).values()]
-    return places
-
-
-def _same(last: Modes, places: NDArray[np.int64], this: Modes) -> dict[int, int]:
-    """Indices of modes at another speed, by their columns."""
-    shapes, frequencies = this.shapes[:, this.free :], this.frequencies[this.free :]
-    columns, chosen = same_modes(last.shapes[:, places], last.frequencies[places], shapes, frequencies)
-    return dict(zip(columns.tolist(), (this.free + chosen).tolist(), strict=True))
+    """Indices of the modes at each speed, with each tracked mode in its own column; -1 where it has none."""
+    free = np.array([[run.free] for run in runs])
+    some = [i for i, run in enumerate(runs) if len(run) > run.free]
+    shapes, frequencies = [r.shapes[:, r.free :] for r in runs], [r.frequencies[r.free :] for r in runs]
+    found = branches(zip(some, [-1, *some[:-1]], strict=True), shapes, frequencies)
+    return np.where(found < 0, -1, found + free)
 
 
 def _crossing(
@@ -267,17 +259,23 @@ def _crossing(
     if at_speed is not None:
         from scipy.optimize import brentq
 
+        own = np.flatnonzero(places[i] >= 0)
+        ends = dict(zip(grid[i : i + 2].tolist(), gap.tolist(), strict=True))
+
         def followed(w: float) -> tuple[float, float, int]:
             found = at_speed(w)
-            j = _same(last, places[i], found).get(k)
+            shapes, those = found.shapes[:, found.free :], found.frequencies[found.free :]
+            columns, chosen = same_modes(last.shapes[:, places[i, own]], frequencies[i, own], shapes, those)
+            j = dict(zip(own[columns].tolist(), (found.free + chosen).tolist(), strict=True)).get(k)
             if j is None:
                 raise ArgumentError(
-                    f"mode {mode} at {grid[i]:g} rad/s no longer oscillates at {w:g} rad/s; take speeds in between"
+                    f"mode {mode} at {grid[i]:g} rad/s does not oscillate at {w:g} rad/s; take speeds in between"
                 )
             return float(found.frequencies[j]), float(found.damping[j]), j
 
-        speed = float(
-            brentq(lambda w: followed(w)[0] - order * w / (2 * np.pi), grid[i], grid[i + 1], xtol=1e-10 * grid[i + 1])
-        )
+        def distance(w: float) -> float:
+            return ends[w] if w in ends else followed(w)[0] - order * w / (2 * np.pi)
+
+        speed = float(brentq(distance, grid[i], grid[i + 1], xtol=1e-10 * grid[i + 1]))
         f, ratio, mode = followed(speed)
     return Crossing(speed, name, mode, f, ratio)

@@ -1,7 +1,8 @@
-"""`same_modes`: matching of modes between operating points, by similarity of shapes and frequencies."""
+"""`same_modes`: matching of modes between operating points, by similarity of shapes and frequencies; `branches`: along many points."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -47,3 +48,24 @@ def same_modes(before: Any, frequencies_before: Floats, now: Any, frequencies_no
     apart = np.abs(np.log(frequencies_before[:, None] / frequencies_now[None, :]))
     first, second = linear_sum_assignment(apart - mac)
     return first, second
+
+
+def branches(order: Iterable[tuple[int, int]], shapes: Sequence[Any], frequencies: Sequence[Floats]) -> Integers:
+    """Index of the mode of each branch at each point, shape (points, branches); -1 where a branch has none.
+
+    ``order`` are pairs of a point and an earlier one that it follows, -1 for none. A branch that ends (where its mode is overdamped, for
+    instance) is remembered as it was last, and may go on later.
+    """
+    found = np.full((len(shapes), max(map(len, frequencies), default=0)), -1)
+    kept: dict[int, tuple[Any, Floats]] = {}
+    for point, before in order:
+        now, sizes = shapes[point], frequencies[point]
+        known, known_sizes = kept.get(before, (now[:, :0], sizes[:0]))
+        there, modes = same_modes(known, known_sizes, now, sizes)
+        new = np.setdiff1d(np.arange(len(sizes)), modes)
+        there, modes = np.append(there, len(known_sizes) + np.arange(len(new))), np.append(modes, new)
+        known, known_sizes = np.hstack([known, now[:, new]]), np.append(known_sizes, sizes[new])
+        known[:, there], known_sizes[there] = now[:, modes], sizes[modes]
+        kept[point] = known, known_sizes
+        found[point, there] = modes
+    return found

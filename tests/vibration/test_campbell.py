@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -111,9 +112,33 @@ def test_crossings_of_a_mode_that_jumps_over_another_between_two_speeds_are_its_
     assert [c.speed for c in found.crossings] == pytest.approx([50.0, by_hand], rel=1e-9)
     assert [c.frequency for c in found.crossings] == pytest.approx([50 / (2 * np.pi), by_hand / (2 * np.pi)], rel=1e-8)
     with pytest.raises(
-        ArgumentError, match=r"^mode 2 at 1 rad/s no longer oscillates at 52\.8571 rad/s; take speeds in between$"
+        ArgumentError, match=r"^mode 2 at 1 rad/s does not oscillate at 52\.8571 rad/s; take speeds in between$"
     ):
         gl.campbell(rotors, [1.0, 100.0], [1.0], parameters=lambda w: {**softer(w), "shaft[0].d": 500.0 * (2 < w < 99)})
+
+
+def test_a_mode_that_is_overdamped_at_some_speeds_keeps_its_column(rotors: gl.System) -> None:
+    """The first disc, with 10 rad/s, from 30 to 70 rad/s; the other, with 50 rad/s, does not take its place."""
+
+    def damped(w: float) -> dict[str, float]:
+        return {"shaft[0].c": 100.0, "shaft[0].d": 100.0 if 30 < w < 70 else 0.0, "shaft[1].c": 2500.0}
+
+    nan = np.nan
+    found = gl.campbell(rotors, [1.0, 14.0, 40.0, 60.0, 80.0], {"once": 1.0, "rarely": 0.1}, parameters=damped)
+    expected = np.array([[10.0, 50.0], [10.0, 50.0], [nan, 50.0], [nan, 50.0], [10.0, 50.0]]) / (2 * np.pi)
+    np.testing.assert_allclose(found.frequencies, expected, rtol=1e-9)
+    np.testing.assert_allclose(found.damping, 0 * expected, atol=1e-9)
+    assert found.modes.tolist() == [[1, 2], [1, 2], [-1, 1], [-1, 1], [1, 2]]
+    assert [(c.order, c.mode) for c in found.crossings] == [("once", 1), ("once", 1)]
+    assert [c.speed for c in found.crossings] == pytest.approx([10.0, 50.0], rel=1e-9)
+    assert found.highest == pytest.approx(1.1 * 50 / (2 * np.pi))
+    later = gl.campbell(rotors, [40.0, 60.0, 80.0], [0.1], parameters=damped)
+    np.testing.assert_allclose(later.frequencies, expected[2:, ::-1], rtol=1e-9)
+    assert later.highest == pytest.approx(1.1 * 10 / (2 * np.pi))
+    axes = later.plot()
+    labels = {text.get_text(): text.xy for text in axes.texts}
+    assert labels["1"] == pytest.approx((80 * 30 / np.pi, 10 / (2 * np.pi)))  # each mode where its curve begins
+    plt.close(axes.figure)
 
 
 def test_constant_frequencies_are_met_on_a_straight_line(rotors: gl.System) -> None:
