@@ -243,9 +243,17 @@ def _followed(runs: Sequence[Modes]) -> NDArray[np.int64]:
     """Indices of the modes at each speed, with each tracked mode in its own column; -1 where it has none."""
     free = np.array([[run.free] for run in runs])
     some = [i for i, run in enumerate(runs) if len(run) > run.free]
-    shapes, frequencies = [r.shapes[:, r.free :] for r in runs], [r.frequencies[r.free :] for r in runs]
-    found = branches(zip(some, [-1, *some[:-1]], strict=True), shapes, frequencies)
+    found = branches(zip(some, [-1, *some[:-1]], strict=True), _shapes(runs), [run.frequencies[run.free :] for run in runs])
     return np.where(found < 0, -1, found + free)
+
+
+def _shapes(runs: Sequence[Modes]) -> list[NDArray[np.complex128]]:
+    """Shapes of the oscillating modes in the states of all runs; those that friction holds in a run do not move there."""
+    place = {name: k for k, name in enumerate(dict.fromkeys(name for run in runs for name in run.states))}
+    found = [np.zeros((len(place), len(run) - run.free), complex) for run in runs]
+    for table, run in zip(found, runs, strict=True):
+        table[[place[name] for name in run.states]] = run.shapes[:, run.free :]
+    return found
 
 
 def _crossing(
@@ -264,8 +272,9 @@ def _crossing(
 
         def followed(w: float) -> tuple[float, float, int]:
             found = at_speed(w)
-            shapes, those = found.shapes[:, found.free :], found.frequencies[found.free :]
-            columns, chosen = same_modes(last.shapes[:, places[i, own]], frequencies[i, own], shapes, those)
+            before, now = _shapes([last, found])
+            before = before[:, places[i, own] - last.free]
+            columns, chosen = same_modes(before, frequencies[i, own], now, found.frequencies[found.free :])
             j = dict(zip(own[columns].tolist(), (found.free + chosen).tolist(), strict=True)).get(k)
             if j is None:
                 raise ArgumentError(

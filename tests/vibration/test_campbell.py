@@ -141,6 +141,35 @@ def test_a_mode_that_is_overdamped_at_some_speeds_keeps_its_column(rotors: gl.Sy
     plt.close(axes.figure)
 
 
+class Clutched(gl.Component):
+    """A disc on a shaft to the ground, and two on a shaft of their own, which a clutch can hold to the first."""
+
+    f = gl.Parameter("1", default=1.0)
+
+    def assemble(self) -> list[Any]:
+        self.ground, self.clutch = gp.Fixed(), gp.Clutch(fn_max=50.0, f_normalized=self.f)
+        self.shaft, self.disc = [gp.Spring(c=100.0), gp.Spring(c=400.0)], [gp.Inertia(J=1.0) for _ in range(3)]
+        return [
+            gl.connect(self.ground.flange, self.shaft[0].flange_a),
+            gl.connect(self.shaft[0].flange_b, self.disc[0].flange_a),
+            gl.connect(self.disc[0].flange_b, self.clutch.flange_a),
+            gl.connect(self.clutch.flange_b, self.disc[1].flange_a),
+            gl.connect(self.disc[1].flange_b, self.shaft[1].flange_a),
+            gl.connect(self.shaft[1].flange_b, self.disc[2].flange_a),
+        ]
+
+
+def test_modes_are_followed_where_a_clutch_sticks_at_some_speeds() -> None:
+    """Above 20 rad/s: one speed less, and the free motion of the two discs is another vibration."""
+    found = gl.campbell(gl.compile(Clutched()), [1.0, 14.0, 40.0], [1.0], parameters=lambda w: {"f": float(w > 20)})
+    stuck = np.sqrt(np.linalg.eigvals(np.array([[250.0, -200.0], [-400.0, 400.0]])))
+    hertz = np.array([[10.0, np.sqrt(800.0)]] * 2 + [sorted(stuck)]) / (2 * np.pi)
+    np.testing.assert_allclose(found.frequencies, hertz, rtol=1e-9)
+    assert found.modes.tolist() == [[1, 2], [1, 2], [0, 1]]
+    assert [c.speed for c in found.crossings] == pytest.approx([10.0, max(stuck)], rel=1e-8)
+    assert found.conditions == ("open: clutch clutch", "stuck: clutch clutch")
+
+
 def test_constant_frequencies_are_met_on_a_straight_line(rotors: gl.System) -> None:
     """Also where a point of the grid is a crossing, which is told once."""
     found = gl.campbell(rotors, [0.0, 10.0, 20.0, 45.0], [1.0, 0.5])
