@@ -19,7 +19,7 @@ from gearlib.run.result import SimulatedResult
 from gearlib.run.sampling.controllers import refuse_instants
 from gearlib.run.scene import Scene, guess_of
 from gearlib.run.translation import Translation
-from gearlib.solvers.inputs.table import values
+from gearlib.solvers.inputs.table import values, values_in_run
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
@@ -107,7 +107,7 @@ def _moment(
     sample = int(np.searchsorted(result.time, t))
     known = {s: float(result.history_of(s)[sample]) for s in states}
     part = result.segment_at(t)
-    inputs = values(result.request.signals, np.array([t]))[:, 0]
+    inputs = values_in_run(result.request.signals, np.array([t]))[:, 0]
 
     def change(names: Sequence[str]) -> PointChange:
         rows = translation.parameter_changes(names, numbers, given)

@@ -20,7 +20,7 @@ from gearlib.program.relations import Relations, relations_of
 from gearlib.run.methods.run import Run
 from gearlib.run.scene import Scene, guess_of, node_name, settle_once
 from gearlib.run.start_values import Start
-from gearlib.solvers.inputs.table import values
+from gearlib.solvers.inputs.table import values_in_run
 from gearlib.solvers.problem import Solution
 from gearlib.structure.incidence import Node
 
@@ -86,7 +86,7 @@ class Segment:
             if place is not None:
                 self.known[node] = self.states[:, place].copy()
             elif node in inputs:
-                self.known[node] = values([self.signals[inputs.index(node)]], self.time)[0]
+                self.known[node] = values_in_run([self.signals[inputs.index(node)]], self.time)[0]
             else:
                 found = next((c for c in self.computed if node in c[0].slots), None) or self._compute(node)
                 history = self.known[node] = found[1][found[0].slots[node]]
@@ -141,7 +141,7 @@ class Segment:
     def _inputs(self, program: Program) -> Floats:
         """Values of the inputs at the samples; NaN of those that nothing in the program depends on."""
         read = program.inputs_read | (self.scene.n_discrete > 0)
-        return values([signal if used else np.nan for signal, used in zip(self.signals, read, strict=True)], self.time)
+        return values_in_run([signal if used else np.nan for signal, used in zip(self.signals, read, strict=True)], self.time)
 
     def _compute(self, node: Node) -> tuple[Program, Floats]:
         scene = self.scene

@@ -48,6 +48,9 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
     signals = request.signals and tuple(
         s.over(request.t_start, float(times[-1])) if isinstance(s, Table) else s for s in request.signals
     )
+    functions = [signal for signal in signals if isinstance(signal, FunctionInput)]
+    for function in functions:
+        function.confirm()
     numbers = scene.prepared(parameters)
     grid = times if times[0] == request.t_start else np.concatenate([[request.t_start], times])
     if translation.structure.switching:
@@ -128,9 +131,8 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
         (Segment.of(part, o, skipped, finer if len(parts) > 1 else None, again), o.stats | given, o.events)
         for (part, o), skipped in zip(parts, hidden, strict=True)
     ]
-    for signal in request.signals:
-        if isinstance(signal, FunctionInput):
-            signal.remember(times)
+    for function in functions:
+        function.remember(times)
     if first.longest_step < math.inf:
         request = altered(request, max_step=first.longest_step)  # a repeated run takes the same steps
     if parts[-1][1].status == "interrupted":

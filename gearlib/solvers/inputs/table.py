@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 INTERPOLATIONS = ("linear", "previous", "monotone", "akima", "cubic")
 OUTSIDE = ("hold", "periodic")
 MOST_KNOTS = 10_000_000  # knots of a periodic table over a run
-REMEMBERED = 30  # values of a function that are remembered with a run, about
+REMEMBERED = 20  # values of a function that are remembered with a run, about
 
 
 class Table(Tabulated):
@@ -418,9 +418,9 @@ class FunctionInput:
         return finite(lambda: self._at(t, "returned"), value)
 
     def remember(self, times: Floats) -> None:
-        """Remember the values at some samples of a run."""
-        some = times[:: max(1, len(times) // REMEMBERED)].tolist()
-        self.remembered.update((t, self(t)) for t in some)
+        """Remember the values at some samples of the run, unless it is a repeated one."""
+        if not self.remembered:
+            self.remembered.update((t, self(t)) for t in times[:: max(1, len(times) // REMEMBERED)].tolist())
 
     def confirm(self) -> None:
         """Raise `ArgumentError` if the function returns other values than in the run."""
@@ -438,6 +438,20 @@ class FunctionInput:
         return f"the function {name} of the input {self.path}, called with t = {t:.9g} s, {did}"
 
 
+def values_in_run(signals: Sequence[Signal], times: Floats) -> Floats:
+    """As `values`, of the inputs of a run that is over.
+
+    Raises
+    ------
+    ArgumentError
+        A function returns other values than in the run.
+    """
+    for signal in signals:
+        if isinstance(signal, FunctionInput):
+            signal.confirm()
+    return values(signals, times)
+
+
 def values(signals: Sequence[Signal], times: Floats) -> Floats:
     """Values of the signals at some times, shape (signals, times)."""
     rows = []
@@ -445,8 +459,6 @@ def values(signals: Sequence[Signal], times: Floats) -> Floats:
         if isinstance(signal, Table):
             rows.append(signal(times))
         elif callable(signal):
-            if isinstance(signal, FunctionInput):
-                signal.confirm()
             rows.append(np.array([signal(float(t)) for t in times]))
         else:
             rows.append(np.full(len(times), float(signal)))

@@ -37,7 +37,7 @@ def test_asked_once_for_each_time(method: str, share: float) -> None:
         4.0, inputs={"one.tau": gl.Table(np.linspace(0.0, 4.0, 4001), np.sin(3.0 * np.linspace(0.0, 4.0, 4001)), "cubic"),
                      "other.tau": 0.5}, **given)  # fmt: skip
     assert found["body.w"] == pytest.approx(expression["body.w"], abs=1e-5)
-    assert len(asked) <= share * found.stats["rhs"] + 12
+    assert len(asked) <= share * found.stats["rhs"] + 12 + 21  # and samples that are remembered with the run
 
 
 def test_two_functions_and_a_table() -> None:
