@@ -145,12 +145,13 @@ class Driver:
         stops, n_timed = _stops(problem.time_events, first, last)
         origin = late_start(first, last) if before is None else before.record.origin
         size = BLOCK * max(1, -(-n // BLOCK))
+        own = {"x": 2 * size if problem.implicit else size} | stepper.memory(size, n_roots)
         sizes = (
-            2 * size if problem.implicit else size, stepper.memory(size, n_roots), n, n_roots, problem.data.size, problem.index.size,
-            stops.size, n_timed, 0 if before is not None else times.size, problem.discrete.indices(problem.data.size)[:2],
+            n, n_roots, problem.data.size, problem.index.size, stops.size, n_timed, 0 if before is not None else times.size,
+            problem.discrete.indices(problem.data.size)[:2],
         )  # fmt: skip
-        key = stepper.Record, *sizes[:1], *sizes[1].values(), *sizes[2:]
-        words, relative, places = recent(problem.layouts, key, lambda: _layout(stepper.Record, *sizes), MOST_LAYOUTS)
+        key = stepper.Record, *own.values(), *sizes
+        words, relative, places = recent(problem.layouts, key, lambda: _layout(stepper.Record, own, *sizes), MOST_LAYOUTS)
         # one allocation: a call of numpy takes as long as several steps of a small model
         whole = np.empty(places["end"].stop)
         here = whole[: words.size].view(np.int64)
@@ -389,8 +390,8 @@ def address_of(array: NDArray[Any]) -> int:
 
 
 def _layout(
-    Record: type[DriveRecord], size: int, own: dict[str, int], n: int, n_roots: int, n_data: int, n_index: int, n_stops: int,
-    n_timed: int, n_times: int, discrete: tuple[int, int],
+    Record: type[DriveRecord], own: dict[str, int], n: int, n_roots: int, n_data: int, n_index: int, n_stops: int, n_timed: int,
+    n_times: int, discrete: tuple[int, int],
 ) -> tuple[Integers, Integers, dict[str, slice]]:  # fmt: skip
     """Layout of a driver's memory: a record, and the arrays that it points to.
 
@@ -406,7 +407,7 @@ def _layout(
     first, last = discrete
     n_discrete = max(last - first, 0)
     capacity = n_roots + (_EVENTS_AT_FIRST if n_roots or n_timed else 2)
-    lengths = {"x": size, **own, "fired": n_roots, "data": n_data, "index": n_index, "stops": n_stops}
+    lengths = {**own, "fired": n_roots, "data": n_data, "index": n_index, "stops": n_stops}
     if n_times:
         lengths |= dict(zip(LASTING, (n_times, n_times * n, n_times * n_discrete, capacity, capacity), strict=True))
     begin = at = BLOCK * -(-ctypes.sizeof(Record) // (8 * BLOCK))

@@ -101,3 +101,56 @@ def test_a_long_chain_with_an_input(n: int) -> None:
     error = np.abs(found - expected)
     assert error[:, :n:2].max() < 1e-11 * np.abs(expected[:, :n:2]).max()
     assert error[:, 1:n:2].max() < 1e-11 * np.abs(expected[:, 1:n:2]).max()
+
+
+ELLIPSES = {
+    "undamped": Ellipse(0.0, 1e-3, 2.0), "diffusion": Ellipse(-3.0, 3.0, 0.4), "lightly damped": Ellipse(-1.0, 1.0, 2.0),
+    "circle": Ellipse(-1.0, 1.0, 1.0), "growing": Ellipse(0.5, 0.7, 1.5),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-12])
+@pytest.mark.parametrize("h", [0.01, 1.0, 40.0])
+@pytest.mark.parametrize("kind", ELLIPSES)
+def test_a_series_is_the_exponential_on_the_ellipse(kind: str, h: float, tolerance: float) -> None:
+    """On its boundary and inside; no longer than the tolerance asks for. The polynomials are Chebyshev's, by their recurrence."""
+    e = ELLIPSES[kind].with_foci()
+    assert (e.centre, e.real) == (ELLIPSES[kind].centre, ELLIPSES[kind].real)
+    assert e.imaginary == (pytest.approx(math.hypot(1.0, 0.5)) if kind == "circle" else ELLIPSES[kind].imaginary)
+    turn = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 41))
+    z = e.centre + np.outer([0.3, 1.0], e.real * turn.real + 1j * e.imaginary * turn.imag).ravel()
+    focus = math.sqrt(abs(e.real**2 - e.imaginary**2))
+    sign, radius = (1.0 if e.imaginary > e.real else -1.0), (e.real + e.imaginary) / focus
+    x = (z - e.centre) / (focus * radius)
+    last, now = np.ones_like(x), x
+    c = e.series(h, tolerance)
+    total = c[0] + c[1] * now
+    for value in c[2:]:
+        last, now = now, 2.0 * x * now + sign / radius**2 * last
+        total = total + value * now
+    largest = math.exp(h * (e.centre + e.real))
+    allowed = max(tolerance, 1e-14 * largest)
+    assert np.abs(total - np.exp(h * z)).max() < 10.0 * allowed
+    assert len(c) == 2 or abs(c[-1]) > 0.2 * allowed
+
+
+@pytest.mark.parametrize("growth", [0.0, 3.0])
+@pytest.mark.parametrize(("h", "count"), [(0.002, 1), (0.002, 20), (0.02, 5), (2.0, 3)])
+def test_steps_shorter_and_longer_than_a_series(h: float, count: int, growth: float) -> None:
+    """Up to eight output steps share a series, the last ones fewer; a long step takes several."""
+    A = chain(9) + growth * np.eye(9)
+    z = np.where(np.arange(9) % 2, 400.0, 1.0)
+    found = prepare(triplets(A), np.arange(9), span=1.0).advance(z, h, count, 1e-12)
+    expected = np.array([expm((k + 1) * h * A) @ z for k in range(count)])
+    size = np.abs(expected).max(axis=0)
+    assert (np.abs(found - expected) / size).max() < 1e-9
+
+
+def test_what_a_matrix_costs_grows_with_its_work() -> None:
+    """Estimated: as the number of steps, with their length beyond that of a series, and with the number of nonzeros."""
+    small, large = (prepare(triplets(chain(n)), np.arange(n), span=1.0) for n in (59, 599))
+    several = [small.seconds(0.1, count, 1e-9) - 1e-4 for count in (100, 200)]
+    assert several[1] == pytest.approx(2.0 * several[0], rel=0.05)
+    longer = [small.seconds(h, 10, 1e-9) - 1e-4 for h in (1.0, 4.0)]
+    assert longer[1] == pytest.approx(4.0 * longer[0], rel=0.1)
+    assert 2.0 < (large.seconds(0.1, 100, 1e-9) - 1e-4) / several[0] < 10.0
