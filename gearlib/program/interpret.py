@@ -215,36 +215,19 @@ def _inverse(structure: Structure, n: int, places: Integers, entries: Floats) ->
 
 
 def _inverted(n: int, places: Integers, entries: Floats) -> Floats | None:
-    matrix = np.asarray(np.bincount(places, entries, n * n), float).reshape(n, n)
-    row_scale = np.abs(matrix).max(axis=1)
-    if not row_scale.all():
-        return None
-    matrix /= row_scale[:, None]
-    column_scale = np.abs(matrix).max(axis=0)
-    if not column_scale.all():
-        return None
-    matrix /= column_scale
-    try:
-        inverse: Floats = np.linalg.inv(matrix)
-    except np.linalg.LinAlgError:
-        return None
-    one, other = (np.abs(m).sum(axis=0).max() for m in (matrix, inverse))
-    if not one * other < 1 / SINGULAR:
-        return None
-    inverse /= column_scale[:, None]
-    inverse /= row_scale
-    return inverse
+    inverses, good = _inverses(np.bincount(places, entries, n * n).reshape(1, n, n))
+    return inverses[0] if good[0] else None
 
 
 def _inverses(matrices: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """`_inverse` of many matrices, (runs, n, n), and which of them are regular; of the others there is no inverse."""
+    """Inverses of many matrices, (runs, n, n), and which of them are regular; of the others there is no inverse."""
     good: NDArray[np.bool_] = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
     matrices = np.where(good[:, None, None], matrices, 1.0)
-    rows, columns = (np.abs(matrices).max(axis=axis) for axis in (2, 1))
+    rows = np.abs(matrices).max(axis=2)
+    matrices = np.asarray(matrices / np.where(rows > 0.0, rows, 1.0)[:, :, None], float)
+    columns = np.abs(matrices).max(axis=1)
     good &= rows.all(axis=1) & columns.all(axis=1)
-    rows = np.where(good[:, None], rows, 1.0)
-    matrices = np.asarray(matrices / rows[:, :, None], float)
-    columns = np.where(good[:, None], np.abs(matrices).max(axis=1), 1.0)
+    rows, columns = (np.where(good[:, None], scale, 1.0) for scale in (rows, columns))
     matrices = np.asarray(np.where(good[:, None, None], matrices / columns[:, None, :], np.eye(matrices.shape[1])), float)
     try:
         inverses = np.asarray(np.linalg.inv(matrices), float)
