@@ -107,10 +107,10 @@ def _block_changed(step: Solved, at: At, along: Direction, numbers: Floats, chan
     n = len(block.unknowns)
     given = np.zeros(((len(block.known) if isinstance(block, Linear) and not step.implicit else n) * width, directions))
     given[step.sums.to] = _sums_changed(step.sums, at, along, numbers, changes)
-    right = given.reshape(-1, width, directions)
+    right = known = given.reshape(-1, width, directions)
     if isinstance(block, Linear) and not step.implicit:
         right = np.zeros((n, width, directions))
-        np.add.at(right, block.known_rows, given.reshape(-1, width, directions))
+        np.add.at(right, block.known_rows, known)
     entries = block.jacobian if isinstance(block, Newton) else block.matrix
     before = None
     for batch in entries:

@@ -113,14 +113,14 @@ def explained(model: FlatModel, balance: Imbalance) -> str:
 def _given_twice(model: FlatModel, balance: Imbalance) -> list[str]:
     """Inputs, bound or given from outside, that an equation of their own or of an enclosing component would have to determine."""
     excess = [e for e in balance.excess_equations if _owner(model, e) is not None]
-    bound = {v for e in excess if _template(model, e).binds for v, _ in model.nodes(e, 0)}
+    bound = {v for e in excess if _template(model, e).binds for v, _ in model.rows[e]}
     text: dict[str, None] = {}
     for e in excess:
         owner, template = _owner(model, e), _template(model, e)
         if owner is None or template.binds:
             continue
         label = template.label
-        here = {v for v, _ in model.nodes(e, 0)}
+        here = {v for v, _ in model.rows[e]}
         for v in sorted(here & {*bound, *model.inputs.tolist()}):
             for same in np.flatnonzero(model.representative == v).tolist():
                 if not isinstance(model.declaration(same), Input):
@@ -156,7 +156,7 @@ def _loose_ends(model: FlatModel, balance: Imbalance, guess: bool) -> Iterator[s
             loose.setdefault(number, []).append(connector)
     open_ = set(balance.undetermined)
     text: dict[str, str] = {}  # by connector
-    used = {v for e in range(len(model.places)) for v, _ in model.nodes(e, 0)}
+    used = {v for row in model.rows for v, _ in row}
     for v in balance.undetermined:  # potentials that occur in no equation
         if len(text) < MOST_NAMED and model.potential[v] and v not in used:
             alike = [model.name(int(same)) for same in np.flatnonzero(model.representative == v)]
@@ -199,7 +199,7 @@ def _massless(model: FlatModel, e: int, loose: dict[int, list[str]]) -> bool:
     if not connectors or any(order for _, order in group.template.columns):
         return False
     if group.template.binds:
-        return {v for v, _ in model.nodes(e, 0)} <= set(model.inputs.tolist())
+        return {v for v, _ in model.rows[e]} <= set(model.inputs.tolist())
     instance = model.instances[int(group.owners[i])]
     flows = {
         f"{c}.{n}" for c in connectors for n, v in instance.declared.connectors[c].variables.items() if isinstance(v, Flow)

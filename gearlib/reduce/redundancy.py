@@ -48,7 +48,7 @@ def redundant_rows(model: FlatModel, parameters: Floats, known: Floats) -> dict[
     for found in contradictory:
         alone = [r for r in found.rows if len(coefficients[r]) == 1]
         if len(alone) > 1:
-            variables = dict.fromkeys(model.name(v) for r in alone for v, _ in model.nodes(candidates[r], 0))
+            variables = dict.fromkeys(model.name(v) for r in alone for v, _ in model.rows[candidates[r]])
             raise BalanceError(
                 f"the model is not balanced. over-determined: held twice by {listed(model, [candidates[r] for r in alone])}. "
                 f"The variables: {'; '.join(variables)}. Remove one of them, or make a connection between them elastic"
@@ -194,11 +194,11 @@ def _definitions(model: FlatModel) -> frozenset[int]:
     plain = ~(model.flow | model.potential)
     plain[model.inputs] = False
     count: dict[int, int] = {}
-    for e in range(len(model.places)):
-        for v in {v for v, _ in model.nodes(e, 0)}:
+    for row in model.rows:
+        for v in {v for v, _ in row}:
             count[v] = count.get(v, 0) + 1
     return frozenset(
-        e for e in range(len(model.places)) if any(order == 0 and count[v] == 1 and plain[v] for v, order in model.nodes(e, 0))
+        e for e, row in enumerate(model.rows) if any(order == 0 and count[v] == 1 and plain[v] for v, order in row)
     )
 
 

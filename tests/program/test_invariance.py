@@ -51,6 +51,16 @@ KNOWN: dict[str, tuple[Any, Any, list[list[float]]]] = {
         lambda s: [gl.Eq(s.y - s.z, s.a), gl.Eq(gl.sin(s.y) + s.p * s.y + s.z, s.b)],
         [[1, -1, 0]],
     ),
+    "two blocks": (
+        lambda s: (s.y, s.z, 0),
+        lambda s: [gl.Eq(s.y**3 + s.p * s.y, s.a - s.b), gl.Eq(s.z**3 + s.p * s.z, s.b - s.c)],
+        [[1, 1, 1]],
+    ),
+    "block of two": (
+        lambda s: (s.y, 0, 0),
+        lambda s: [gl.Eq(s.y**3 + s.z, s.a - s.p * s.b), gl.Eq(s.z**3 - s.y, s.b - s.c)],
+        [[P, 1, 1]],
+    ),
     "linear and not": (lambda s: (gl.sin(s.a - s.b) + s.p * (s.a - s.c), 0, 0), lambda s: [], [[1, 1, 1]]),
     "block that is linear and not": (
         lambda s: (s.y - s.a, 0, s.c - s.b),

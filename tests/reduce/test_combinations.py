@@ -134,6 +134,21 @@ class Pushed(gl.Component):
         ]
 
 
+class Leaking(gl.Component):
+    """A planetary set that loses a share of the sun's torque from the carrier's."""
+
+    ratio, share = gl.Parameter("1", "of the set"), gl.Parameter("1", "lost", default=0.0)
+    sun, carrier, ring = gp.Flange("sun"), gp.Flange("carrier"), gp.Flange("ring")
+
+    def equations(self) -> list[Any]:
+        sun, carrier, ring = self.sun, self.carrier, self.ring
+        return [
+            gl.Eq(carrier.phi * (1 + self.ratio), self.ratio * ring.phi + sun.phi),
+            gl.Eq(ring.tau, self.ratio * sun.tau),
+            gl.Eq(carrier.tau, -(1 + self.ratio - self.share) * sun.tau),
+        ]
+
+
 class Counting(Pushed):
     """Torques while a clock is beyond a limit, which its passing raises at once: so there are none."""
 
@@ -329,3 +344,19 @@ def test_a_row_without_coefficients_and_a_column_without() -> None:
     assert dependent_rows(np.array([[1.0, 1.0], [0.0, 0.0]])) == [], "nothing is left of such an equation"
     assert [w.tolist() for w in dependent_rows(np.array([[1.0, 0.0], [2.0, 0.0]]))] == [[1.0, -0.5]]
     assert [w.tolist() for w in dependent_rows(np.array([[3.0, 0.0], [1.0, 0.0]]))] == [[1.0, -3.0]]
+
+
+def test_what_cancels_is_found_again_for_a_share_that_was_zero() -> None:
+    """The springs meet at the angle q, where 22 (a - q) is 10 (q - b) less the share of what the set passes on."""
+    system = gl.compile(Block(planetary=Leaking), ["a.w", "b.w"])
+    with pytest.raises(ArgumentError, match=r"^p\.share is 0, and that decided which equation determines what"):
+        system.simulate(2.0, samples=2, sensitivities=["p.share"])
+    for share in (0.5, 0.0):
+
+        def rates(t: float, x: Any, passed: float = 1.0 - share / 4.0) -> Any:
+            q = (22 * x[0] + passed * 10 * x[2]) / (22 + passed * 10)
+            return [x[1], (3.0 - 22 * (x[0] - q)) / 2.0, x[3], 10 * (q - x[2])]
+
+        found = solve_ivp(rates, (0.0, 2.0), [0.0, 1.0, 0.0, 0.0], method="DOP853", rtol=1e-10, atol=1e-12)
+        result = system.simulate(2.0, samples=2, rtol=1e-9, parameters={"p.share": share}, method="ida")
+        assert [result["a.w"][-1], result["b.w"][-1]] == pytest.approx(found.y[[1, 3], -1], rel=1e-6), share
