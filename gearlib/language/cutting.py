@@ -6,7 +6,7 @@ connected there. At each end one of the two quantities is prescribed, as an inpu
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal, get_args
@@ -17,7 +17,6 @@ from gearlib.arguments import shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.language.component import (
     Component,
-    Connection,
     Port,
     changed,
     connect,
@@ -124,7 +123,8 @@ def open_connections(whole: Component, cuts: tuple[Cut, ...]) -> None:
         if not others:
             raise ArgumentError(f"cut: {place.part}.{place.connector} is connected to nothing, so that there is nothing to cut")
         for composite in enclosing(port.component):
-            reconnect(composite, _without(connections_of(composite), port))
+            kept = [c for c in connections_of(composite) if port not in c.ports]  # an end joins the others again
+            reconnect(composite, kept)
     for (place, port), others in zip(opened, joined, strict=True):
         parent = next(enclosing(port.component))
         name = f"{name_of(port.component)}_{place.connector}".replace("[", "_").replace("]", "")
@@ -141,18 +141,6 @@ def _joined_to(port: Port) -> list[Port]:
     """Ports connected to a port outside its part."""
     links = (c.ports for composite in enclosing(port.component) for c in connections_of(composite) if port in c.ports)
     return list(dict.fromkeys(other for link in links for other in link if other != port))
-
-
-def _without(connections: Iterable[Connection], port: Port) -> list[Connection]:
-    """The connections with a port removed from them."""
-    kept = []
-    for connection in connections:
-        left = [other for other in connection.ports if other != port]
-        if len(left) == len(connection.ports):
-            kept.append(connection)
-        elif len(left) > 1:
-            kept.append(connect(*left))
-    return kept
 
 
 def _answers_to_flows(whole: Component, side: list[Port]) -> bool:

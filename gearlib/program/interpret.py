@@ -215,7 +215,7 @@ def _inverse(structure: Structure, n: int, places: Integers, entries: Floats) ->
 
 
 def _inverted(n: int, places: Integers, entries: Floats) -> Floats | None:
-    inverses, good = _inverses(np.bincount(places, entries, n * n).reshape(1, n, n))
+    inverses, good = _inverses(np.asarray(np.bincount(places, entries, n * n), float).reshape(1, n, n))
     return inverses[0] if good[0] else None
 
 
