@@ -223,6 +223,7 @@ def test_tangents(kind: str) -> None:
         right = np.eye(len(step.step.unknowns))[:, equations]
         inverses.append(block_solve(p.numbers, step.block, right)[step.rows].ravel())
     numbers = [(at, weights.ravel()[order]), (at + len(order), np.concatenate(inverses))]
+    assert end >= sum(map(len, (order, *inverses)), at), "they lie before what other functions keep"
     x = np.concatenate([own.states, tangents.ravel()])
     found = own("rhs", ["x", "dx", "data", "index"], body, layout, x, len(x), end, numbers)
     close(found[:n], p.slots[outputs, which])
