@@ -500,7 +500,7 @@ class System(Compiled):
             and parameters. Unbound inputs are 0 in the first three; for a steady state under other inputs, use a run with
             ``simulate(start="steady", inputs=...)``.
         parameters : mapping, optional
-            Values by path.
+            Values by path; for a moment of a run, beside its own or in their place.
         sparse : bool
             Whether to return a `LinearModel` instead, with sparse matrices where dense ones would be large.
 

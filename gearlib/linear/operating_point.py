@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import is_real, shown
+from gearlib.arguments import by_name, is_real, shown
 from gearlib.errors import ArgumentError
 from gearlib.program.interpret import Prepared, evaluate
 from gearlib.program.program import Program
@@ -94,14 +94,13 @@ def operating_point(
 def _moment(
     translation: Translation, states: tuple[Node, ...], result: SimulatedResult, t: Any, parameters: Mapping[str, float] | None
 ) -> tuple[Scene, Floats, Point]:
-    """A moment of a run, with the run's inputs and, unless others are given, its parameters."""
+    """A moment of a run, with the run's inputs, and its parameters where no others are given."""
     if result.scene.structure is not translation.structure:
         raise ArgumentError(f"at names a run of another system than {translation.name}; simulate this one")
     if not is_real(t) or not result.time[0] <= t <= result.time[-1]:
         raise ArgumentError(f"at names the time {shown(t)}; the run goes from {result.time[0]:g} to {result.time[-1]:g} s")
     t = float(t)
-    numbers = result.request.parameters if parameters is None else translation.parameter_values(parameters)
-    given = result.request.given if parameters is None else parameters
+    numbers, given = parameters_at(translation, (result, t), parameters), {*result.request.given, *(parameters or ())}
     scene = translation.scene_of(states)
     result = result.with_sample(t)
     sample = int(np.searchsorted(result.time, t))
@@ -143,7 +142,11 @@ def fitting(translation: Translation, at: Any = None, parameters: Mapping[str, f
 
 
 def parameters_at(translation: Translation, at: Any = None, parameters: Mapping[str, float] | None = None) -> Floats:
-    """The values of all parameters: by the ones given, or those of the run in ``at``."""
-    if parameters is None and isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], SimulatedResult):
-        return at[0].request.parameters
+    """The values of all parameters: by the ones given, beside those of the run in ``at`` or in their place."""
+    if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], SimulatedResult):
+        run, index = at[0].request, at[0].translation.model.parameters.index
+        if parameters is None:
+            return run.parameters
+        others = by_name("parameters", parameters, "a mapping of paths to numbers", "load.J")
+        parameters = {name: float(run.parameters[index[name]]) for name in run.given} | others
     return translation.parameter_values(parameters)

@@ -210,7 +210,8 @@ def test_run_from_the_steady_state_under_an_unbound_input(gap_drive: gl.System, 
 
 
 def test_moment_of_a_run_has_its_inputs_and_parameters(gap_drive: gl.System) -> None:
-    """In the gap the mesh has neither stiffness nor damping; later it has. The rotor is that of the run unless another is given."""
+    """In the gap the mesh has neither stiffness nor damping; later it has. The rotor is that of the run unless another is given,
+    also beside other parameters, as in sweeps."""
     run = gap_drive.simulate(
         t_end=2.0, samples=2001, inputs={"torque.tau": 8.0}, parameters={"rotor.J": 0.8}, start={"rotor.w": 0.0}
     )
@@ -218,8 +219,16 @@ def test_moment_of_a_run_has_its_inputs_and_parameters(gap_drive: gl.System) -> 
     w = run["rotor.w"]
     assert before == pytest.approx(by_hand(0.0, 0.0, -8 * w[1] / 100, 0.8), abs=1e-9)
     assert after == pytest.approx(by_hand(1e4, 3.0, -8 * w[-1] / 100, 0.8), rel=1e-9)
-    other = np.array(gap_drive.linearize(["torque.tau"], at=(run, 2.0), parameters={}).A)
-    assert other == pytest.approx(by_hand(1e4, 3.0, -8 * w[-1] / 100), rel=1e-9)
+    for given, right in (
+        ({}, by_hand(1e4, 3.0, -8 * w[-1] / 100, 0.8)), ({"rotor.J": 0.5}, by_hand(1e4, 3.0, -8 * w[-1] / 100)),
+        ({"mesh.c": 2e4}, by_hand(2e4, 3.0, -8 * w[-1] / 100, 0.8)),
+    ):  # fmt: skip
+        assert np.array(gap_drive.linearize(["torque.tau"], at=(run, 2.0), parameters=given).A) == pytest.approx(
+            right, rel=1e-9
+        )
+    swept = gl.sweep(gl.modes, gap_drive, {"mesh.c": [2e4]}, at=(run, 2.0))
+    right = np.linalg.eigvals(by_hand(2e4, 3.0, -8 * w[-1] / 100, 0.8))
+    assert np.abs(swept["eigenvalues"][0].imag) == pytest.approx(right.imag[right.imag > 0], rel=1e-9)
     with pytest.raises(gl.GearlibError, match="a run of another system than Fan"):
         gl.compile(Fan()).linearize(["torque.tau"], at=(run, 0.0))
     for outside in (-0.1, 2.1):
