@@ -243,7 +243,7 @@ def _followed(runs: Sequence[Modes]) -> NDArray[np.int64]:
     """Indices of the modes at each speed, with each tracked mode in its own column; -1 where it has none."""
     free = np.array([[run.free] for run in runs])
     some = [i for i, run in enumerate(runs) if len(run) > run.free]
-    found = branches(zip(some, [-1, *some[:-1]], strict=True), _shapes(runs), [run.frequencies[run.free :] for run in runs])
+    found = branches(zip(some, [-1, *some], strict=False), _shapes(runs), [run.frequencies[run.free :] for run in runs])
     return np.where(found < 0, -1, found + free)
 
 
