@@ -44,12 +44,16 @@ from tests.trains import chain, paper  # noqa: E402, F401  (fixtures of several 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """What is collected lasts as long as the run: a million objects, in which no garbage is looked for again and again."""
+    """What is collected lasts as long as the run: a million objects, in which no garbage is looked for again and again.
+
+    Nor is it looked for in what tests make after every 700 objects: that would take a fortieth of the run.
+    """
     gc.disable()
     try:
         return (yield)
     finally:
         gc.freeze()
+        gc.set_threshold(20_000, 10, 10)
         gc.enable()
 
 

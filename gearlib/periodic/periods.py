@@ -156,11 +156,11 @@ def _crossing(values: Floats, changed: Integers, k: int) -> tuple[float, int]:
         return 0.5, int(changed[0])
     rough = np.abs(around @ np.array([1.0, -3.0, 3.0, -1.0]))[crosses] / rise[crosses]
     i = int(crosses[np.argmin(rough)])  # the smoothest of those that switch simultaneously
-    cubic = np.linalg.solve(np.vander([-1.0, 0.0, 1.0, 2.0]), around[i])
+    a, b, c, d = np.linalg.solve(np.vander([-1.0, 0.0, 1.0, 2.0]), around[i]).tolist()
     low, high = 0.0, 1.0
     share = float(around[i, 1] / (around[i, 1] - around[i, 2]))
     for _ in range(40):
-        value, slope = float(np.polyval(cubic, share)), float(np.polyval(np.polyder(cubic), share))
+        value, slope = ((a * share + b) * share + c) * share + d, (3 * a * share + 2 * b) * share + c
         low, high = (share, high) if value * around[i, 2] < 0 else (low, share)
         new = share - value / slope if slope else 0.5 * (low + high)
         new = new if low <= new <= high else 0.5 * (low + high)
