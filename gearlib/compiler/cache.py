@@ -25,6 +25,10 @@ from weakref import finalize
 from gearlib.compiler.ownership import is_own, make_private, read_own, why_foreign
 from gearlib.progress import notice
 
+try:
+    VERSION = metadata.version("gearlib")
+except metadata.PackageNotFoundError:  # run from a source tree
+    VERSION = "source"
 LARGEST = 512 * 2**20  # bytes; the least recently used files are evicted first
 FORMAT = "4"
 ONE_IN = 16  # object files are small, so the total size is summed (some 20 us per file) for one in this many only
@@ -49,13 +53,6 @@ if sys.platform != "win32":  # a child forked while another thread compiles woul
     os.register_at_fork(before=COMPILING.acquire, after_in_parent=COMPILING.release, after_in_child=_after_fork)
 
 
-def _version() -> str:
-    try:
-        return metadata.version("gearlib")
-    except metadata.PackageNotFoundError:  # run from a source tree
-        return "source"
-
-
 def folder() -> Path:
     """Cache folder of this version, created if it does not exist."""
     chosen = os.environ.get("GEARLIB_CACHE")
@@ -63,7 +60,7 @@ def folder() -> Path:
         from platformdirs import user_cache_dir
 
         chosen = user_cache_dir("gearlib", appauthor=False)
-    path = Path(chosen) / f"{_version()}-{FORMAT}-py{sys.version_info.major}.{sys.version_info.minor}"
+    path = Path(chosen) / f"{VERSION}-{FORMAT}-py{sys.version_info.major}.{sys.version_info.minor}"
     with suppress(OSError, RuntimeError):  # a cycle of symbolic links is a RuntimeError
         make_private(path)
         path = path.resolve()

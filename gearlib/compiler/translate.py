@@ -674,5 +674,7 @@ def _parts(kind: str) -> list[str]:
 
 
 def _continues(body: Sequence[ast.stmt]) -> bool:
-    """Whether the body has a ``continue`` of its own loop."""
-    return any(isinstance(node, ast.Continue) for statement in body for node in ast.walk(statement))
+    """Whether the body has a ``continue``, at any depth of its statements."""
+    return any(
+        isinstance(s, ast.Continue) or _continues([*getattr(s, "body", ()), *getattr(s, "orelse", ())]) for s in body
+    )
