@@ -675,6 +675,4 @@ def _parts(kind: str) -> list[str]:
 
 def _continues(body: Sequence[ast.stmt]) -> bool:
     """Whether the body has a ``continue``, at any depth of its statements."""
-    return any(
-        isinstance(s, ast.Continue) or _continues([*getattr(s, "body", ()), *getattr(s, "orelse", ())]) for s in body
-    )
+    return any(isinstance(s, ast.Continue) or _continues([*getattr(s, "body", ()), *getattr(s, "orelse", ())]) for s in body)

@@ -157,7 +157,7 @@ def test_versions_are_kept_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     assert first.name.endswith(f"py{sys.version_info.major}.{sys.version_info.minor}")
     monkeypatch.setattr(cache, "FORMAT", "next")
     second = cache.folder()
-    monkeypatch.setattr(cache, "_version", lambda: "9.9")
+    monkeypatch.setattr(cache, "VERSION", "9.9")
     assert len({first, second, cache.folder()}) == 3
 
 

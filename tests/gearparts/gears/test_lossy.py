@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -109,10 +110,16 @@ def demo(bearing: Callable[[float], float]) -> TwoBodies:
     )
 
 
+@cache
+def demo_2() -> Any:
+    """Times, angle and speed by hand."""
+    times = np.linspace(0.0, 0.5, 201)
+    return times, *demo(lambda w: 0.5 + 0.5 * w).integrate(0.0, times, [])
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_lossy_gear_demo_2(method: str) -> None:
-    times = np.linspace(0.0, 0.5, 201)
-    phi, w = demo(lambda w: 0.5 + 0.5 * w).integrate(0.0, times, [])
+    times, phi, w = demo_2()
     expected = {"Inertia1.w": w, "Inertia1.phi": phi, "Inertia2.w": w / 2, "Inertia2.phi": phi / 2}
     assert (np.abs(w) < 1e-12).sum() > 50  # stuck for long: two elements share the torque
     result = run(msl.LossyGearDemo2(), [*expected, "gear.mode", "bearingFriction.mode"], times, method)
@@ -121,14 +128,20 @@ def test_lossy_gear_demo_2(method: str) -> None:
         assert (result[name] == np.sign(w))[np.abs(w) > 1e-6].all()
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_lossy_gear_demo_3(method: str) -> None:
-    # at the border between both sides driving, T = 0.5 N.m: it comes to rest after 20 ms, and 1 N.m at the load does not move it
+@cache
+def demo_3() -> Any:
+    """Times, angle and speed by hand."""
     times = np.linspace(0.0, 1.0, 201)
     by_hand = TwoBodies(
         1e-3, 1e-3, 1.0, (0.25, 0.25, 0.625, 2.5), lambda t: 0.0, lambda t: 1.0 if t >= 0.5 else 0.0, lambda w: 0.0
     )
-    phi, w = by_hand.integrate(10.0, times, [0.5])
+    return times, *by_hand.integrate(10.0, times, [0.5])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_lossy_gear_demo_3(method: str) -> None:
+    # at the border between both sides driving, T = 0.5 N.m: it comes to rest after 20 ms, and 1 N.m at the load does not move it
+    times, phi, w = demo_3()
     assert w == pytest.approx(np.maximum(10 - 500 * times, 0.0), abs=1e-9)
     result = run(msl.LossyGearDemo3(), ["Inertia1.w", "Inertia2.w", "Inertia2.phi", "gear.mode"], times, method)
     agree(result, {"Inertia1.w": w, "Inertia2.w": w, "Inertia2.phi": phi}, 1e-8)
@@ -194,14 +207,18 @@ class Driven(gl.Component):
 ROW = (0.0, 0.9, 0.8, 0.3, 0.5)
 
 
+@cache
+def driven() -> gl.System:
+    return gl.compile(Driven(loss_table=(ROW,)), outputs=["gear.w_a", "metal.T", "gear.flange_a.tau", "gear.tau_loss"])
+
+
 @pytest.mark.parametrize(("tau_a", "tau_b"), [(8.0, -3.0), (-4.0, 9.0), (-8.0, 3.0), (4.0, -30.0)])
 @pytest.mark.parametrize("w0", [30.0, -30.0])
 @pytest.mark.parametrize("ratio", [3.0, -2.0])
 def test_all_quadrants(tau_a: float, tau_b: float, w0: float, ratio: float) -> None:
-    system = gl.compile(Driven(loss_table=(ROW,)), outputs=["gear.w_a", "metal.T", "gear.flange_a.tau", "gear.tau_loss"])
     values = {"tau_a": tau_a, "tau_b": tau_b, "w0": w0, "ratio": ratio}
     times = np.linspace(0.0, 2.0, 101)
-    result = system.simulate(2.0, times=times, method="rk", rtol=1e-9, parameters=values)
+    result = driven().simulate(2.0, times=times, method="rk", rtol=1e-9, parameters=values)
     by_hand = TwoBodies(0.1, 0.5, ratio, ROW[1:], lambda t: tau_a, lambda t: tau_b, lambda w: 0.0)
     phi, w = by_hand.integrate(w0, times, [])
     agree(result, {"gear.w_a": w}, 1e-7)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -68,30 +69,39 @@ def clutch(bodies: int, at: int, level: Any, peak: float) -> Element:
     return Element(speed, lambda t, v: level(t), lambda t: peak * level(t))
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_coupled_clutches(method: str) -> None:
+LEVELS = (
+    lambda t: 10 * max(math.cos(0.4 * math.pi * t), 0.0), lambda t: 10.0 if t >= 0.4 else 0.0, lambda t: 10.0 if t >= 0.9 else 0.0,
+)  # fmt: skip
+
+
+@cache
+def coupled_by_hand() -> Any:
+    """Times, angles, speeds and modes of the clutches."""
     times = np.linspace(0.0, 1.5, 151)
-    levels = [
-        lambda t: 10 * max(math.cos(0.4 * math.pi * t), 0.0),
-        lambda t: 10.0 if t >= 0.4 else 0.0,
-        lambda t: 10.0 if t >= 0.9 else 0.0,
-    ]
     by_hand = Bodies(
         np.ones(4), lambda t: np.array([10 * math.sin(10 * math.pi * t), 0, 0, 0]),
-        [clutch(4, i, level, 1.1) for i, level in enumerate(levels)],
+        [clutch(4, i, level, 1.1) for i, level in enumerate(LEVELS)],
     )  # fmt: skip
-    phi, w, modes = by_hand.integrate(np.array([10.0, 0, 0, 0]), times, [0.4, 0.9, 1.25])
+    return times, *by_hand.integrate(np.array([10.0, 0, 0, 0]), times, [0.4, 0.9, 1.25])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_coupled_clutches(method: str) -> None:
+    times, phi, w, modes = coupled_by_hand()
     expected = {f"J{i + 1}.w": w[i] for i in range(4)} | {f"J{i + 1}.phi": phi[i] for i in range(4)}
     expected |= {f"clutch{i + 1}.w_rel": w[i + 1] - w[i] for i in range(3)}
     expected |= {f"clutch{i + 1}.phi_rel": phi[i + 1] - phi[i] for i in range(3)}
-    free = [[level(t + 1e-9) <= 0 for t in times] for level in levels]
+    free = [[level(t + 1e-9) <= 0 for t in times] for level in LEVELS]
     signals = {f"clutch{i + 1}.mode": np.where(free[i], 2, modes[i]) for i in range(3)}
     result = run(msl.CoupledClutches(), [*expected, *signals], times, method)
     agree(result, expected, 1e-7)
     modes_agree(result, signals)
 
 
-def one_way_by_hand(load: float, f: float, offset: float, force: Any, times: np.ndarray, stops: list[float]) -> Any:
+@cache
+def one_way_by_hand(load: float, f: float, offset: float, force: Any, stops: tuple[float, ...]) -> Any:
+    """Angles, speeds and modes, at 201 times up to 2 s."""
+    times = np.linspace(0.0, 2.0, 201)
     small = 1e-4 * 0.5 * 3.0
     element = Element(
         np.array([-1.0, 1.0]),
@@ -101,14 +111,21 @@ def one_way_by_hand(load: float, f: float, offset: float, force: Any, times: np.
     )
     return Bodies(
         np.ones(2), lambda t: np.array([offset + 10 * math.sin(2 * math.pi * f * t), load]), [element]
-    ).integrate(np.array([-0.5, 0.0]), times, stops)  # fmt: skip
+    ).integrate(np.array([-0.5, 0.0]), times, list(stops))  # fmt: skip
+
+
+def pressed(t: float) -> float:
+    return 1.0 if 0.3 <= t < 0.95 or t >= 1.6 else 0.0
+
+
+def released(t: float) -> float:
+    return 0.0
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_one_way_clutch(method: str) -> None:
     times = np.linspace(0.0, 2.0, 201)
-    on = lambda t: 1.0 if 0.3 <= t < 0.95 or t >= 1.6 else 0.0  # noqa: E731
-    phi, w, modes = one_way_by_hand(0.0, 3.0, 0.0, on, times, [0.3, 0.95, 1.6])
+    phi, w, modes = one_way_by_hand(0.0, 3.0, 0.0, pressed, (0.3, 0.95, 1.6))
     expected = {"inertiaIn.w": w[0], "inertiaOut.w": w[1], "inertiaIn.phi": phi[0], "inertiaOut.phi": phi[1]}
     expected |= {"oneWayClutch.w_rel": w[1] - w[0], "oneWayClutch.phi_rel": phi[1] - phi[0]}
     result = run(msl.OneWayClutch(), [*expected, "oneWayClutch.stuck", "oneWayClutch.loss_power"], times, method)
@@ -124,7 +141,7 @@ def test_one_way_clutch(method: str) -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_one_way_clutch_disengaged(method: str) -> None:
     times = np.linspace(0.0, 2.0, 201)
-    phi, w, _ = one_way_by_hand(-0.3, 2.0, 0.3, lambda t: 0.0, times, [])
+    phi, w, _ = one_way_by_hand(-0.3, 2.0, 0.3, released, ())
     expected = {"inertiaIn.w": w[0], "inertiaOut.w": w[1], "inertiaIn.phi": phi[0], "inertiaOut.phi": phi[1]}
     expected |= {"oneWayClutch.w_rel": w[1] - w[0], "oneWayClutch.phi_rel": phi[1] - phi[0]}
     agree(run(msl.OneWayClutchDisengaged(), [*expected], times, method), expected, 1e-6)
@@ -434,12 +451,17 @@ class Prescribed(gl.Component):
         return [gl.connect(self.m.flange, self.g.flange_a), gl.connect(self.g.flange_b, self.j.flange_a)]
 
 
+@cache
+def prescribed(kind: str, a: Any) -> gl.System:
+    return gl.compile(Prescribed(kind=kind, a=a))
+
+
 @pytest.mark.parametrize("method", ["rk", "ida"])
 @pytest.mark.parametrize("kind", ["bearing", "brake", "gear"])
 @pytest.mark.parametrize(("a", "w0"), [(STARTS[0], 0.0), (STARTS[1], 0.0), (-10.0, 0.0), (-10.0, 3.0), (8.0, -2.0)])
 def test_friction_on_a_motion_that_starts_from_rest_or_passes_through_it(kind: str, method: str, a: Any, w0: float) -> None:
     """The shaft slides as soon as it moves, and has no friction torque while it is held at rest."""
-    result = gl.simulate(Prescribed(kind=kind, a=a, w0=w0), 1.0, samples=24, method=method, rtol=1e-9)
+    result = prescribed(kind, a).simulate(1.0, samples=24, method=method, rtol=1e-9, parameters={"w0": w0})
     t = result.time
     rate = np.where(t < 0.2, 0.0, 10.0) if a is STARTS[0] else np.full_like(t, a)
     w = 10.0 * np.maximum(t - 0.2, 0.0) if a is STARTS[0] else w0 + a * t
@@ -575,6 +597,7 @@ class FrictionOnPositions(gl.Component):
         ]
 
 
+@cache
 def by_hand_from_stop_to_stop(t_end: float) -> float:
     """Speed of the body that the torque drives, J = 1: exact between its stops."""
 
