@@ -196,7 +196,7 @@ def test_trajectory_of_the_bond_graph_and_power_at_every_junction_and_transforme
     inputs = dict.fromkeys(("Sf_8", "Sf_32", "Sf_72"), lambda t: float(zc.transmission_error_rate(t)))
     numbers = by_name(bond_graph(), params)
     f = run.bind(numbers, {"Se_1": 100.0, **inputs}, rates=dict.fromkeys(inputs, lambda t: 0.0))
-    solution = solve_ivp(f, (0, 0.3), np.zeros(8), "Radau", times, rtol=1e-9, atol=1e-15)
+    solution = solve_ivp(f, (0, 0.3), np.zeros(8), "DOP853", times, rtol=1e-9, atol=1e-15)
     expected = exact_motion(*params.matrices, times, 100.0)
     found = solution.y[places()].T
     assert np.all(np.abs(found - expected).max(axis=0) <= 1e-7 * np.abs(expected).max(axis=0))
