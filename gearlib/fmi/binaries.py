@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import subprocess
@@ -12,6 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from gearlib.compiler.cache import COMPILING, cached_bytes
 from gearlib.compiler.instructions import Unsupported
 from gearlib.compiler.native_module import native_digest, native_text
 from gearlib.compiler.platforms import PLATFORMS, Platform, object_code_for, own_platform
@@ -19,13 +21,13 @@ from gearlib.compiler.translate import intermediate
 from gearlib.errors import ArgumentError, MissingPackageError
 from gearlib.solvers.rungekutta.loop import MODULES
 
-HERE = Path(__file__).parent
+WRAPPER = Path(__file__).parent / "wrapper"
 DRIVE = "gearlib.solvers.drive.drive_loop"
 EXTRA = {
     ".so": ("-Wl,-Bsymbolic", "-lm"),
     ".dylib": ("-Wl,-install_name,@rpath/library.dylib",),
 }  # not the path where it was linked
-FLAGS = ("-std=c11", "-O2", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off", "-shared")
+FLAGS = ("-std=c11", "-O2", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off")
 
 
 def chosen_platforms(names: Sequence[str]) -> list[Platform]:
@@ -49,7 +51,7 @@ def chosen_platforms(names: Sequence[str]) -> list[Platform]:
 
 
 def shared_library(target: Platform, source: str, tables: Mapping[str, str], faces: Sequence[str]) -> bytes:
-    """Compile and link a model.
+    """Compile and link a model. What is the same for every model is compiled once, and kept in the cache.
 
     Parameters
     ----------
@@ -57,7 +59,7 @@ def shared_library(target: Platform, source: str, tables: Mapping[str, str], fac
     source : str
         Source of the model's functions, in the small language.
     tables : mapping of str to str
-        Generated C files.
+        Generated C files. The wrapper depends on ``record.h`` alone.
     faces : sequence of str
         Files of the wrapper in addition to its core.
 
@@ -76,25 +78,30 @@ def shared_library(target: Platform, source: str, tables: Mapping[str, str], fac
     for name, modules in units.items():
         codes[name] = object_code_for(target, partial(native_text, *modules), native_digest(*modules))
     with TemporaryDirectory(prefix="gearlib-") as folder:
-        here = Path(folder)
-        for name, code in codes.items():
-            (here / f"{name}.o").write_bytes(code)
+        here, compiler = Path(folder), _linker(target)
+
+        def made(name: str, *arguments: str) -> bytes:
+            command = [*compiler, *FLAGS, f"-I{WRAPPER}", f"-I{here}", *arguments, "-o", str(here / name)]
+            done = subprocess.run(command, capture_output=True, text=True, cwd=here)
+            if done.returncode:
+                raise MissingPackageError(
+                    f"the C compiler {compiler[0]} could not link for {target.name}: {done.stderr.strip()[:2000]}"
+                )
+            return (here / name).read_bytes()
+
         for name, text in tables.items():
             (here / name).write_text(text, encoding="utf-8")
-        wrapper = HERE / "wrapper"
-        result = here / f"library{target.suffix}"
+        texts = [path.read_text(encoding="utf-8") for path in sorted(WRAPPER.glob("*.[ch]"))]
+        for file in ("instance.c", "stepping.c", *faces):
+            made_from = "\0".join([file, target.name, *compiler, *FLAGS, tables["record.h"], *texts])
+            kept = f"gearlib_wrapper_{hashlib.sha256(made_from.encode()).hexdigest()[:24]}.o"
+            with COMPILING:
+                codes[file] = cached_bytes(kept, partial(made, f"{file}.o", "-c", str(WRAPPER / file)))
+        for name, code in codes.items():
+            (here / f"{name}.o").write_bytes(code)
         own = [str(here / name) for name in tables if name.endswith(".c")]
-        command = [
-            *_linker(target), *FLAGS, f"-I{wrapper}", f"-I{here}",
-            *(str(wrapper / name) for name in ("instance.c", "stepping.c", *faces)), *own, *(str(here / f"{n}.o") for n in codes),
-            *EXTRA.get(target.suffix, ()), "-o", str(result),
-        ]  # fmt: skip
-        done = subprocess.run(command, capture_output=True, text=True, cwd=here)
-        if done.returncode:
-            raise MissingPackageError(
-                f"the C compiler {command[0]} could not link for {target.name}: {done.stderr.strip()[:2000]}"
-            )
-        return result.read_bytes()
+        objects = [str(here / f"{name}.o") for name in codes]
+        return made(f"library{target.suffix}", "-shared", *own, *objects, *EXTRA.get(target.suffix, ()))
 
 
 def _linker(target: Platform) -> list[str]:

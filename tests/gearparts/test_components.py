@@ -11,7 +11,6 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.flatten.flatten import flatten
 from gearlib.language.component import equations_of
 from gearlib.language.declarations import declared_by
 from tests.gearparts.bench import bench, structural_choices
@@ -66,9 +65,10 @@ def test_a_leaf_has_one_equation_for_each_of_its_own_unknowns(kind: type[gl.Comp
 
 @pytest.mark.parametrize(("kind", "choice"), CASES)
 def test_it_is_balanced_between_bodies(kind: type[gl.Component], choice: dict[str, Any]) -> None:
-    model = flatten(bench(kind, **choice))
+    system = gl.compile(bench(kind, **choice))
+    model = system.translation.variants.model
     assert model.n_equations + len(model.inputs) == model.n_variables
-    assert gl.compile(bench(kind, **choice)).name == "Bench"
+    assert system.name == "Bench"
 
 
 def test_losses_are_positive_and_leave_through_the_heat_port(probe: Callable[..., Any]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import pytest
@@ -111,10 +112,9 @@ CONDITIONS: list[tuple[Callable[[Any], Any], Callable[[float], bool]]] = [  # at
 ]
 
 
-@pytest.mark.parametrize("at", [0.3, 0.5, 0.7])
-@pytest.mark.parametrize("where", ["Eq in When", "reinit", "Piecewise in When", "Eq", "continuous"])
-def test_a_condition_is_a_number(where: str, at: float) -> None:
-    """1 where it holds, 0 where it does not, wherever a value may stand."""
+@cache
+def with_conditions(where: str) -> gl.System:
+    """A system with the conditions as numbers."""
     conditions = [condition for condition, _ in CONDITIONS]
 
     def equations(s: Any) -> list[Any]:
@@ -137,16 +137,22 @@ def test_a_condition_is_a_number(where: str, at: float) -> None:
         return found
 
     declared: dict[str, Any] = {"x": gl.Variable("1", start=0.0), "m": gl.Discrete(), "p": gl.Parameter("1", default=2.0)}
-    declared |= {"at": gl.Parameter("s", default=at)}
+    declared |= {"at": gl.Parameter("s", default=0.5)}
     declared |= {f"y{k}": gl.Discrete(start=-1.0) for k in range(len(conditions))}
     declared |= {f"v{k}": gl.Variable("1", guess=-1.0) for k in range(len(conditions))}
-    system = gl.compile(type("Leaf", (gl.Component,), declared | {"equations": equations})())
+    return gl.compile(type("Leaf", (gl.Component,), declared | {"equations": equations})())
+
+
+@pytest.mark.parametrize("at", [0.3, 0.5, 0.7])
+@pytest.mark.parametrize("where", ["Eq in When", "reinit", "Piecewise in When", "Eq", "continuous"])
+def test_a_condition_is_a_number(where: str, at: float) -> None:
+    """1 where it holds, 0 where it does not, wherever a value may stand."""
     name = "v" if where in ("continuous", "reinit") else "y"
     for method in ("rk", "ida"):
-        result = system.simulate(at + 0.01, samples=2, method=method)
+        result = with_conditions(where).simulate(at + 0.01, samples=2, method=method, parameters={"at": at})
         x = at + 0.01 if where in ("Eq", "continuous") else at
         expected = [float(holds(x)) for _, holds in CONDITIONS]
-        assert [result[f"{name}{k}"][-1] for k in range(len(conditions))] == expected
+        assert [result[f"{name}{k}"][-1] for k in range(len(CONDITIONS))] == expected
 
 
 @pytest.mark.parametrize(
