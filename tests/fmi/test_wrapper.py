@@ -10,7 +10,7 @@ from pathlib import Path
 import fmpy
 import pytest
 
-from gearlib.fmi.binaries import HERE
+from gearlib.fmi.binaries import WRAPPER
 from gearlib.fmi.model_tables import record_header
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
@@ -21,8 +21,8 @@ HEADERS = Path(fmpy.__file__).parent / "c-code"
 def test_functions_are_those_of_the_standard(version: str, tmp_path: Path) -> None:
     """All of them are defined with the standard's signatures, and without its headers the types are the same."""
     (tmp_path / "record.h").write_text(record_header(), encoding="utf-8")
-    face = HERE / "wrapper" / f"fmi{version}.c"
-    command = ["cc", "-std=c11", "-Wall", "-Werror", "-fsyntax-only", f"-I{HERE / 'wrapper'}", f"-I{tmp_path}", str(face)]
+    face = WRAPPER / f"fmi{version}.c"
+    command = ["cc", "-std=c11", "-Wall", "-Werror", "-fsyntax-only", f"-I{WRAPPER}", f"-I{tmp_path}", str(face)]
     header = HEADERS / f"fmi{version}Functions.h"
     for more in ([], ["-include", str(header)]):
         done = subprocess.run([*command, *more], capture_output=True, text=True, check=False)
