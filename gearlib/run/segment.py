@@ -55,6 +55,7 @@ class Segment:
     varied: dict[Node, Floats] = field(default_factory=dict)  # tangents already computed
     trace: Trace | None = None  # the ends of the run's steps
     begun: Callable[[Scene], Start] | None = None  # returns the start of the run for a scene with more states
+    silent: bool = False  # whether values that are not finite are no reason for a warning
 
     @classmethod
     def of(
@@ -90,7 +91,7 @@ class Segment:
             else:
                 found = next((c for c in self.computed if node in c[0].slots), None) or self._compute(node)
                 history = self.known[node] = found[1][found[0].slots[node]]
-                if not all_finite(history):
+                if not (self.silent or all_finite(history)):
                     self._warn(node, history)
         return self.known[node]
 

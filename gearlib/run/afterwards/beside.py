@@ -8,7 +8,6 @@ that the run did not locate.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -58,8 +57,7 @@ def integrated_beside(part: Segment, scene: Scene, start: Floats, rtol: float) -
     beside = _Beside(part, scene, part.trace, levels, kept, start)
     tolerance = rtol * scene.nominal
     for m in FINER:
-        with warnings.catch_warnings():  # of values that are not finite: the run is repeated
-            warnings.simplefilter("ignore")
+        with np.errstate(all="ignore"):  # values that are not finite: the run is repeated
             coarse, fine = beside.integrals(m, COARSE), beside.integrals(m, FINE)
         columns = [scene.place_of[s] for s in added]
         allowed = AGREE * (tolerance[columns] + rtol * np.abs(fine[:, columns]).max(axis=0))
@@ -151,5 +149,5 @@ class _Beside:
     def _rates(self, level: Level, t: Floats, states: Floats, discrete: Floats) -> list[Floats]:
         """The derivatives of some additional states at some times."""
         part = self.part
-        here = Segment(self.scene, t, states, discrete, part.parameters, part.signals, part.guess, part.begin)
+        here = Segment(self.scene, t, states, discrete, part.parameters, part.signals, part.guess, part.begin, silent=True)
         return [here.history((v, k + 1)) for v, k in level]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -83,6 +84,9 @@ class Callbacks:
     @contextmanager
     def listening(self) -> Iterator[None]:
         """Also catch an interrupt at the entry or exit of a callback, which Python would otherwise report and discard."""
+        if threading.current_thread() is not threading.main_thread():  # the only one that interrupts come to
+            yield
+            return
         before = sys.unraisablehook
 
         def lost(unraisable: Any) -> None:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import sys
+import threading
+import warnings
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -67,3 +71,30 @@ def test_an_interrupt_ends_the_run() -> None:
 
     with pytest.raises(KeyboardInterrupt):
         gl.compile(Driven()).simulate(2.0, inputs={"one.tau": torque, "other.tau": 0.0})
+
+
+def test_runs_in_threads_leave_the_process_as_it_was() -> None:
+    """Filters of warnings, and what reports exceptions that nobody can catch, belong to all threads."""
+    system = gl.compile(Driven(), outputs=["body.w"])
+    hook, filters = sys.unraisablehook, list(warnings.filters)
+    begun, ended = [threading.Event(), threading.Event()], threading.Event()
+
+    def read(number: int) -> float:
+        def torque(t: float) -> float:
+            if t > 0.0 and not begun[number].is_set():
+                begun[number].set()
+                (ended if number else begun[1]).wait(30.0)  # the first run to begin is the first to end
+            return 1.0
+
+        if number:
+            begun[0].wait(30.0)
+        run = system.simulate(0.1, samples=3, inputs={"one.tau": torque, "other.tau": 0.0})
+        if not number:
+            ended.set()
+        return float(run["body.phi"][-1])
+
+    with ThreadPoolExecutor(2) as pool:
+        one, other = pool.map(read, range(2))
+    assert one == other > 0.0
+    assert sys.unraisablehook is hook
+    assert list(warnings.filters) == filters
