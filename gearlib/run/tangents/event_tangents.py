@@ -33,12 +33,11 @@ from gearlib.run.scene import Scene, guess_of
 from gearlib.run.tangents.directions import TangentDirections
 from gearlib.run.tangents.tangents import TangentCode, Tangents
 from gearlib.solvers.inputs.moving import Callbacks, Wrapped
-from gearlib.solvers.inputs.table import values
+from gearlib.solvers.inputs.table import slopes_before, values
 from gearlib.solvers.problem import Problem
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-INSTANT = 1e-6  # relative to time (at least 1 ms): the interval over which an input's slope is taken
 MOST_PASSES = 100  # for the tangents of discrete variables that follow from each other
 
 
@@ -196,9 +195,8 @@ class EventTangents:
 
     def _inputs(self, t: float) -> tuple[Floats, Floats]:
         """Inputs, and their slopes just before ``t``."""
-        apart = INSTANT * max(abs(t), 1e-3)
-        found = values(self.run.signals, np.array([t, t - apart, t - 2.0 * apart]))
-        return found[:, :1], (3.0 * found[:, 0] - 4.0 * found[:, 1] + found[:, 2]) / (2.0 * apart)
+        signals, since = self.run.signals, t - float(self.run.times[0])
+        return values(signals, np.array([t])), slopes_before(signals, t, 0.5 * since)
 
     def _varied(
         self, t: float, numbers: Floats, states: Floats, discrete: Floats, moved: Floats, delay: Floats, discretes: Floats

@@ -24,6 +24,8 @@ Floats = NDArray[np.float64]
 INTERPOLATIONS = ("linear", "previous", "monotone", "akima", "cubic")
 OUTSIDE = ("hold", "periodic")
 MOST_KNOTS = 10_000_000  # knots of a periodic table over a run
+RESOLVED = 2.0**12  # spacings of the clock over which a function's slope is taken at least
+JUMP = 1e-6  # of a function's largest value: a change over that interval, and hardly more over a longer one, that is a jump
 REMEMBERED = 20  # values of a function that are remembered with a run, about
 
 
@@ -463,3 +465,57 @@ def values(signals: Sequence[Signal], times: Floats) -> Floats:
         else:
             rows.append(np.full(len(times), float(signal)))
     return np.array(rows, float).reshape(len(rows), len(times))
+
+
+def slopes_before(signals: Sequence[Signal], t: float, longest: float) -> Floats:
+    """Slopes (1/s) of the signals just before a time, with values of functions from within ``longest`` (s) before it.
+
+    >>> slopes_before([3.0, Table([0, 1, 3], [0, 2, 0]), lambda t: 5.0 * t], 1.0, 1.0)
+    array([0., 2., 5.])
+    """
+    found = [
+        _slope_of_table(s, t) if isinstance(s, Table) else _slope_of_function(s, t, longest) if callable(s) else 0.0
+        for s in signals
+    ]
+    return np.array(found, float)
+
+
+def _slope_of_table(table: Table, t: float) -> float:
+    begin, period = table.t[0], table.t[-1] - table.t[0]
+    if table.outside == "periodic":
+        t = begin + ((t - begin) % period or period)
+    piece = int(np.searchsorted(table.t, t)) - 1
+    if piece < 0:
+        return 0.0
+    since, (_, c1, c2, c3) = t - table.t[piece], table.coefficients[:, piece]
+    return float(c1 + since * (2.0 * c2 + 3.0 * since * c3))
+
+
+def _slope_of_function(function: Callable[[float], float], t: float, longest: float) -> float:
+    """Slope by differences of second order, over the interval where rounding and curvature are least.
+
+    Only the function knows how fast it is, so that ever longer intervals are tried. A jump is as steep as over the shortest one.
+    """
+    if not longest:
+        return 0.0
+    value, h = function(t), RESOLVED * math.ulp(max(abs(t), longest))
+    longest = max(longest, 32.0 * h)  # three intervals
+    largest, least, found = abs(value), math.inf, 0.0
+    known: list[tuple[float, float]] = []  # slope, and change of the function, over each interval
+    while 2.0 * h <= longest:
+        near, far = function(t - h), function(t - 2.0 * h)
+        first, second = t - (t - h), t - (t - 2.0 * h)  # as the clock knows them
+        steep = (value - near) / first
+        slope = steep + (steep - (near - far) / (second - first)) * first / second
+        largest = max(largest, abs(near), abs(far))
+        if known:
+            error = abs(slope - known[-1][0]) + 4.0 * math.ulp(largest) / h
+            if error < least:
+                least, found = error, known[-1][0]
+            elif error > 100.0 * least:
+                break
+        known.append((slope, abs(value - near)))
+        h *= 4.0
+    if len(known) > 1 and known[0][1] > max(JUMP * largest, 0.5 * known[1][1]):
+        return known[0][0]
+    return found

@@ -38,6 +38,37 @@ def test_of_the_time_of_a_switch(method: str) -> None:
     assert np.allclose(run.sensitivity("x", "start(x)"), 1.0)
 
 
+class Followed(gl.Component):
+    """x grows twice as fast while an input is above a limit."""
+
+    u, limit = gl.Input("1"), gl.Parameter("1", default=0.3)
+    rate = gl.Parameter("1/s", default=1.0)
+    x = gl.Variable("1", start=0.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.rate * gl.Piecewise((2.0, self.u > self.limit), (1.0, True)))]
+
+
+FOLLOWED = gl.compile(Followed())
+
+
+@pytest.mark.parametrize("begin", [0.0, 1e4])
+def test_of_the_time_at_which_an_input_passes_a_limit(begin: float) -> None:
+    """That is -1 / (du/dt) later: of 50 Hz, long after time zero too; where the input jumps, no limit moves the time."""
+    w, points = 100 * np.pi, np.linspace(-1e-4, 9e-3, 92)
+
+    def found(u: Any) -> Any:
+        run = FOLLOWED.simulate(begin + 0.008, t_start=begin, samples=2, inputs={"u": u}, sensitivities=["limit"], rtol=1e-7)
+        return run.sensitivity("x", "limit")[-1]
+
+    assert found(lambda t: np.sin(w * (t - begin))) == pytest.approx(-1 / (w * np.sqrt(1 - 0.3**2)), rel=1e-5)
+    piece = np.searchsorted(np.sin(w * points[:50]), 0.3)
+    chord = np.diff(np.sin(w * points))[piece - 1] / np.diff(points)[piece - 1]
+    assert found(gl.Table(begin + points, np.sin(w * points))) == pytest.approx(-1 / chord, rel=1e-5)
+    for step in (lambda t: 1.0 if t > begin + 0.003 else -1.0, gl.Table(begin + np.array([0, 3e-3, 3e-3, 1]), [-1, -1, 1, 1])):
+        assert found(step) == pytest.approx(0.0, abs=1e-6)
+
+
 class Ball(gl.Component):
     """Falls on a floor at h = 0, bounces with the restitution e, and remembers how fast it came."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 import gearlib as gl
 from gearlib.errors import ArgumentError
-from gearlib.solvers.inputs.table import INTERPOLATIONS, FunctionInput, breakpoints, values
+from gearlib.solvers.inputs.table import INTERPOLATIONS, FunctionInput, breakpoints, slopes_before, values
 
 T, Y = np.array([0.0, 0.5, 0.8, 1.7, 2.0]), np.array([1.0, 3.0, -1.0, 0.5, 1.0])
 kinds = pytest.mark.parametrize("kind", INTERPOLATIONS)
@@ -140,6 +141,43 @@ def test_values_of_all_kinds_of_inputs() -> None:
     found = values([2.5, gl.Table([0.0, 1.0], [0.0, 4.0]), lambda t: t**2, np.float64(-1.0)], t)
     assert found.tolist() == [[2.5] * 3, [0.0, 1.0, 4.0], [0.0, 0.0625, 4.0], [-1.0] * 3]
     assert values([], t).shape == (0, 3)
+
+
+@pytest.mark.parametrize("late", [0.0, 1e3, 1e6])
+@pytest.mark.parametrize("rate", [1e-2, 1.0, 1e3])
+@pytest.mark.parametrize("phase", [0.0, 0.4, 3.0])
+def test_slopes_of_functions_of_any_speed_at_any_time(phase: float, rate: float, late: float) -> None:
+    """Up to what the clock resolves; also of one that has just begun to move, and whatever it did long before."""
+    t, exact = late + phase / rate + 1e-3, rate * math.cos(phase)
+
+    def smooth(s: float) -> float:
+        return math.sin(rate * (s - t) + phase)
+
+    signals = [smooth, lambda s: smooth(s) if s > t - 0.1 / rate else 7.0, lambda s: 3.0 * smooth(s) + 5.0, lambda s: 2.0]
+    found = slopes_before(signals, t, 0.5 * t)
+    assert found == pytest.approx([exact, exact, 3.0 * exact, 0.0], rel=1e-6 + 1e-12 * late * rate)
+
+
+def test_slopes_at_jumps_and_at_the_start() -> None:
+    """As steep as the clock allows; nothing has moved at the start, where values before it are not asked for."""
+    for t in (0.3, 1e4):
+        (found,) = slopes_before([lambda s, t=t: 2.0 if s >= t else -1.0], t, 0.5 * t)
+        assert found > 1e8
+        assert slopes_before([lambda s, t=t: 2.0 * (s - t) if s <= t else 9.0], t, 0.5 * t) == pytest.approx([2.0])
+    asked: list[float] = []
+    assert slopes_before([lambda s: asked.append(s) or math.sqrt(s)], 0.0, 0.0).tolist() == [0.0]
+    assert slopes_before([lambda s: asked.append(s) or math.sqrt(s)], 1e-3, 0.5e-3) == pytest.approx([0.5 / 1e-3**0.5])
+    assert min(asked) >= 0.0
+
+
+@kinds
+@pytest.mark.parametrize("outside", ["hold", "periodic"])
+def test_slopes_of_tables_are_those_of_the_piece_before(kind: str, outside: str) -> None:
+    own, h = gl.Table(T, Y, kind, outside), 1e-5
+    before = [-0.35, 0.0, 0.25, 0.5, 0.8, 1.5, 2.0, 2.4, 9.3]
+    values_before = [own(np.array(before) - k * h) for k in (1, 2, 3)]  # at a step the piece after it begins
+    found = [slopes_before([own], t, 1.0)[0] for t in before]
+    assert found == pytest.approx(np.dot([2.5, -4.0, 1.5], values_before) / h, abs=1e-5)
 
 
 def test_a_function_that_fails_is_named_with_its_input() -> None:
