@@ -160,6 +160,26 @@ def test_defaults_and_derivatives_and_actions_are_compared() -> None:
     ]
 
 
+def test_signals_that_are_joined_have_the_unit_of_the_first() -> None:
+    """Each of them is compared; angles count as numbers."""
+
+    def found(*names: str) -> list[str]:
+        class Joined(gl.Component):
+            def assemble(self) -> list[Any]:
+                self.one, self.other, self.speed, self.angle = gp.Torque(), gp.Torque(), gp.SpeedSensor(), gp.AngleSensor()
+                signals = {"one": self.one.tau, "other": self.other.tau, "speed": self.speed.w, "angle": self.angle.phi}
+                return [gl.connect(*(signals[name] for name in names))]
+
+        return gl.check_units(Joined())
+
+    assert found("one", "other") == []
+    assert found("one", "speed") == ["Joined: one.tau is in kg.m2.s-2, speed.w is in s-1"]
+    assert found("speed", "one", "other") == [
+        f"Joined: speed.w is in s-1, {name}.tau is in kg.m2.s-2" for name in ("one", "other")
+    ]
+    assert found("one", "other", "angle") == ["Joined: one.tau is in kg.m2.s-2, angle.phi is in 1"]
+
+
 def test_only_components_have_units_to_check() -> None:
     with pytest.raises(ModelError, match=r"expected a component, got <class .*Leaf'>; make an instance: Leaf\(\)"):
         gl.check_units(Leaf)  # type: ignore[arg-type]

@@ -174,6 +174,15 @@ def test_a_sample_that_a_later_event_reaches_is_taken_again() -> None:
     assert found.x[:, 0] == pytest.approx([0.0, first - 1e-6, first + 20.0, 21.0], abs=1e-8)
 
 
+def test_the_first_sample_is_taken_again_for_an_event_just_after_the_start() -> None:
+    stepper = Prescribed(roots={1e-9: (1,), 0.5: (1,)})
+    run = run_of(stepper, [0.0, 0.5, 1.0], [0, 1, 1])
+    run.record.slack = 1e-8
+    found = integrate(run)
+    assert found.discrete[:, 0].tolist() == [1.0, 2.0, 2.0]
+    assert found.x[:, 0] == pytest.approx([10.0, 20.5, 21.0], abs=1e-8)
+
+
 @pytest.mark.parametrize("where", ["step", "interpolate", "accept", "restart"])
 @pytest.mark.parametrize("code", [-1, FAILURE])
 def test_failures_of_a_stepper_end_the_run(where: str, code: int) -> None:
