@@ -173,9 +173,9 @@ def test_slopes_at_jumps_and_at_the_start() -> None:
 @kinds
 @pytest.mark.parametrize("outside", ["hold", "periodic"])
 def test_slopes_of_tables_are_those_of_the_piece_before(kind: str, outside: str) -> None:
-    own, h = gl.Table(T, Y, kind, outside), 1e-5
-    before = [-0.35, 0.0, 0.25, 0.5, 0.8, 1.5, 2.0, 2.4, 9.3]
-    values_before = [own(np.array(before) - k * h) for k in (1, 2, 3)]  # at a step the piece after it begins
+    own, h = gl.Table(0.3 + T, Y, kind, outside), 1e-5
+    before = 0.3 + np.array([-0.35, 0.0, 0.25, 0.5, 0.8, 1.5, 2.0, 2.4, 9.3])
+    values_before = [own(before - k * h) for k in (1, 2, 3)]  # at a step the piece after it begins
     found = [slopes_before([own], t, 1.0)[0] for t in before]
     assert found == pytest.approx(np.dot([2.5, -4.0, 1.5], values_before) / h, abs=1e-5)
 
