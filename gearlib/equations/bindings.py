@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from fractions import Fraction
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -54,7 +53,6 @@ def is_expression(value: Any) -> bool:
     return isinstance(value, sympy.Basic) and bool(value.free_symbols)
 
 
-@lru_cache(maxsize=10_000)
 def parameter_function(expression: Any, arguments: tuple[str, ...], by: str | None = None) -> Callable[..., Any]:
     """A vectorised function for an expression of parameters, or for its derivative with respect to one of them."""
     if by is not None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial, reduce
+from functools import cached_property, lru_cache, partial, reduce
 from types import SimpleNamespace
 from typing import Any
 
@@ -107,9 +107,15 @@ def array_function(symbols: Sequence[Any], *expressions: Any) -> Callable[..., A
     array([0., 3.])
     """
     places = {symbol: sympy.Symbol(f"a{i}", real=True) for i, symbol in enumerate(symbols)}
+    return _printed(len(places), *(expression.xreplace(places) for expression in expressions))
+
+
+@lru_cache(maxsize=10_000)
+def _printed(count: int, *expressions: Any) -> Callable[..., Any]:
+    """The function of a0, a1, ...: many equations differ in their names only."""
     printer = NumPyPrinter({"fully_qualified_modules": False})
-    texts = [printer.doprint(_without_cases(expression.xreplace(places))) for expression in expressions]
-    arguments = ", ".join(s.name for s in places.values())
+    texts = [printer.doprint(_without_cases(expression)) for expression in expressions]
+    arguments = ", ".join(f"a{i}" for i in range(count))
     function: Callable[..., Any] = eval(f"lambda {arguments}: ({', '.join(texts)})", dict(_NAMES))
     return function
 

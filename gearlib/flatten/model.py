@@ -159,9 +159,10 @@ class Dependent:
         """Source of the function for scalars a0, a1, ..."""
         return scalar_source(self.expression)
 
-    def derivative(self, argument: int) -> Callable[..., Any]:
-        """Its partial derivative with respect to one argument."""
-        return parameter_function(self.expression, self._names, self._names[argument])
+    @cached_property
+    def derivatives(self) -> list[Callable[..., Any]]:
+        """Its partial derivative with respect to each argument."""
+        return [parameter_function(self.expression, self._names, name) for name in self._names]
 
 
 @dataclass(frozen=True)
@@ -254,7 +255,7 @@ class ParameterTable:
         rows: dict[int, dict[int, float]] = {p: {k: 1.0} for k, p in enumerate(seeds)}
         for d in self._depending_on(tuple(seeds)):
             with np.errstate(all="ignore"):
-                found = [d.derivative(a)(*values[d.arguments.T]) for a in range(d.arguments.shape[1])]
+                found = [derivative(*values[d.arguments.T]) for derivative in d.derivatives]
             slopes = [np.broadcast_to(np.asarray(f, float), len(d.targets)).tolist() for f in found]
             for r, (target, arguments) in enumerate(zip(d.targets.tolist(), d.arguments.tolist(), strict=True)):
                 if target in fixed:
