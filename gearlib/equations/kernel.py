@@ -23,8 +23,17 @@ from gearlib.language.expressions import time
 CALL, DIVISION = 20, 4  # cost, in additions, of an elementary function such as the sine, and of a division or square root
 
 
+def _select(conditions: Sequence[Any], values: Sequence[Any], default: float) -> Any:
+    """`numpy.select`, which takes several times as long for a few numbers."""
+    found: Any = default
+    for condition, value in zip(reversed(conditions), reversed(values), strict=True):
+        found = np.where(condition, value, found)
+    return found
+
+
 # Conditions on arrays of different shapes (of time alone, of parameters alone) are combined pairwise
 _NAMES = vars(np) | {
+    "select": _select,
     "reduce": reduce,  # of the largest and the least of several
     "logical_and": SimpleNamespace(reduce=partial(reduce, np.logical_and)),
     "logical_or": SimpleNamespace(reduce=partial(reduce, np.logical_or)),
