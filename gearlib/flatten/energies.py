@@ -13,7 +13,7 @@ from gearlib.equations.class_record import descend
 from gearlib.equations.kernel import array_function
 from gearlib.equations.template import checked, parse_column, piecewise
 from gearlib.errors import DeclarationError, nearest
-from gearlib.language.component import Component, energies_of
+from gearlib.language.component import ASSEMBLING, Component, energies_of
 from gearlib.language.declarations import Connector, Flow, Potential, declared_by
 from gearlib.language.expressions import time
 from gearlib.language.interior import connections_of, parts_of
@@ -105,7 +105,9 @@ def audited(root: Component) -> tuple[Audited, ...]:
     """All components that exchange, store or dissipate energy; `Translation.energies` has those of a compiled model."""
     found = []
     formulas: dict[Any, Formula] = {}
-    for component, path in _components(root):
+    with ASSEMBLING:
+        components = list(_components(root))
+    for component, path in components:
         connectors = {} if parts_of(component) else declared_by(component).connectors  # a composite merely passes power on
         energies = energies_of(component)
         if not connectors and energies is None:

@@ -36,11 +36,11 @@ from gearlib.flatten.model import (
 from gearlib.flatten.specialise import Special, simplified, with_values
 from gearlib.flatten.tree import Tree
 from gearlib.flatten.unused import refuse_unused
-from gearlib.language.component import Component, no_component
+from gearlib.language.component import ASSEMBLING, Component, no_component
 from gearlib.language.declarations import Flow, Potential
 
 
-def flatten(component: Component, substituted: Special = frozenset()) -> FlatModel:
+def flatten(component: Component, substituted: Special = frozenset(), anew: bool = True) -> FlatModel:
     """Flatten a component with all its parts.
 
     Parameters
@@ -49,6 +49,8 @@ def flatten(component: Component, substituted: Special = frozenset()) -> FlatMod
         The root.
     substituted : frozenset of (int, float)
         Parameters whose values are substituted into the equations, since a coefficient vanishes there.
+    anew : bool
+        Whether the component is assembled once more, since what ``assemble`` reads may have changed.
 
     Returns
     -------
@@ -62,8 +64,9 @@ def flatten(component: Component, substituted: Special = frozenset()) -> FlatMod
     """
     if not isinstance(component, Component):
         raise no_component(component)
-    tree = walk(component)
-    refuse_unused(tree, component)
+    with ASSEMBLING:
+        tree = walk(component, anew)
+        refuse_unused(tree, component)
     table = _parameter_table(tree)
     check_bounds(table, table.defaults)
     raw, equalities = _equations(tree, substituted)

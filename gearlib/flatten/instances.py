@@ -27,14 +27,15 @@ from gearlib.language.tabulated import Tabulated
 DEEPEST = 200  # nesting depth of components
 
 
-def walk(root: Component) -> Tree:
-    """Instantiate a component and its parts, depth-first, in order of creation."""
+def walk(root: Component, anew: bool = True) -> Tree:
+    """Instantiate a component and its parts, depth-first, in order of creation; ``anew``: assemble it once more."""
     tree = Tree()
     stack: list[tuple[Component, str]] = [(root, "")]
     composites: list[tuple[Component, int, Sequence[Connection]]] = []
     met: Met = {}
     first_of_kind: list[tuple[Component, ClassRecord]] = []
-    interior.forget(root)
+    if anew:
+        interior.forget(root)
     while stack:
         component, path = stack.pop()
         if path.count(".") > DEEPEST:

@@ -6,12 +6,15 @@ Inside ``equations`` and ``assemble`` an attribute is a symbol named by its path
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from copy import deepcopy
 from dataclasses import dataclass
 from operator import is_
+from threading import RLock
 from typing import TYPE_CHECKING, Any, ClassVar, TypeGuard
 
 import numpy as np
@@ -40,6 +43,10 @@ if TYPE_CHECKING:
     from gearlib.drawing.scheme.stick_diagram import Scheme
 
 _scope: ContextVar[Component | None] = ContextVar("scope", default=None)
+ASSEMBLING = RLock()
+"""Held while components are assembled and read, which several threads may share; not across a fork."""
+if sys.platform != "win32":  # a child forked meanwhile would wait for it for ever
+    os.register_at_fork(before=ASSEMBLING.acquire, after_in_parent=ASSEMBLING.release, after_in_child=ASSEMBLING.release)
 RESERVED = frozenset({"time", "start", "guess", "nominal", "state", "equations", "assemble"})
 NOTHING: tuple[frozenset[str], frozenset[str]] = (frozenset(), frozenset())  # attributes and parts made by assemble()
 PRIVATE = frozenset({
@@ -490,13 +497,14 @@ class Component:
 
     def _assembled(self) -> Sequence[Connection]:
         """The connections of a composite, which is assembled on first use."""
-        if self._connections is None:
-            self._check_bounds()
-            object.__setattr__(self, "_connections", [])
-            if type(self).assemble is not Component.assemble or self._changes:
-                self._assemble()
-        result: Sequence[Connection] = self._connections
-        return result
+        with ASSEMBLING:
+            if self._connections is None:
+                self._check_bounds()
+                object.__setattr__(self, "_connections", [])
+                if type(self).assemble is not Component.assemble or self._changes:
+                    self._assemble()
+            result: Sequence[Connection] = self._connections
+            return result
 
     def _assemble(self) -> None:
         attributes, parts = set(self.__dict__), set(self._parts)

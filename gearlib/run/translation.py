@@ -128,7 +128,7 @@ class Variants:
     def translated(self, substituted: Special, parameters: Floats) -> Translation:
         """The translation with the values of some parameters substituted into its equations."""
         if substituted not in self.known:
-            model = flatten(self.component, substituted) if substituted else self.model
+            model = flatten(self.component, substituted, anew=False) if substituted else self.model
             structure = analyse(model, parameters)
             self.known[substituted] = Translation(structure, self.scene(structure), self, substituted)
         return self.known[substituted]
@@ -147,7 +147,7 @@ class Variants:
         """
         special = self.special(parameters)
         if special not in self.chosen:
-            if special and flatten(self.component).digest != self.model.digest:
+            if special and flatten(self.component, anew=False).digest != self.model.digest:
                 raise changed(self.model, f"with {some(self.named(special))} the equations are derived anew")
             self.chosen[special] = self.tried(special, parameters)
         return self.without_cancelling(self.chosen[special], parameters)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import copy
 import pickle
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import Any
 
@@ -134,46 +137,98 @@ def test_the_parts_that_assemble_makes(monkeypatch: pytest.MonkeyPatch) -> None:
         assert end(copied, "kept.body.w") == 3.0 / 4.0
 
 
-class Bound(gl.Component):
-    """A body with a load that is written with a constant of this module, at the end of a spring."""
+class Load(gl.Component):
+    """A load that is written with a constant of this module."""
+
+    flange = gp.Flange("shaft")
+    w = gl.Variable("rad/s")
+    d = gl.Parameter("N.m.s/rad", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.w, gl.der(self.flange.phi)), gl.Eq(self.flange.tau, GAIN * self.d * self.w)]
+
+
+class Driven(gl.Component):
+    """A body that a torque drives, written with the same constant, at the end of a spring."""
+
+    load = gl.Structural("damper")
 
     def assemble(self) -> list[gl.Connection]:
         self.torque, self.body, self.spring = gp.Torque(tau=GAIN), gp.Inertia(J=1.0), gp.SpringDamper(c=50.0, d=1.0)
-        self.end, self.load = gp.Inertia(J=1.0), gp.Damper(d=1.0 if GAIN < 5 else 4.0)
-        self.ground = gp.Fixed()
-        return [
+        self.end, self.ground = gp.Inertia(J=1.0), gp.Fixed()
+        links = [
             gl.connect(self.torque.flange, self.body.flange_a),
             gl.connect(self.body.flange_b, self.spring.flange_a),
             gl.connect(self.spring.flange_b, self.end.flange_a),
-            gl.connect(self.end.flange_b, self.load.flange_a),
-            gl.connect(self.load.flange_b, self.ground.flange),
-        ]  # fmt: skip
+        ]
+        if self.load == "damper":
+            self.damper = gp.Damper(d=GAIN)
+            return [
+                *links,
+                gl.connect(self.end.flange_b, self.damper.flange_a),
+                gl.connect(self.damper.flange_b, self.ground.flange),
+            ]
+        self.fan = Load()
+        return [*links, gl.connect(self.end.flange_b, self.fan.flange)]
 
 
-def test_a_system_whose_component_has_changed_does_not_mix_old_and_new_equations(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Equations are derived once more where a coefficient is zero, and in other processes: as they were, or not at all."""
-    system = gl.compile(Bound(), outputs=["end.w"])
-    massless, data = {"end.J": 0.0}, pickle.dumps(system)
-    right = system.simulate(1.0, samples=3)["end.w"]
-    known = system.simulate(1.0, samples=3, parameters=massless)["end.w"]
+def speed(system: gl.System, **parameters: float) -> Any:
+    given = {name.replace("_", "."): value for name, value in parameters.items()}
+    return system.simulate(1.0, samples=3, parameters=given)["end.w"]
+
+
+@pytest.mark.parametrize("load", ["damper", "fan"])
+def test_a_system_does_not_mix_old_and_new_equations(load: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Equations are derived once more where a coefficient is zero, and in copies: as they were when it was compiled, or not at all."""
+    system, twin = (gl.compile(Driven(load=load), outputs=["end.w"]) for _ in range(2))
+    data = pickle.dumps(system)
+    right, massless, known = speed(system), speed(twin, body_J=0.0), speed(system, end_J=0.0)
     monkeypatch.setitem(globals(), "GAIN", 6.0)
-    np.testing.assert_array_equal(system.simulate(1.0, samples=3)["end.w"], right)
-    np.testing.assert_array_equal(system.simulate(1.0, samples=3, parameters=massless)["end.w"], known)
-    with pytest.raises(
-        ModelError, match=r"Bound has changed since it was compiled, and with body\.J = 0 the equations are derived anew"
-    ):
-        system.simulate(1.0, samples=3, parameters={"body.J": 0.0})
+    np.testing.assert_array_equal(speed(system), right)
+    np.testing.assert_array_equal(speed(system, end_J=0.0), known)
+    if load == "damper":  # what was assembled stays
+        np.testing.assert_array_equal(speed(system, body_J=0.0), massless)
+    else:
+        with pytest.raises(
+            ModelError, match=r"Driven has changed since it was compiled, and with body\.J = 0 the equations are derived"
+        ):
+            speed(system, body_J=0.0)
     for copied in (lambda: pickle.loads(data), lambda: copy.deepcopy(system)):
         with pytest.raises(
-            ModelError, match="Bound has changed since it was compiled, and this process derives its equations anew"
+            ModelError, match="Driven has changed since it was compiled, and this process derives its equations anew"
         ):
             copied()
-    new = gl.compile(Bound(), outputs=["end.w"])
-    expected = new.simulate(1.0, samples=3)["end.w"]
-    assert np.abs(expected - right).max() > 0.1
-    np.testing.assert_array_equal(copy.deepcopy(new).simulate(1.0, samples=3)["end.w"], expected)
+    new = gl.compile(Driven(load=load), outputs=["end.w"])
+    assert np.abs(speed(new) - right).max() > 0.1
+    np.testing.assert_array_equal(speed(copy.deepcopy(new)), speed(new))
     monkeypatch.undo()
-    np.testing.assert_array_equal(copy.deepcopy(system).simulate(1.0, samples=3)["end.w"], right)
+    np.testing.assert_array_equal(speed(copy.deepcopy(system)), right)
+
+
+@pytest.fixture
+def restless() -> Iterator[None]:
+    """Threads that take turns as often as possible."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    yield
+    sys.setswitchinterval(before)
+
+
+@pytest.mark.usefixtures("restless")
+def test_threads_share_components_and_systems() -> None:
+    one = Driven()
+    right = [speed(gl.compile(one)), speed(gl.compile(one), body_J=0.0), speed(gl.compile(one), end_J=0.0)]
+
+    def compiled(k: int) -> Any:
+        return speed(gl.compile(one), **[{}, {"body_J": 0.0}, {"end_J": 0.0}][k % 3])
+
+    def shared(k: int) -> Any:
+        return speed(system, **[{}, {"body_J": 0.0}, {"end_J": 0.0}][k % 3])
+
+    system = gl.compile(one)
+    with ThreadPoolExecutor(6) as pool:
+        for run in (compiled, shared):
+            np.testing.assert_array_equal(list(pool.map(run, range(9))), right * 3)
 
 
 def test_an_assembly_that_failed_is_not_taken_for_a_model(monkeypatch: pytest.MonkeyPatch) -> None:
