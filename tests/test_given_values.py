@@ -80,7 +80,7 @@ ANALYSES: dict[str, tuple[Callable[..., Any], bool]] = {  # and whether the trai
     "bode_plot": (lambda s, **g: curves(gl.bode_plot, s, **g), False),
     "nichols_plot": (lambda s, **g: curves(gl.nichols_plot, s, **g), False),
     "nyquist_plot": (lambda s, **g: curves(gl.nyquist_plot, s, **g), False),
-    "root_locus_plot": (lambda s, **g: curves(gl.root_locus_plot, s, **g), False),
+    "root_locus_plot": (lambda s, **g: curves(gl.root_locus_plot, s, gains=[0.5, 1.0, 2.0], **g), False),
     "stability": (lambda s, **g: str(gl.stability(s, LOOP, **g)), False),
     "campbell": (lambda s, **g: str(gl.campbell(s, [0.0, 1e3], [1.0], **g)), False),
     "modes": (lambda s, **g: gl.modes(s, **g).eigenvalues, False),

@@ -163,3 +163,23 @@ def test_a_condition_of_the_model_itself_is_named_by_its_class() -> None:
 @cache
 def compiled_coupling() -> gl.System:
     return gl.compile(Coupling())
+
+
+def test_more_gaps_than_are_tried_are_closed_where_the_steady_state_has_them() -> None:
+    """Seven in series, two sides each: 4 N.m backwards turn a load of 4 N.m (w / 10 rad/s)^2."""
+
+    class Chain(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.motor = gp.Torque()
+            self.fan = gp.QuadraticSpeedDependentTorque(tau_nominal=-4.0, w_nominal=10.0, torque_direction=False)
+            self.body, self.gap = [gp.Inertia(J=0.1) for _ in range(8)], [COUPLINGS["limited"]() for _ in range(7)]
+            return [
+                gl.connect(self.motor.flange, self.body[0].flange_a),
+                *[gl.connect(body.flange_b, gap.flange_a) for body, gap in zip(self.body[:-1], self.gap, strict=True)],
+                *[gl.connect(gap.flange_b, body.flange_a) for body, gap in zip(self.body[1:], self.gap, strict=True)],
+                gl.connect(self.body[-1].flange_b, self.fan.flange),
+            ]
+
+    flow = gl.compile(Chain()).power_flow(torques={"motor.tau": -4.0})
+    assert [flow[f"gap[{k}].flange_a"].torque for k in range(7)] == pytest.approx([-4.0] * 7, rel=1e-9)
+    assert flow["fan.flange"].speed == pytest.approx(-10.0, rel=1e-9)
