@@ -55,7 +55,7 @@ def remaining(
         return None
     n = A.shape[0]
     A = A.tocsr() if hasattr(A, "tocsr") else np.asarray(A)
-    rates = A if B is None or not B.shape[1] else _beside(A, B)
+    rates = A if B is None else _beside(A, B)
     held = held[[_vanishes(row, rates) for row in held]]
     if not len(held):
         return None

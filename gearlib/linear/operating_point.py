@@ -121,7 +121,7 @@ def _moment(
 def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point) -> tuple[Floats, Floats]:
     """Values of a program's slots, and of the discrete variables, at an operating point."""
     program = prepared.program
-    x = np.array([point.states.get(s, 0.0) for s in scene.states])
+    x = np.array([point.states[s] for s in scene.states])
     u, now = point.inputs, np.array([point.t])
     if point.discrete is not None:
         discrete = point.discrete(program)[:, None]
