@@ -17,7 +17,7 @@ from gearlib.run.methods.method import Method
 from gearlib.run.request import check_form, check_options
 from gearlib.run.result import Result, SimulatedResult
 from gearlib.run.sampling.controllers import refuse_controllers
-from gearlib.run.simulate import checked_request, earlier_run, run, warn_of_zero_inputs
+from gearlib.run.simulate import beside, checked_request, earlier_run, run, warn_of_zero_inputs
 from gearlib.run.translation import Compiled, Translation, translate
 
 if TYPE_CHECKING:
@@ -289,7 +289,7 @@ class System(Compiled):
         start : mapping, "steady", Result or (Result, float), optional
             Start values for this run, by path, including those of discrete variables; a steady state; or an earlier run to continue
             from its last sample or from a time, with its complete state: integrated states, discrete variables, the modes of clutches
-            and friction. Its parameters and inputs are kept as well, unless ``parameters`` or ``inputs`` are given.
+            and friction. Its parameters and inputs are kept as well; ``parameters`` and ``inputs`` give others in their place.
         inputs : mapping, optional
             Values of unbound inputs: a number, a function of time, a `Table`, or data that converts to one: times and values ``(t,
             y)``, a pandas Series. Inputs not given are 0: they are listed in ``stats["zero_inputs"]``, and one warning (`InputWarning`)
@@ -476,11 +476,9 @@ class System(Compiled):
         check_options(method, rtol, max_step)
         if method == "exact":
             raise ArgumentError("a stepper cannot take method='exact'; use method='auto', 'rk' or 'ida'")
-        if parameters is None and earlier:
-            numbers = earlier[0].request.parameters
-            translation = self.translation.fitting(numbers)
-        else:
-            translation, numbers = self.translation.fitted(parameters)
+        if earlier:
+            parameters, inputs = beside(earlier[0], parameters, inputs)
+        translation, numbers = self.translation.fitted(parameters)
         return SteppedRun(translation, numbers, t_start, start, inputs, method, float(rtol), atol, max_step)
 
     def linearize(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import by_name, is_real, shown
+from gearlib.arguments import is_real, shown
 from gearlib.errors import ArgumentError
 from gearlib.program.interpret import Prepared, evaluate
 from gearlib.program.program import Program
@@ -18,6 +18,7 @@ from gearlib.run.refusals.limits import refuse_start
 from gearlib.run.result import SimulatedResult
 from gearlib.run.sampling.controllers import refuse_instants
 from gearlib.run.scene import Scene, guess_of
+from gearlib.run.simulate import beside
 from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import values, values_in_run
 from gearlib.structure.incidence import Node
@@ -144,9 +145,5 @@ def fitting(translation: Translation, at: Any = None, parameters: Mapping[str, f
 def parameters_at(translation: Translation, at: Any = None, parameters: Mapping[str, float] | None = None) -> Floats:
     """The values of all parameters: by the ones given, beside those of the run in ``at`` or in their place."""
     if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], SimulatedResult):
-        run, index = at[0].request, at[0].translation.model.parameters.index
-        if parameters is None:
-            return run.parameters
-        others = by_name("parameters", parameters, "a mapping of paths to numbers", "load.J")
-        parameters = {name: float(run.parameters[index[name]]) for name in run.given} | others
+        parameters, _ = beside(at[0], parameters)
     return translation.parameter_values(parameters)

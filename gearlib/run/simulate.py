@@ -185,19 +185,12 @@ def checked_request(
     t_start = (earlier[1] if earlier else 0.0) if t_start is None else t_start
     options = (method, rtol, max_step, form, backend, progress, on_interrupt)
     begin, grid = _interval_and_options(translation, t_start, t_end, samples, times, options)
-    if parameters is None and earlier:
-        numbers, given = earlier[0].request.parameters, earlier[0].request.given
-        translation = translation.fitting(numbers)
-    else:
-        translation, numbers = translation.fitted(parameters)
-        given = tuple(parameters or ())
-    if inputs is not None or not earlier:
-        signals = tuple(translation.input_signals(inputs))
-        zero = tuple(name for name in names if name not in inputs) if inputs else names
-    else:
-        before = earlier[0].request
-        signals = tuple(replace(s, remembered={}) if isinstance(s, FunctionInput) else s for s in before.signals)
-        zero = before.zero_inputs
+    if earlier:
+        parameters, inputs = beside(earlier[0], parameters, inputs)
+    translation, numbers = translation.fitted(parameters)
+    given = tuple(parameters or ())
+    signals = tuple(translation.input_signals(inputs))
+    zero = tuple(name for name in names if name not in inputs) if inputs else names
     varied = None
     if not (type(sensitivities) is tuple and not sensitivities):
         varied = directions(translation, sensitivities, numbers, given, start)
@@ -209,6 +202,24 @@ def checked_request(
         begin, grid, method, float(rtol), atol, numbers, start, signals, progress, max_step, zero, form, backend, varied,
         given, on_interrupt,
     )  # fmt: skip
+
+
+def beside(
+    earlier: SimulatedResult, parameters: Mapping[str, float] | None, inputs: Mapping[str, Any] | None = None
+) -> tuple[dict[str, float], dict[str, Any]]:
+    """Parameters and inputs of what continues a run: those that are given, and beside them those that were given for the run."""
+    request, translation = earlier.request, earlier.translation
+    place = translation.model.parameters.index
+    numbers = {name: float(request.parameters[place[name]]) for name in request.given}
+    signals = {
+        name: signal.function if isinstance(signal, FunctionInput) else signal
+        for name, signal in zip(translation.inputs, request.signals, strict=True)
+        if name in translation.open_inputs and name not in request.zero_inputs
+    }
+    return (
+        numbers | by_name("parameters", parameters, "a mapping of paths to numbers", "load.J"),
+        signals | by_name("inputs", inputs, "a mapping of paths to numbers, functions of time or tables", "torque.tau"),
+    )
 
 
 def _interval_and_options(

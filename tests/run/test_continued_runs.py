@@ -86,6 +86,35 @@ def test_parameters_and_inputs_stay_unless_others_are_given() -> None:
     assert system.simulate(2.0, start=half)["load.phi"][-1] == pytest.approx(6.0), "the angle, which was not integrated"
 
 
+def test_what_is_not_given_anew_stays() -> None:
+    """Each parameter and each input by itself: in runs, steps, sweeps and linear models alike. (J1 + J2) der(w) = one + other."""
+
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.other, self.a, self.b = gp.Torque(), gp.Torque(), gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+            return [
+                gl.connect(self.one.flange, self.a.flange_a),
+                gl.connect(self.other.flange, self.b.flange_b),
+                gl.connect(self.a.flange_b, self.b.flange_a),
+            ]
+
+    system = gl.compile(Two(), outputs=["a.w"])
+    half = system.simulate(1.0, parameters={"a.J": 3.0}, inputs={"one.tau": 8.0, "other.tau": lambda t: 4.0})
+    assert half["a.w"][-1] == pytest.approx(3.0)
+    changed: dict[str, Any] = {"start": half, "parameters": {"b.J": 5.0}, "inputs": {"one.tau": 12.0}}
+    assert system.simulate(2.0, **changed)["a.w"][-1] == pytest.approx(3.0 + 16 / 8)
+    step = system.stepper(**changed)
+    step.advance(2.0)
+    assert step["a.w"] == pytest.approx(3.0 + 16 / 8)
+    given = {"b.J": np.linspace(5.0, 12.0, 8), "one.tau": np.linspace(12.0, 5.0, 8)}
+    runs = system.sweep(given, 2.0, start=half, samples=2)
+    assert runs["a.w"][:, -1] == pytest.approx(3.0 + (given["one.tau"] + 4) / (3 + given["b.J"]))
+    numbers = system.sweep({"b.J": np.linspace(5.0, 12.0, 8), "other.tau": 4.0}, 2.0, start=half, samples=2)
+    assert numbers["a.w"][:, -1] == pytest.approx(3.0 + 12 / (3 + given["b.J"]))
+    assert system.linearize(["one.tau"], ["a.w"], at=(half, 1.0), parameters={"b.J": 5.0}).B[0, 0] == pytest.approx(1 / 8)
+    assert half.stats["zero_inputs"] == system.simulate(2.0, **changed).stats["zero_inputs"] == ()
+
+
 def test_a_run_goes_on_after_it_was_copied(thermostat: gl.System) -> None:
     half = copy.deepcopy(thermostat.simulate(3.0))
     rest = thermostat.simulate(20.0, samples=31, start=half)

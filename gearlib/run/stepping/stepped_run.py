@@ -114,10 +114,7 @@ class SteppedRun:
         self._begun = earlier is not None  # the earlier run has handled an instant at its end
         if earlier:
             begin = earlier[0].moment(scene, earlier[1])
-            before = tuple(earlier[0].request.signals)
-            self.inputs.signals = (
-                before if inputs is None else given_before(translation.controllers, before, self.inputs.signals)
-            )
+            self.inputs.signals = given_before(translation.controllers, tuple(earlier[0].request.signals), self.inputs.signals)
         else:
             begin = self._start(scene, parameters, t_start, start)
         self.events: list[Any] = []
