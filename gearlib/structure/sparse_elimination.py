@@ -30,6 +30,7 @@ SAFE = 1e-3  # smallest pivot of the elimination; smaller ones are left to the d
 EXCHANGE = 0.1  # smallest pivot relative to the largest entry of its row
 CANCELLED = 1e-14  # relative to the operands of a subtraction: a smaller result is rounding
 DENSE = 400  # largest fill-in of one elimination step; beyond it the dense remainder is better
+NEGLIGIBLE = 1e-30  # of a row and an unknown of known sizes: a smaller entry scales neither, such as a speed that is zero but for rounding
 FLOOR = 1e-4  # relative to the largest unknown: smaller terms need not cancel to their own precision
 LOOKS = 3  # random directions: an unknown that is zero in all of them is determined
 
@@ -142,6 +143,7 @@ def _scales(matrix: Any, sizes: Floats | None = None) -> tuple[Floats, Floats]:
     if sizes is not None:
         row /= _largest(size * np.nan_to_num(sizes)[j], i, row)
         column = np.where(np.isfinite(sizes), sizes, 1 / _largest(size * row[i], j, column))
+        size = np.where(size * row[i] * column[j] > NEGLIGIBLE, size, 0.0)
     for _ in range(8):
         for factors, place in ((row, i), (column, j)):
             factors /= np.sqrt(_largest(size * row[i] * column[j], place, factors))

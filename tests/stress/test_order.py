@@ -29,6 +29,15 @@ def test_where_a_free_angle_starts(seed: int) -> None:
     assert differences(linear_train(seed), seed + 1, ["auto"]) == []
 
 
+@pytest.mark.parametrize("order", [0, 5, 1100016])
+def test_rigid_gears_that_stand_still_share_their_load(order: int) -> None:
+    """Rounding leaves speeds of 1e-64 rad/s in some orders; as a factor in an equation of a sensor they must not scale a torque."""
+    train = analysed_train(1100015)
+    flow = gl.compile(Model(train=train, order=order)).power_flow(torques=train.unbound())
+    half = train.part("torque0").value("tau").bias / 2
+    assert [flow[f"{gear}.flange_a"].torque for gear in ("idealGear0", "idealGear2")] == pytest.approx([half, half], rel=1e-9)
+
+
 @pytest.mark.parametrize("seed", [3, 32, 143, 152, 257, 353])
 def test_what_is_redundant(seed: int) -> None:
     train = analysed_train(seed)
