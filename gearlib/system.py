@@ -17,7 +17,7 @@ from gearlib.run.methods.method import Method
 from gearlib.run.request import check_form, check_options
 from gearlib.run.result import Result, SimulatedResult
 from gearlib.run.sampling.controllers import refuse_controllers
-from gearlib.run.simulate import beside, checked_request, earlier_run, run, warn_of_zero_inputs
+from gearlib.run.simulate import checked_request, earlier_run, kept_values, run, warn_of_zero_inputs
 from gearlib.run.translation import Compiled, Translation, translate
 
 if TYPE_CHECKING:
@@ -477,7 +477,7 @@ class System(Compiled):
         if method == "exact":
             raise ArgumentError("a stepper cannot take method='exact'; use method='auto', 'rk' or 'ida'")
         if earlier:
-            parameters, inputs = beside(earlier[0], parameters, inputs)
+            parameters, inputs = kept_values(earlier[0], parameters, inputs)
         translation, numbers = self.translation.fitted(parameters)
         return SteppedRun(translation, numbers, t_start, start, inputs, method, float(rtol), atol, max_step)
 

@@ -18,7 +18,7 @@ from gearlib.run.refusals.limits import refuse_start
 from gearlib.run.result import SimulatedResult
 from gearlib.run.sampling.controllers import refuse_instants
 from gearlib.run.scene import Scene, guess_of
-from gearlib.run.simulate import beside
+from gearlib.run.simulate import kept_values
 from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import values, values_in_run
 from gearlib.structure.incidence import Node
@@ -145,5 +145,5 @@ def fitting(translation: Translation, at: Any = None, parameters: Mapping[str, f
 def parameters_at(translation: Translation, at: Any = None, parameters: Mapping[str, float] | None = None) -> Floats:
     """The values of all parameters: by the ones given, beside those of the run in ``at`` or in their place."""
     if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], SimulatedResult):
-        parameters, _ = beside(at[0], parameters)
+        parameters, _ = kept_values(at[0], parameters)
     return translation.parameter_values(parameters)

@@ -27,7 +27,7 @@ from gearlib.progress import check_progress
 from gearlib.run.methods.run import is_function
 from gearlib.run.request import Request
 from gearlib.run.result import SimulatedResult
-from gearlib.run.simulate import beside, checked_request, earlier_run, run, warn_of_zero_inputs
+from gearlib.run.simulate import checked_request, earlier_run, kept_values, run, warn_of_zero_inputs
 from gearlib.run.start_values import start_named, start_variable
 from gearlib.run.translation import Translation
 
@@ -181,7 +181,7 @@ def sweep_runs(
     if twice := {*given, *first} & {*(inputs or {})}:
         raise ArgumentError(f"the input {twice.pop()} is given in parameters and in inputs; give it once")
     if earlier := None if start is None else earlier_run(translation, start):
-        fixed, inputs = beside(earlier[0], fixed, inputs)
+        fixed, inputs = kept_values(earlier[0], fixed, inputs)
     all_inputs = {**(inputs or {}), **given, **first} if inputs is not None or given or first else None
     own, request = checked_request(
         translation, t_end, start={**(start or {}), **starts} if starts else start, inputs=all_inputs, **options

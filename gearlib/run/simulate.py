@@ -186,7 +186,7 @@ def checked_request(
     options = (method, rtol, max_step, form, backend, progress, on_interrupt)
     begin, grid = _interval_and_options(translation, t_start, t_end, samples, times, options)
     if earlier:
-        parameters, inputs = beside(earlier[0], parameters, inputs)
+        parameters, inputs = kept_values(earlier[0], parameters, inputs)
     translation, numbers = translation.fitted(parameters)
     given = tuple(parameters or ())
     signals = tuple(translation.input_signals(inputs))
@@ -204,7 +204,7 @@ def checked_request(
     )  # fmt: skip
 
 
-def beside(
+def kept_values(
     earlier: SimulatedResult, parameters: Mapping[str, float] | None, inputs: Mapping[str, Any] | None = None
 ) -> tuple[dict[str, float], dict[str, Any]]:
     """Parameters and inputs of what continues a run: those that are given, and beside them those that were given for the run."""

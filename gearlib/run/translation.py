@@ -148,7 +148,7 @@ class Variants:
         special = self.special(parameters)
         if special not in self.chosen:
             if special and flatten(self.component, anew=False).digest != self.model.digest:
-                raise changed(self.model, f"with {some(self.named(special))} the equations are derived anew")
+                raise stale(self.model, f"with {some(self.named(special))} the equations are derived anew")
             self.chosen[special] = self.tried(special, parameters)
         return self.without_cancelling(self.chosen[special], parameters)
 
@@ -203,7 +203,7 @@ class Variants:
         return [f"{names[p]} = {value:g}" for p, value in sorted(special)]
 
 
-def changed(model: FlatModel, why: str) -> ModelError:
+def stale(model: FlatModel, why: str) -> ModelError:
     """The error for a component that is no longer the compiled one."""
     return ModelError(
         f"{model.instances[0].kind} has changed since it was compiled, and {why}: something that its equations() or assemble() read (an "
@@ -572,7 +572,7 @@ def _translated_again(
     component, outputs = pickle.loads(recipe)
     found = translate(component, outputs)
     if found.variants.model.digest != digest:
-        raise changed(found.model, "this process derives its equations anew")
+        raise stale(found.model, "this process derives its equations anew")
     numbers = found.model.parameters.defaults.copy()
     for p, value in substituted | decisive:
         numbers[p] = value

@@ -26,6 +26,15 @@ class Drive(gl.Component):
         ]
 
 
+class Pulled(Drive):
+    """With an unbound torque on the load."""
+
+    def assemble(self) -> list[Any]:
+        links = super().assemble()
+        self.pull = gp.Torque()
+        return [*links, c(self.pull.flange, self.load.flange_b)]
+
+
 RESULT = gl.compile(Drive()).simulate(2.0, samples=5)
 T = np.linspace(0, 2, 5)
 
@@ -77,12 +86,6 @@ def test_histories_are_not_shared_with_the_caller() -> None:
 def test_a_result_does_not_follow_what_was_given_for_it() -> None:
     """Angles and gradients are computed when they are read, by another run: (J + 2 / 4) der(motor.w) = 6 - 24 / 2."""
 
-    class Pulled(Drive):
-        def assemble(self) -> list[Any]:
-            links = super().assemble()
-            self.pull = gp.Torque()
-            return [*links, c(self.pull.flange, self.load.flange_b)]
-
     times, t, tau, atol = T.copy(), np.array([0.0, 2.0]), np.array([24.0, 24.0]), np.array([1e-9])
     start, parameters, inputs = {"load.w": 3.0, "load.phi": 0.5}, {"motor.J": 2.5}, {"pull.tau": gl.Table(t, tau)}
     found = gl.compile(Pulled(), outputs=["motor.w"]).simulate(
@@ -102,17 +105,11 @@ def test_a_result_does_not_follow_what_was_given_for_it() -> None:
 def test_a_function_that_is_no_longer_what_it_was_in_the_run_is_refused() -> None:
     """Each lambda reads the variable of the loop, which has its last value when the variables of the first run are computed."""
 
-    class Pushed(Drive):
-        def assemble(self) -> list[Any]:
-            links = super().assemble()
-            self.push = gp.Torque()
-            return [*links, c(self.push.flange, self.load.flange_b)]
-
-    system = gl.compile(Pushed(), outputs=["load.w"])
+    system = gl.compile(Pulled(), outputs=["load.w"])
     late, bound = [], []
     for k in (2.0, 4.0):
-        late.append(system.simulate(2.0, samples=5, inputs={"push.tau": lambda t: k}))  # noqa: B023  (that is the case)
-        bound.append(system.simulate(2.0, samples=5, inputs={"push.tau": lambda t, k=k: k}))
+        late.append(system.simulate(2.0, samples=5, inputs={"pull.tau": lambda t: k}))  # noqa: B023  (that is the case)
+        bound.append(system.simulate(2.0, samples=5, inputs={"pull.tau": lambda t, k=k: k}))
     for run, same, k in zip(late, bound, (2.0, 4.0), strict=True):
         right = (k - 12) / 6 * T  # (2 + 4) der(w) = k - 2 * 6
         assert run["load.w"] == pytest.approx(right, rel=1e-9)
@@ -120,13 +117,13 @@ def test_a_function_that_is_no_longer_what_it_was_in_the_run_is_refused() -> Non
         assert run["motor.w"] == pytest.approx(-2 * right, rel=1e-9)  # for which no input is read
     first = late[0]
     reads: list[Any] = [
-        lambda: first["load.phi"], lambda: first["push.tau"], lambda: first["der(load.w)"], first.energy_balance,
+        lambda: first["load.phi"], lambda: first["pull.tau"], lambda: first["der(load.w)"], first.energy_balance,
         lambda: first.gradient({"load.w": [0, 0, 0, 0, 1.0]}, ["load.J"]), lambda: first.at(0.3),
-        lambda: system.linearize(["push.tau"], ["load.w"], at=(first, 0.3)),
+        lambda: system.linearize(["pull.tau"], ["load.w"], at=(first, 0.3)),
     ]  # fmt: skip
     for read in reads:
         with pytest.raises(
-            ArgumentError, match=r"push\.tau, called with t = \d\S* s, returned 4, but 2 in the run: .*: lambda t, k=k"
+            ArgumentError, match=r"pull\.tau, called with t = \d\S* s, returned 4, but 2 in the run: .*: lambda t, k=k"
         ):
             read()
     more = system.simulate(3.0, samples=2, start=first)  # goes on with the function as it is now
