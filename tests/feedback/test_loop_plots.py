@@ -263,6 +263,7 @@ def at_frequencies(curve: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         (control.tf([0.8], [1, 1]), 1.1),  # the unit circle at least
         (control.tf([7.0], [1, 1]), 7.0),
         (control.tf([0.1, 1.0], [1, 0, 100]), 3.0),  # with a pole on the axis, at least three
+        (control.tf([4.0], [1, 2, 1, 0]), 11.7714),  # and what is not next to the pole
     ],
 )
 def test_the_whole_curve_is_in_view_but_for_what_goes_to_infinity(model: Any, top: float) -> None:
@@ -270,11 +271,12 @@ def test_the_whole_curve_is_in_view_but_for_what_goes_to_infinity(model: Any, to
     assert whole.get_ylim() == pytest.approx((-1.15 * top, 1.15 * top), rel=1e-3)
     left, right = whole.get_xlim()
     assert right - left == pytest.approx(2.3 * top, rel=1e-3)
-    x, _ = line(whole, "L(jω)")
-    x, y = (part[np.hypot(*line(whole, "L(jω)")) <= top] for part in line(whole, "L(jω)"))
+    x, y = (part[np.hypot(*line(whole, "L(jω)")) <= 1.0001 * top] for part in line(whole, "L(jω)"))
     assert left < x.min() <= x.max() < right
     assert np.abs(y).max() < 1.15 * top
     assert (left < -1.0) == (top > 0.5)
+    shown = [*x, 0.0, *([-1.0] if top > 0.5 else [])]  # the origin and -1, too
+    assert (left + right) / 2 == pytest.approx((min(shown) + max(shown)) / 2, abs=1e-3 * top)
 
 
 @pytest.mark.parametrize("turn", [1.0, -1.0])

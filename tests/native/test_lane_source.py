@@ -22,16 +22,18 @@ CALL = ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_void_p] * 4)
 
 
 class Fan(gl.Component):
-    """A linear block, terms that are constant, of time and quadratic, and an open input."""
+    """A linear block, terms that are constant, of time and quadratic, and three open inputs."""
 
     def assemble(self) -> list[Any]:
         self.torque, self.drive = gp.Torque(), gp.Torque(tau=2.0 + gl.sin(3 * gl.time))
+        self.load, self.brake = gp.Torque(), gp.Torque()
         self.a, self.b, self.gear = gp.Inertia(J=0.3), gp.Inertia(J=1.2), gp.IdealGear(ratio=2.0)
         self.fan = gp.QuadraticSpeedDependentTorque(tau_nominal=-1.5, w_nominal=2.0)
         self.spring, self.ground = gp.SpringDamper(c=7.0, d=0.4, phi_rel0=0.1), gp.Fixed()
         return [
             gl.connect(self.torque.flange, self.drive.flange, self.a.flange_a), gl.connect(self.a.flange_b, self.gear.flange_a),
-            gl.connect(self.gear.flange_b, self.b.flange_a, self.fan.flange), gl.connect(self.b.flange_b, self.spring.flange_a),
+            gl.connect(self.gear.flange_b, self.b.flange_a, self.fan.flange, self.load.flange, self.brake.flange),
+            gl.connect(self.b.flange_b, self.spring.flange_a),
             gl.connect(self.spring.flange_b, self.ground.flange),
         ]  # fmt: skip
 

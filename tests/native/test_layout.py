@@ -13,6 +13,7 @@ import gearparts as gp
 from gearlib.native.layout import (
     CHECKED,
     EACH,
+    FACTORISED,
     INDIRECT,
     SEARCH,
     KeptMatrix,
@@ -200,15 +201,21 @@ def test_cost_of_a_solution_with_a_kept_matrix() -> None:
     assert substitution(order) == INDIRECT * (4.0 * order.fill + 2.0 * 20)
 
 
+@pytest.mark.parametrize("sparse", [False, True])
 @pytest.mark.parametrize(("model", "turns"), [(Crank(), 2), (Slipping(), 1)])
-def test_cost_of_equations_that_are_solved_in_each_evaluation(model: gl.Component, turns: int) -> None:
-    """Their residuals and matrix, and an elimination with pivots; twice where they are not linear."""
+def test_cost_of_equations_that_are_solved_in_each_evaluation(
+    model: gl.Component, turns: int, sparse: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Their residuals and matrix, and an elimination, with pivots or by the pattern; twice where they are not linear."""
+    monkeypatch.setattr("gearlib.program.program.LARGE", 1 if sparse else 1000)
+    monkeypatch.setattr("gearlib.program.program.SPARSE", 1.0)
     program = gl.compile(model).translation.scene.program
     layout = lay_out(program, Shared(0, 0, 0), 0)
     (block,) = [step for step in program.steps if isinstance(step, Newton)]
     n, batches = len(block.unknowns), (*block.residuals, *block.jacobian)
-    assert block.order is None
-    own = sum(len(b) * (1 + b.kernel.operations) for b in batches) + SEARCH * (2 * n**3 / 3 + 2 * n**2)
+    assert (block.order is not None) == sparse
+    own = sum(len(b) * (1 + b.kernel.operations) for b in batches)
+    own += SEARCH * (2 * n**3 / 3 + 2 * n**2) if block.order is None else FACTORISED * substitution(block.order)
     others = sum(len(s) * s.kernel.operations for s in program.steps if isinstance(s, Batch))
     blocks = sum(2.0 * len(layout.needed[k]) * len(s.known) for k, s in enumerate(program.linear_blocks))
     assert operations(program, layout) == pytest.approx(others + blocks + turns * own)

@@ -117,6 +117,42 @@ class Known:
         return (self.roots(phase) > 0 if self.flags is None else self.flags(phase)).astype(float)
 
 
+class Moving(Known):
+    """One that moves with rates that its flag gives."""
+
+    omega = 0.7
+
+    def __init__(self, *functions: Any, before: float, after: float) -> None:
+        super().__init__(*functions)
+        self.both = np.array([before, after])
+
+    def rates(self, phase: np.ndarray, _: np.ndarray, flags: np.ndarray) -> np.ndarray:
+        return self.both[flags[0].astype(int)][None]
+
+
+@pytest.mark.parametrize(("before", "after"), [(2.0, 5.0), (0.0, 5.0), (2.0, 0.0), (0.0, 0.0)])
+def test_where_the_motion_stands_still_a_relation_between_states_has_no_instant(before: float, after: float) -> None:
+    """The state is the phase, and switches at 0.3 and, back, half a turn later; it gets there with the rates of either side."""
+
+    class Crossed(Moving):
+        def roots(self, phase: np.ndarray, *given: Any) -> np.ndarray:
+            return np.sin((given[0][0] if given else phase) - 0.3)[None]
+
+    driven = Crossed(before=before, after=after)
+    known = cuts_of(driven)
+    found = jumps(driven, np.zeros((1, 1)), known, np.ones(1))  # type: ignore[arg-type]
+    if before == after:
+        assert found is None
+        return
+    assert found is not None
+    kept = [k for k, rate in enumerate((before, after)) if rate]
+    assert found.phase == pytest.approx(np.array([0.3, 0.3 + np.pi])[kept], abs=1e-7)
+    assert found.jump[:, 0] == pytest.approx(np.array([after - before, before - after])[kept])
+    assert found.gradient[:, 0] == pytest.approx(np.array([1.0, -1.0])[kept], rel=1e-8)
+    assert found.slope == pytest.approx(np.array([1.0, -1.0])[kept], rel=1e-8)
+    assert found.rate == pytest.approx(np.array([before, -after])[kept], rel=1e-8)
+
+
 def cuts_of(known: Known, samples: int = 64) -> Any:
     return moments(known, np.zeros((1, 1)), samples)  # type: ignore[arg-type]
 

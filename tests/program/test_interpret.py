@@ -332,3 +332,14 @@ def test_parts_of_a_singular_block_are_named(n: int, named: int, more: str) -> N
     listed = rf"(part\[\d+\](, )?){{{named}}}(?<! ){more}"
     with pytest.raises(SingularError, match=rf"^the equations of {listed} are singular with these parameters"):
         scene.numbers(table)
+
+
+@pytest.mark.parametrize("guess", [0.0, 1e-12, -3.0])
+def test_where_a_square_has_its_vertex_the_iteration_goes_on_upwards(guess: float) -> None:
+    class Square(gl.Component):
+        x, y = gl.Variable("1", guess=guess), gl.Variable("1", start=4.0)
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.x**2, self.y), gl.Eq(gl.der(self.y), 0.0 * self.x)]
+
+    assert gl.simulate(Square(), 1.0, samples=2)["x"] == pytest.approx([2.0 if guess >= 0 else -2.0] * 2, rel=1e-9)

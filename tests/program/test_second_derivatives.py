@@ -128,6 +128,35 @@ def test_the_papers_train() -> None:
     check(gl.compile(gp.ZhouCui2022()), {}, 3, 3)
 
 
+@pytest.mark.parametrize("model", [Bound(), Loop()])
+def test_the_order_of_differentiation_does_not_matter(model: gl.Component) -> None:
+    """By a parameter and then by a state, or the other way round."""
+    system, rng = gl.compile(model), np.random.default_rng(4)
+    scene = system.translation.scene
+    prepared = scene.numbers(system.translation.parameter_values({}))
+    program = prepared.program
+    n, now = len(program.states) + len(program.inputs), np.array([0.7])
+    x, u = scene.nominal * rng.uniform(-1.0, 1.0, len(program.states)), rng.normal(size=len(program.inputs))
+    flags = scene.discrete(prepared, now, x[:, None], u[:, None])[:, 0]
+    guess = guess_of(program, np.zeros(system.translation.model.n_variables))
+    slots = evaluate(prepared, now, x[:, None], u[:, None], flags[:, None], guess)[:, 0]
+    at, seeds = At(prepared, now, slots[:, None], flags[:, None]), list(range(n))
+    different = 0
+    used = sorted({int(p) for s in program.steps for b in _batches(s) for p in b.parameters.ravel()})
+    for p in rng.permutation(used)[:5].tolist():
+        entering = [(program.n_slots + p, 0)]
+        slopes = derivatives(prepared, 0.7, slots, flags, seeds, [(program.n_slots + p, 0, 1.0)])
+        change = np.zeros((len(prepared.parameters), n + 1))
+        change[p, -1] = 1.0
+        by_state, by_parameter = derivative_plan(program, [(i, i) for i in seeds]), derivative_plan(program, entering)
+        one, other = np.zeros((2, program.n_slots, n))
+        one[by_state.rows, by_state.seeds] = entry_changes(by_state, at, Direction(slopes[:, n:], change[:, n:]))[:, 0]
+        other[by_parameter.rows] = entry_changes(by_parameter, at, Direction(slopes[:, :n], change[:, :n]))
+        assert one == pytest.approx(other, rel=1e-9, abs=1e-10 * np.abs(other).max())
+        different += bool(other.any())
+    assert different
+
+
 @pytest.mark.stress
 @pytest.mark.parametrize("seed", range(100))
 def test_many_random_trains(seed: int) -> None:

@@ -319,6 +319,55 @@ def test_angles_that_contradict_each_other_force_nothing_to_stand_still() -> Non
         gl.compile(TwoDiscs())
 
 
+@pytest.mark.parametrize("gears", [("one", "two"), ("two", "one")])
+def test_gears_that_disagree_beside_a_ground_are_one_loop(gears: tuple[str, str]) -> None:
+    """Only an angle that two parts hold is held twice."""
+
+    class Held(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.wall, self.body = gp.Fixed(phi0=0.3), gp.Inertia(J=1.0)
+            first, second = gp.IdealGear(ratio=2.0), gp.IdealGear(ratio=3.0)
+            setattr(self, gears[0], first)
+            setattr(self, gears[1], second)
+            return [
+                gl.connect(self.wall.flange, first.flange_a, second.flange_a),
+                gl.connect(self.body.flange_a, first.flange_b, second.flange_b),
+            ]
+
+    with pytest.raises(gl.GearlibError) as told:
+        gl.compile(Held())
+    said = str(told.value)
+    assert said.endswith(
+        " cannot turn: its ratios contradict each other; check the ratios of these components, or make one of the connections elastic"
+    )
+    assert said.startswith("the rigid loop through ")
+    assert sorted(said.removeprefix("the rigid loop through ").partition(" cannot")[0].split(", ")) == ["one", "two", "wall"]
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.0])
+def test_an_equation_between_torques_that_is_said_twice_is_not_taken_away(factor: float) -> None:
+    """Between angles the second would be a rigid loop; between torques it is a mistake."""
+
+    class Twice(gl.Component):
+        flange_a, flange_b = gp.Flange(), gp.Flange()
+
+        def equations(self) -> list[Any]:
+            return [
+                gl.Eq(self.flange_a.tau + self.flange_b.tau, 0),
+                gl.Eq(factor * self.flange_a.tau + factor * self.flange_b.tau, 0),
+            ]
+
+    class Model(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.link = gp.Inertia(J=1.0), gp.Inertia(J=1.0), Twice()
+            return [gl.connect(self.a.flange_b, self.link.flange_a), gl.connect(self.link.flange_b, self.b.flange_a)]
+
+    with pytest.raises(
+        gl.GearlibError, match=r"not balanced\. (over-determined: one of these equations follows|under-determined)"
+    ):
+        gl.compile(Model())
+
+
 @pytest.mark.parametrize("name", ["one", "other"])
 def test_flows_beside_an_equation_are_those_of_its_component(name: str) -> None:
     class Train(gl.Component):

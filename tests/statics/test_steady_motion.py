@@ -156,7 +156,7 @@ class Switches(gl.Component):
                 gl.der(self.z), gl.Piecewise((1, self.y < 0), (2, True)) + gl.Piecewise((1, self.y <= 0), (2, True)) + self.last
             ),
             gl.Eq(self.one, gl.Piecewise((3, self.x > 1), (1, True))),
-            gl.Eq(self.two, gl.pre(self.one) + 1),
+            gl.Eq(self.two, gl.pre(self.one) + gl.Piecewise((1, self.x < 7), (2, True))),
             gl.Eq(self.last, 2 * gl.pre(self.two) + gl.Piecewise((100, gl.initial()), (0, True))),
         ]
 

@@ -105,7 +105,7 @@ class _Tracking:
         self.span = end - begin
         inside = np.unique(events[(events > begin) & (events <= end)])[:MOST_EVENTS]
         before = inside - BEFORE * max(abs(begin), abs(end))
-        self.jumps = set(inside.tolist())
+        self.events, self.jumps = inside, set(inside.tolist())
         self.places = np.unique(np.concatenate([np.linspace(begin, end, POINTS + 1), before[before > begin], inside]))
         # Path at known times, with the index of the time in its batch
         self.known: dict[float, tuple[tuple[Floats, Floats, Floats], int]] = {}
@@ -113,8 +113,10 @@ class _Tracking:
         self._look(self.places, self.span / POINTS, end)
 
     def _look(self, places: Floats, apart: float, end: float) -> None:
-        """Evaluate the trajectory at some points, and beside them for slopes."""
-        near = np.where(places + SLOPE * apart <= end, places + SLOPE * apart, places - SLOPE * apart)
+        """Evaluate the trajectory at some points, and beside them for slopes: after them, unless an event or the end comes first."""
+        after = places + SLOPE * apart
+        passed = np.searchsorted(self.events, after, side="right") > np.searchsorted(self.events, places, side="right")
+        near = np.maximum(np.where(passed | (after > end), places - SLOPE * apart, after), self.places[0])
         self.delta |= dict(zip(places.tolist(), near.tolist(), strict=True))
         times = np.unique(np.concatenate([places, near]))
         along = self.path(times)
@@ -134,8 +136,7 @@ class _Tracking:
         near = self.delta[t]
         if near == t:
             return np.zeros(len(z))
-        slope: Floats = (self._solve(near, z) - z) / (near - t)
-        return slope
+        return (self._solve(near, z) - z) / (near - t)
 
     def whole(self) -> Branch:
         t = float(self.places[0])
@@ -149,8 +150,7 @@ class _Tracking:
             j = i + 1 if jump else self._reach(i, stride)
             following = float(self.places[j])
             narrow = following - t <= NARROWEST * self.span
-            middle = float(self.places[(i + j) // 2]) if j > i + 1 else self.delta[t]
-            step = self._step(t, z, slope, following, middle, high - low, jump or narrow)
+            step = self._step(t, z, slope, following, float(self.places[(i + j) // 2]), high - low, jump or narrow)
             if step is None and j > i + 1:
                 stride = max(1, (j - i) // 2)
             elif step is None:

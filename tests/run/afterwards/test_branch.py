@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import gearlib as gl
-from gearlib.run.afterwards.branch import Branch
+from gearlib.run.afterwards.branch import Branch, follow, iterated_unknowns
 
 
 class Loop(gl.Component):
@@ -150,3 +150,47 @@ def test_values_between_steps_are_a_cubics() -> None:
     assert branch.guess([(9, 0), (7, 0)], at) == pytest.approx(np.stack([2 * inside, inside**3 - inside]), abs=1e-14)
     single = Branch(((7, 0),), t[:1], np.array([[4.0]]), np.array([[1.0]]))
     assert single.guess([(7, 0)], at).tolist() == [[4.0] * 7]
+
+
+@pytest.mark.parametrize(
+    ("speed", "leap", "turns", "most"), [(0.2, 0.0, 0, 16), (0.2, 0.5, 0, 18), (2.0, 0.5, 1, 60), (-15.0, 0.5, 0, 250)]
+)
+def test_a_path_is_followed_in_few_steps_that_show_all_of_it(
+    speed: float, leap: float, turns: int, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of sin(b - a) = 0.3 sin(b) the solution next to a is a + atan2(0.3 sin a, 1 - 0.3 cos a); at an event a leaps."""
+    monkeypatch.setattr("gearlib.run.afterwards.branch.POINTS", 256)
+    translation = NAMED["z",].translation
+    scene, (node,) = translation.scene, iterated_unknowns(translation.scene.program)[1]
+    begin, end, event = -1.0, 2.0, 1.0 / 3.0
+    events = np.array([begin, event, event, end + 1.0]) if leap else np.empty(0)
+
+    def angle(times: Any) -> Any:
+        return speed * (times - begin) + 0.2 * speed * np.sin(3.0 * times) + leap * (times >= event)
+
+    def path(times: Any) -> Any:
+        states = np.stack([angle(times) if name == "a" else 0.0 * times for name in scene.state_names])
+        return states, np.empty((0, len(times))), np.zeros((scene.n_discrete, len(times)))
+
+    def exact(times: Any) -> Any:
+        a = angle(times)
+        return a + np.arctan2(0.3 * np.sin(a), 1.0 - 0.3 * np.cos(a)) + 2.0 * np.pi * turns
+
+    prepared = scene.numbers(translation.parameter_values({}))
+    found = follow(prepared, path, begin, end, events, np.full(scene.program.n_slots, exact(begin)))
+    assert found.nodes == (node,)
+    assert (found.times[0], found.times[-1]) == (begin, end)
+    assert 0.0 < np.diff(found.times).min() <= np.diff(found.times).max() == pytest.approx(3.0 * 32 / 256) or most > 20
+    assert len(found.times) <= most
+    assert found.values[:, 0] == pytest.approx(exact(found.times), abs=1e-8)
+    h = 1e-6 * np.where(found.times > 1.99, -1.0, 1.0)
+    smooth = np.abs(found.times - event) > 1e-3
+    assert found.slopes[smooth, 0] == pytest.approx(
+        ((exact(found.times + h) - exact(found.times)) / h)[smooth], rel=0.01, abs=0.01 * abs(speed)
+    )
+    at = np.random.default_rng(0).uniform(begin, end, 2000)
+    assert found.guess([node], at)[0] == pytest.approx(exact(at), abs=0.01 * abs(speed))
+    if leap:
+        i = int(np.searchsorted(found.times, event))
+        assert found.times[i] == event
+        assert 0.0 < event - found.times[i - 1] < 1e-11

@@ -18,7 +18,7 @@ import gearlib as gl
 from gearlib.errors import ArgumentError, SolverError, StartError
 from gearlib.solvers.ida import ida
 from gearlib.solvers.ida.iteration_matrix import plan, reverse_cuthill_mckee
-from gearlib.solvers.ida.sundials import UnavailableError
+from gearlib.solvers.ida.sundials import Sundials, UnavailableError, load
 from gearlib.solvers.problem import Problem
 from tests.run.python_problem import by_ida
 
@@ -514,6 +514,18 @@ def test_other_road_is_taken_when_the_libraries_are_not_there(monkeypatch: pytes
     solution = by_ida(problem(ball_rhs, [5.0, 0.0]), [0.0, 1.0], rtol=1e-6)
     assert solution.stats["backend"] == "scikit-sundae: no libraries here"
     np.testing.assert_allclose(solution.x[-1], [0.0, -10.0], atol=1e-5)
+
+
+def test_a_function_is_found_in_whichever_library_has_it() -> None:
+    found = load()
+    fresh = replace(found, functions={})
+    for name in ("SUNContext_Create", "N_VMake_Serial", "SUNLinSol_Dense", "IDACreate", "SUNLinSol_SuperLUMT"):
+        assert fresh.address(name) == found.address(name) > 0
+    assert fresh.IDASolve is fresh.IDASolve
+    with pytest.raises(AttributeError, match="IDAInvented"):
+        fresh.IDAInvented  # noqa: B018
+    with pytest.raises(UnavailableError, match="libraries of scikit-sundae lack IDACreate"):
+        Sundials(found.version, found.folder, ()).address("IDACreate")
 
 
 def test_a_single_sample_is_the_start_after_its_event_iteration() -> None:
