@@ -59,7 +59,9 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.fixture
 def interruptible() -> Iterator[None]:
-    """SIGINT as on a terminal; what is started in the background ignores it."""
+    """SIGINT as on a terminal; what is started in the background ignores it, and a callback of the garbage collector swallows it."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    gc.disable()
     yield
+    gc.enable()
     signal.signal(signal.SIGINT, before)

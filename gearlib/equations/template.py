@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, wraps
 from typing import Any, TypeVar, cast
@@ -316,19 +316,36 @@ def lift_relations(expression: Any, is_discrete: Callable[[str], bool] = never) 
     expression = piecewise(expression.xreplace(protected))
     if not protected and not expression.has(Relational):
         return expression, ()
+    atoms = [a for a in sorted(expression.atoms(Relational), key=str) if not all(is_discrete(s.name) for s in a.free_symbols)]
+    found, lifted = _lifted(atoms, 0)
+    expression = expression.xreplace(lifted)
+    plain = {dummy: piecewise(call.args[0].replace(_no_event, lambda e: e.args[0])) for call, dummy in protected.items()}
+    return expression.xreplace(plain), found
+
+
+def _lifted(comparisons: Sequence[Any], first: int) -> tuple[tuple[Relation, ...], dict[Any, Any]]:
+    """Relations, numbered from ``first`` on, and what takes the place of the comparisons that they stand for."""
     found: list[Relation] = []
-    lifted: dict[Any, Any] = {}
-    for atom in sorted(expression.atoms(Relational), key=str):
-        if all(is_discrete(s.name) for s in atom.free_symbols):
-            continue
+    for atom in comparisons:
         if isinstance(atom, (sympy.Eq, sympy.Ne)):
             raise DeclarationError(f"the comparison {atom}: use <, <=, >, >=; equality of real numbers is not an event")
         less = isinstance(atom, (sympy.StrictLessThan, sympy.LessThan))
         found.append(Relation(atom.lhs - atom.rhs, isinstance(atom, (sympy.StrictLessThan, sympy.StrictGreaterThan)), less))
-        lifted[atom] = sympy.Ne(relation_symbol(len(found) - 1), 0)
-    expression = expression.xreplace(lifted)
-    plain = {dummy: piecewise(call.args[0].replace(_no_event, lambda e: e.args[0])) for call, dummy in protected.items()}
-    return expression.xreplace(plain), tuple(found)
+    return tuple(found), {a: sympy.Ne(relation_symbol(first + i), 0) for i, a in enumerate(comparisons)}
+
+
+def without_events(template: Template) -> list[Any]:
+    """The comparisons of a template that raise no events: those of `gl.no_event`, and corners of tables."""
+    order = (sympy.StrictLessThan, sympy.LessThan, sympy.StrictGreaterThan, sympy.GreaterThan)
+    fixed = {real_symbol(name) for name in (*template.parameters, *template.discretes)}
+    return sorted((a for a in template.residual.atoms(*order) if not a.free_symbols <= fixed), key=str)
+
+
+def with_events(template: Template, comparisons: Sequence[Any]) -> Template:
+    """The template with relations in place of some comparisons `without_events`."""
+    found, lifted = _lifted(comparisons, len(template.relations))
+    residual, relations = template.residual.xreplace(lifted), (*template.relations, *found)
+    return make_template(template.label, residual, template.parameters, relations, template.discretes, template.binds)
 
 
 def _no_event(e: Any) -> bool:

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import by_name, name_list, real, shown
-from gearlib.errors import ArgumentError, ModelError, NameLookupError, nearest
+from gearlib.errors import ArgumentError, GearlibWarning, ModelError, NameLookupError, nearest, warn
 from gearlib.flatten.model import FlatModel
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import DerivativePlan, derivative_plan
 from gearlib.program.program import Batch, Linear, Newton, Program
-from gearlib.program.relations import Relations, relations_of
+from gearlib.program.relations import Relations, jumps_below, relations_of
+from gearlib.reduce.coefficients import some
 from gearlib.reduce.reduction import confirm
 from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.sampling.controllers import refuse_controllers
@@ -328,3 +329,11 @@ def _refuse(found: ExportedModel) -> None:
             )
     if scene.structure.switching:
         refuse_jumps(scene.structure, found.observed, found.numbers, 0.0, 1.0)
+    if jumps := jumps_below(scene.structure, found.observed, found.numbers):
+        model = scene.model
+        owners = dict.fromkeys(model.owner(*model.places[jump.equation]) for jump in jumps)
+        warn(
+            f"{name}: {some(list(owners), ', ')}: an equation that has to be differentiated may jump or have a corner, where the bodies "
+            "that it couples need an impulse. gearlib refuses runs that reach that point; an FMU goes on without the impulse",
+            GearlibWarning,
+        )

@@ -446,5 +446,8 @@ def sample(period: Any, offset: Any = 0) -> Any:
 
 
 def no_event(expression: Any) -> Any:
-    """The same value, with its relations evaluated continuously and without raising events."""
+    """The same value, with its relations evaluated continuously and without raising events.
+
+    A run is refused where one of them makes an equation jump that must be differentiated.
+    """
     return _NO_EVENT(value_of(expression, "the argument of no_event()"))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +14,13 @@ from numpy.typing import NDArray
 from gearlib.program.build import Builder, Found, Place, build
 from gearlib.program.event_iteration import EventIteration, event_iteration
 from gearlib.program.program import Batch, Newton, Program
+from gearlib.reduce.discontinuities import jumping
 from gearlib.reduce.reduction import Structure
 from gearlib.structure.incidence import Node
 
+Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Uses = tuple[list[Node], Integers]
 
 
 @dataclass(frozen=True)
@@ -51,10 +55,11 @@ class Relations:
 
 
 def relations_of(structure: Structure, program: Program, wanted: Sequence[int] = ()) -> Relations:
-    """Relations and discrete variables that a program, or an output, depends on, transitively."""
+    """Relations and discrete variables that a program, or an output, depends on, transitively; and those at which it has impulses."""
     model = structure.model
     builder = Builder(structure, (), program.states)
-    used = np.union1d(used_discrete(program), model.n_relations + np.array(wanted, np.int64))
+    jumps = [jump.places for jump in jumps_below(structure, program, model.parameters.defaults)]
+    used = np.unique(np.concatenate([used_discrete(program), model.n_relations + np.array(wanted, np.int64), *jumps]))
     while True:
         places = builder.places(used)
         nodes = sorted({n for p in places for n in builder.nodes(*p[:3])})
@@ -66,6 +71,52 @@ def relations_of(structure: Structure, program: Program, wanted: Sequence[int] =
         used = more
     builder.table = slot_table(helper.slots, model.n_variables)
     return update_rules(builder, helper, places, used[used < model.n_relations])
+
+
+class Jump(NamedTuple):
+    """An equation, the order of its derivative that jumps, and the entries of the discrete state that make it jump."""
+
+    equation: int
+    order: int
+    places: Integers
+
+
+def differentiated_uses(structure: Structure, program: Program) -> Uses:
+    """Equations that change at events, with the order of the derivative that a program uses; and the parameters in them."""
+    if differentiated_uses not in program.memo:
+        known = {*program.states, *program.inputs, *structure.is_state}
+        found = {structure.equation(node) for node in program.slots.keys() - known if structure.computes(node)}
+        uses = sorted((e, k) for e, k in found if k and e in structure.changing)
+        places = [structure.model.places[e] for e, _ in uses]
+        slots = [structure.model.groups[g].parameters[i] for g, i in places]
+        program.memo[differentiated_uses] = uses, np.concatenate([np.empty(0, np.int64), *slots])
+    result: Uses = program.memo[differentiated_uses]
+    return result
+
+
+def jumps_below(structure: Structure, program: Program, parameters: Floats) -> list[Jump]:
+    """Where the equations of a program may jump below the derivatives that it contains, with some parameters."""
+    if not structure.changing:
+        return []
+    uses, decisive = differentiated_uses(structure, program)
+    key = parameters[decisive].tobytes()
+    known: tuple[bytes, list[Jump]] | None = program.memo.get(jumps_below)
+    if known is None or known[0] != key:
+        known = program.memo[jumps_below] = key, [j for e, k in uses for j in _jumps(structure, e, k, parameters)]
+    return known[1]
+
+
+def _jumps(structure: Structure, e: int, used: int, parameters: Floats) -> Iterator[Jump]:
+    model = structure.model
+    g, i = model.places[e]
+    group = model.groups[g]
+    n = len(group.template.relations)
+    for order in range(used):
+        jumps = np.array(jumping(group, i, order, parameters), np.int64)
+        relations, modes = jumps[jumps < n], jumps[jumps >= n] - n
+        if len(jumps):
+            places = model.first_relations[g] + i * n + relations, model.n_relations + group.discretes[i][modes]
+            yield Jump(e, order, np.concatenate(places))
 
 
 def update_rules(builder: Builder, program: Program, places: Sequence[Place], relations: Integers) -> Relations:

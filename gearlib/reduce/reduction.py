@@ -16,7 +16,7 @@ import numpy as np
 from gearlib.errors import LoopError, ModelError, NameLookupError, SingularError
 from gearlib.flatten.model import EquationGroup, FlatModel, Floats, alphabetical
 from gearlib.reduce.coefficients import at_start, partials_at
-from gearlib.reduce.discontinuities import may_jump
+from gearlib.reduce.discontinuities import may_jump, with_corners
 from gearlib.reduce.redundancy import balanced, flows_beside, redundant_rows, without
 from gearlib.structure.dependence import Dependence
 from gearlib.structure.incidence import Entry, Node
@@ -94,12 +94,15 @@ class Structure(Dependence):
     @cached_property
     def switching(self) -> frozenset[int]:
         """Equations that are differentiated and contain relations."""
-        groups = self.model.groups
-        return frozenset(
-            e
-            for e, count in enumerate(self.differentiation.counts)
-            if count and groups[self.model.places[e][0]].template.relations
-        )
+        groups, places = self.model.groups, self.model.places
+        return frozenset(e for e in self.changing if groups[places[e][0]].template.relations)
+
+    @cached_property
+    def changing(self) -> frozenset[int]:
+        """Equations that are differentiated and contain relations or discrete variables."""
+        changes = [bool(group.template.relations or group.template.discretes) for group in self.model.groups]
+        counts, places = self.differentiation.counts, self.model.places
+        return frozenset(e for e, count in enumerate(counts) if count and changes[places[e][0]])
 
 
 def analyse(model: FlatModel, parameters: Floats) -> Structure:
@@ -122,6 +125,9 @@ def analyse(model: FlatModel, parameters: Floats) -> Structure:
     given = frozenset(model.inputs.tolist())
     unknowns = (lambda e, k: [n for n in model.nodes(e, k) if n[0] not in given]) if given else model.nodes
     result = pantelides(len(model.places), unknowns)
+    if corners := with_corners(model, result.counts, parameters):
+        groups = [g.take(np.arange(len(g)), corners.get(g.template, g.template)) for g in complete.groups]
+        return analyse(complete.with_groups(tuple(groups), complete.redundant), parameters)
     lower, badness = constraints(result, _entries(model, result, parameters, known)), _badness(model, result)
     eliminated, failed = select_columns(lower, badness, _varying(model, result), ranks=model.ranks)
     if failed:

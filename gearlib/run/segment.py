@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import all_finite
-from gearlib.errors import NameLookupError, SolverError
+from gearlib.errors import ModelError, NameLookupError, SolverError
 from gearlib.program.event_iteration import MOST_ITERATIONS
 from gearlib.program.interpret import Prepared, evaluate, owner_of, prepare
 from gearlib.program.program import Program
@@ -147,16 +147,23 @@ class Segment:
     def _compute(self, node: Node) -> tuple[Program, Floats]:
         scene = self.scene
         program = scene.computing(node)
-        if scene.structure.switching and len(self.time):
-            from gearlib.run.refusals.jumps import refuse_jumps
-
-            refuse_jumps(scene.structure, program, self.parameters, float(self.time[0]), float(self.time[-1]))
         prepared = prepare(program, scene.structure, self.parameters)
         inputs = self._inputs(program)
         discrete = self._discrete_for(program, inputs)
         guess = self._followed(prepared) if program.iterated else None
-        self.computed.append((program, evaluate(prepared, self.time, self.states.T, inputs, discrete, guess)))
-        return self.computed[-1]
+        found = program, evaluate(prepared, self.time, self.states.T, inputs, discrete, guess)
+        self.computed.append(found)
+        if scene.structure.changing and len(self.time):
+            from gearlib.run.refusals.jumps import SampledMotion, refuse_jumps, refuse_switches_between
+
+            motion = SampledMotion(scene.structure, self.parameters, self.time, discrete.T, self.history)
+            try:
+                refuse_jumps(scene.structure, program, self.parameters, float(self.time[0]), float(self.time[-1]))
+                refuse_switches_between(motion, program)
+            except ModelError:
+                self.computed[:] = [other for other in self.computed if other is not found]
+                raise
+        return found
 
     def _followed(self, prepared: Prepared, settle: Settle | None = None) -> Floats:
         """Initial guess of a program's iterations at each sample, on the solution branch of the run.

@@ -42,6 +42,8 @@ def integrate_through(run: Run, method: Integrates, switched: Switched) -> list[
     ------
     ArgumentError, SolverError
         As `integrate` raises, or no set of states lasts.
+    ModelError
+        As `gearlib.run.refusals.jumps.refuse_switches` raises.
     """
     parts = [(run, integrate(run, method))]
     span = float(run.times[-1] - run.times[0])
@@ -52,7 +54,26 @@ def integrate_through(run: Run, method: Integrates, switched: Switched) -> list[
             raise explained(failure, here.scene)
         following = _following(here, left, switched)
         parts.append((following, integrate(following, method)))
+    for part, solution in parts if run.scene.structure.changing else ():
+        _refuse_switches(part, solution, method)
     return parts
+
+
+def _refuse_switches(run: Run, solution: Solution, method: Integrates) -> None:
+    """Refuse a run with an event that made a differentiated equation jump."""
+    from gearlib.run.refusals.jumps import SampledMotion, refuse_switches
+    from gearlib.run.segment import Segment
+
+    structure, parameters = run.scene.structure, run.numbers.parameters
+
+    def sampled(times: Floats) -> SampledMotion:
+        again = replace(run, times=times, max_step=run.longest_step, tell=None, may_stop=False)
+        found = Segment.of(again, integrate(again, method))
+        return SampledMotion(structure, parameters, found.time, found.discrete, found.history)
+
+    events = np.unique(solution.event_times)
+    if len(events):
+        refuse_switches(structure, run.scene.program, parameters, float(run.times[0]), events, solution.t_last, sampled)
 
 
 def _following(run: Run, left: Solution, switched: Switched) -> Run:

@@ -9,11 +9,12 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.errors import ArgumentError, GearlibWarning, NameLookupError
 from gearlib.fmi import exported_model as module
 from gearlib.fmi.exported_model import ExportedModel, exported_model, used_parameters
 from tests.fmi.test_model_source import Timed
 from tests.fmi.test_preparation import Bound
+from tests.run.refusals.test_jumps import ROUGH, SMOOTH, Cam
 
 
 class Chosen(gl.Component):
@@ -221,6 +222,12 @@ def test_what_is_refused(options: dict[str, Any], error: type[Exception], said: 
     with pytest.raises(error) as problem:
         exported(Two(), **options)
     assert said is None or str(problem.value) == said
+
+
+def test_an_impulse_that_an_fmu_does_not_have_is_told() -> None:
+    with pytest.warns(GearlibWarning, match="^Cam: cam: an equation that has to be differentiated may jump or have a corner"):
+        exported(Cam(law=ROUGH["corner"][0]))
+    exported(Cam(law=SMOOTH["parabola"]))
 
 
 def test_parameters_that_follow_are_not_given() -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gearlib.equations.switch_times import rounding
 from gearlib.errors import SolverError
 from gearlib.native.layout import Shared
+from gearlib.program.relations import jumps_below
 from gearlib.run.methods.automatic import handed_over
 from gearlib.run.methods.explicit import Explicit
 from gearlib.run.methods.implicit import Implicit
@@ -32,9 +33,11 @@ LONG = 10.0  # work of stiff Runge-Kutta steps, in trials of IDA, before IDA tak
 
 
 def can_live(run: Run, method: Integrates) -> bool:
-    """Whether a run's driver can persist: tables and scenes without states restart at each advance."""
-    stepped = method is BY_TURNS or (isinstance(method, Method) and method.steps)
-    return stepped and bool(run.scene.states) and not any(isinstance(s, Table) for s in run.signals)
+    """Whether a run's driver can persist: tables, scenes without states, and such whose equations may jump restart at each advance."""
+    scene, stepped = run.scene, method is BY_TURNS or (isinstance(method, Method) and method.steps)
+    if not stepped or not scene.states or jumps_below(scene.structure, scene.program, run.numbers.parameters):
+        return False
+    return not any(isinstance(s, Table) for s in run.signals)
 
 
 class LiveRun:
