@@ -17,10 +17,16 @@ from gearlib.errors import BindingError, nearest
 from gearlib.flatten.model import Instance
 from gearlib.flatten.tree import Tree
 from gearlib.language.component import Component
-from gearlib.language.declarations import Variable
+from gearlib.language.declarations import Potential, Variable
 from gearlib.language.interior import nominals_of, preferences_of
 
 PREFERENCE = {"never": 0, "avoid": 1, "default": 2, "prefer": 3}
+COORDINATES = (
+    "rad",
+    "m",
+    "1",
+    "any",
+)  # units of potentials that may be absolute coordinates; temperatures and voltages are none
 
 
 Choices = Sequence[tuple[int, str, Any]]
@@ -41,7 +47,7 @@ def choices_of(component: Component, instance: Instance) -> Iterator[tuple[str, 
             if not isinstance(name, str) or name not in instance.declared.variables:
                 raise BindingError(
                     f"{where}: {what} is given for {shown(name)}, which is not a variable of {instance.kind}; "
-                    f"{nearest(str(name), instance.declared.variables)}"
+                    f"{nearest(str(name), instance.declared.variables)}{'; give that of a part to the part' * ('.' in str(name))}"
                 )
             if what == "state" and not (isinstance(value, str) and value in PREFERENCE):
                 raise BindingError(
@@ -81,6 +87,11 @@ def declared(
         values = np.array([value(name, v) for name, v in record.declared.variables.items()], default.dtype)
         result[first[:, None] + np.arange(len(values))] = values
     return result
+
+
+def is_coordinate(variable: Variable) -> bool:
+    """Whether a variable is an absolute coordinate, such as the angle of a flange."""
+    return isinstance(variable, Potential) and variable.unit in COORDINATES
 
 
 def of_any_alias(own: NDArray[np.bool_], rep: NDArray[np.int64]) -> NDArray[np.bool_]:

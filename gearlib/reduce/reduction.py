@@ -24,6 +24,7 @@ from gearlib.structure.pantelides import Differentiation, pantelides
 from gearlib.structure.sorting import sinks
 from gearlib.structure.states import constraints, matched, select_columns
 
+NEVER = 3.0  # badness of what is declared as no state
 LAST = 4.0  # badness as a state of what jumps: behind every preference
 
 
@@ -295,15 +296,32 @@ def _read(group: EquationGroup, i: int, columns: Iterable[tuple[str, int]]) -> s
     return {(int(group.variables[i, where[c]]), o) for c, o in columns if group.signs[i, where[c]]}
 
 
-def integrals(model: FlatModel) -> set[int]:
-    """Variables x of equations der(x) = w: positions, if w is a speed."""
-    found: set[int] = set()
+def integrals(model: FlatModel) -> dict[int, int]:
+    """Variables x of equations der(x) = w, and their w: positions, if these are speeds."""
+    found: dict[int, int] = {}
     for group in model.groups:
         t = group.template
         if len(t.columns) == 2 and not t.parameters and sorted(o for _, o in t.columns) == [0, 1] and t.linear:
-            j = next(j for j, o in t.local_columns if o == 1)
-            found.update(group.variables[:, j].tolist())
+            rate, x = (group.variables[:, j].tolist() for j, _ in sorted(t.local_columns, key=lambda column: column[1]))
+            found.update(zip(x, rate, strict=True))
     return found
+
+
+def _awkward(model: FlatModel, result: Differentiation) -> set[int]:
+    """Variables that constraints had better not be solved for: their coefficients vary, and those of others are constant.
+
+    Of ``s = h (1 - cos(phi))`` the angle follows only in one half of a turn, and its speed not at all where the cam is flat.
+    """
+    found: set[int] = set()
+    for g in {model.places[e][0] for e in _varying(model, result)}:
+        group, first = model.groups[g], model.first_equations[g]
+        constant, columns = group.template.fixed, group.template.local_columns
+        for i, variables in enumerate(group.variables.tolist()):
+            solvable = [order < result.orders.get(variables[j], 0) for j, order in columns]
+            if result.counts[first + i] and any(s and c for s, c in zip(solvable, constant, strict=True)):
+                found |= {variables[j] for (j, _), c in zip(columns, constant, strict=True) if not c}
+    rates = integrals(model)
+    return found | {rates[v] for v in found & rates.keys()}
 
 
 def _entries(model: FlatModel, result: Differentiation, parameters: Floats, known: Floats, t: float = 0.0) -> list[Entry]:
@@ -324,13 +342,19 @@ def _entries(model: FlatModel, result: Differentiation, parameters: Floats, know
 
 
 def _badness(model: FlatModel, result: Differentiation) -> dict[Node, tuple[float, ...]]:
-    """Sort key of state candidates, the least preferred last: by declaration and derivative order, then by a fixed start value."""
+    """Sort key of state candidates, the least preferred last: by declaration and derivative order, then by a fixed start value.
+
+    What constraints had better not be solved for comes before everything that is merely preferred.
+    """
     wanted = set(model.representative[model.started[model.start_fixed]].tolist())
-    declared = (3.0 - model.preference).tolist()
+    declared = (NEVER - model.preference).tolist()
     bad: dict[Node, tuple[float, ...]] = {}
     for v, order in result.orders.items():
         for k in range(order):
             bad[v, k] = (declared[v] if k == 0 else max(2.0, declared[v]), float(v not in wanted))
+    for v in _awkward(model, result):
+        if declared[v] < NEVER:
+            bad |= {(v, k): (-0.5 if k == 0 else -0.25, float(v not in wanted)) for k in range(result.orders.get(v, 0))}
     for v in _reinitialised(model):
         if (v, 0) in bad:
             bad[v, 0] = (-1.0,)

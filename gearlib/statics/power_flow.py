@@ -69,6 +69,9 @@ class PowerFlow:
         Flanges whose torque is not determined by equilibrium, since parallel paths (planets) could be preloaded against each other.
         Their torques are those of a train assembled without preload: shared by stiffness, equally by equal planets (load sharing factor
         1); for rigid paths the torques of smallest norm.
+    beside : tuple of str
+        Components that also exchange power through connectors of other kinds, such as electric or hydraulic ones. The powers here are
+        those at flanges alone, so that a motor is a drive, and a pump a load.
     """
 
     flanges: tuple[FlangePower, ...]
@@ -76,6 +79,7 @@ class PowerFlow:
     name: str = ""
     shared: tuple[str, ...] = ()
     component: Component | None = field(default=None, repr=False, compare=False)
+    beside: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> FlangePower:
         """A flange, by its path."""
@@ -308,6 +312,9 @@ class PowerFlow:
             lines += [f"                   {c.power:.6g} W through {', '.join(c.components)}" for c in self.circulating]
         else:
             lines.append("circulating power  none")
+        if self.beside:
+            named = ", ".join(self.beside[:3]) + (", ..." if len(self.beside) > 3 else "")
+            lines.append(f"(only power at flanges is counted; other connectors carry power as well: those of {named})")
         return lines
 
 

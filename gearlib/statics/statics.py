@@ -109,7 +109,9 @@ def power_flow(
     _refuse_open(model, motion)
     paths = _shared_names(model, set(places[motion.undetermined[places] > UNDETERMINED].tolist()))
     freedoms = _mobility(translation.model, numbers)
-    return PowerFlow(tuple(_flanges(model, motion)), freedoms, translation.name, paths, translation.component)
+    return PowerFlow(
+        tuple(_flanges(model, motion)), freedoms, translation.name, paths, translation.component, _beside(model, motion)
+    )
 
 
 def _fitting(translation: Translation, parameters: Mapping[str, float] | None) -> Translation:
@@ -366,6 +368,18 @@ def _flanges(model: FlatModel, motion: Motion) -> list[FlangePower]:
         sliding = (declared := model.declaration(potential)) is not None and declared.unit == "m"
         rows.append(FlangePower(path, flange, speed, torque, speed * torque + 0.0, shaft, path not in composite, sliding))
     return rows
+
+
+def _beside(model: FlatModel, motion: Motion) -> tuple[str, ...]:
+    """Basic components that exchange something else than torques, forces and heat besides, through connectors that are no flanges."""
+    composite, found = _composites(model), []
+    for i in dict.fromkeys(i for i, _, _, _ in _mechanical(model)):
+        instance = model.instances[i]
+        for offset, declared in enumerate(instance.declared.variables.values()):
+            v = int(model.representative[instance.first_variable + offset])
+            if isinstance(declared, Flow) and declared.unit not in ("N.m", "N", "W") and motion.constants[v] != 0.0:
+                found.append(instance.path)
+    return tuple(path for path in dict.fromkeys(found) if path not in composite)
 
 
 def _composites(model: FlatModel) -> set[str]:

@@ -138,7 +138,8 @@ def test_positions_are_what_plain_rates_belong_to() -> None:
             ]  # fmt: skip
 
     model = flatten(Rates())
-    assert integrals(model) == {int(model.representative[model.variable(n)]) for n in "xy"}
+    place = {n: int(model.representative[model.variable(n)]) for n in "xyuv"}
+    assert integrals(model) == {place["x"]: place["u"], place["y"]: place["v"]}
 
 
 def test_angles_are_positions_on_which_nothing_depends() -> None:

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj
 
 import gearlib as gl
+import gearparts as gp
 from gearlib.errors import SolverError
 
 
@@ -157,7 +158,10 @@ def test_swings_change_their_states_on_the_way(method: str, angle: float, speed:
 
 
 class Slider(gl.Component):
-    """A mass that is led along y = x**3 / 3 - x; x is a state everywhere, y between the turning points only."""
+    """A mass that is led along y = x**3 / 3 - x; x is a state everywhere, y between the turning points only.
+
+    The guide is written so that it is linear in neither, and what is declared decides.
+    """
 
     x = gl.Variable("1", "along")
     y = gl.Variable("1", "across", state="prefer")
@@ -166,12 +170,13 @@ class Slider(gl.Component):
     F = gl.Variable("1", "force of the guide")
 
     def equations(self) -> list[gl.Eq]:
+        guide = self.x**3 / 3 - self.x
         return [
             gl.Eq(gl.der(self.x), self.u),
             gl.Eq(gl.der(self.y), self.v),
             gl.Eq(gl.der(self.u), -self.F * (self.x**2 - 1) + 1.0),
             gl.Eq(gl.der(self.v), self.F),
-            gl.Eq(self.y, self.x**3 / 3 - self.x),
+            gl.Eq(self.y + self.y**3, guide + guide**3),
         ]
 
 
@@ -209,3 +214,50 @@ def test_where_equations_lose_their_solution_the_run_is_refused(method: str) -> 
     assert system.simulate(0.8, samples=3, method=method, rtol=1e-9)["x"][-1] == pytest.approx(root, rel=1e-7)
     with pytest.raises(SolverError, match=r"at t ?= ?0\.9.*nonlinear equations of Wedge"):  # y = 0 at 2 + ln(1/3)
         system.simulate(1.5, samples=3, method=method)
+
+
+class Cam(gl.Component):
+    """A cam that is flat at both ends of its stroke."""
+
+    shaft = gp.Flange("cam")
+    follower = gp.TranslationalFlange("follower")
+    h = gl.Parameter("m", "stroke", default=0.01)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.follower.s, self.h * (1 - gl.cos(self.shaft.phi)) / 2),
+            gl.Eq(self.shaft.tau, -self.follower.f * self.h * gl.sin(self.shaft.phi) / 2),
+        ]
+
+
+class CamDrive(gl.Component):
+    """A wheel drives a mass up and down against a spring."""
+
+    def assemble(self) -> list[Any]:
+        self.wheel, self.cam = gp.Inertia(J=0.001, start={"w": 30.0, "phi": 0.1}), Cam()
+        self.mass, self.spring, self.wall = gp.Mass(m=4.0), gp.TranslationalSpring(c=3000.0), gp.TranslationalFixed()
+        return [
+            gl.connect(self.wheel.flange_b, self.cam.shaft),
+            gl.connect(self.cam.follower, self.mass.flange_a),
+            gl.connect(self.mass.flange_b, self.spring.flange_a),
+            gl.connect(self.spring.flange_b, self.wall.flange),
+        ]
+
+
+@pytest.mark.parametrize("method", ["rk8", "ida"])
+def test_the_angle_of_a_cam_is_a_state(method: str) -> None:
+    """The deflection of a spring is preferred as a state, but where the cam is flat no angle follows from that of its follower."""
+    system = gl.compile(CamDrive(), outputs=["mass.s", "wheel.w"])
+    assert set(system.states) == {"wheel.phi", "wheel.w"}
+    run = system.simulate(2.0, samples=41, method=method, rtol=1e-9)
+
+    def lift(angle: Any) -> Any:
+        return 0.005 * (1 - np.cos(angle))
+
+    def speed(angle: Any) -> Any:
+        inertia, start = (0.001 + 4.0 * (0.005 * np.sin(phi)) ** 2 for phi in (angle, 0.1))
+        return np.sqrt((start * 30.0**2 + 3000.0 * (lift(0.1) ** 2 - lift(angle) ** 2)) / inertia)
+
+    angle = solve_ivp(lambda t, y: speed(y), (0, 2), [0.1], "DOP853", run.time, rtol=1e-12, atol=1e-12).y[0]
+    assert abs(run["wheel.w"] - speed(angle)).max() < 1e-6 * 30
+    assert abs(run["mass.s"] - lift(angle)).max() < 1e-6 * 0.01

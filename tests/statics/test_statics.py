@@ -687,3 +687,48 @@ def test_joints_and_cranks_turn_with_their_mean_speeds() -> None:
     assert flow["piston.flange_a"].speed == pytest.approx(0.0, abs=1e-9)
     assert flow.input_power == pytest.approx(90.0)
     assert flow.output_power == pytest.approx(90.0)
+
+
+class Port(gl.Connector):
+    """Hydraulic."""
+
+    p = gl.Potential("Pa")
+    q = gl.Flow("m3/s")
+
+
+class Pump(gl.Component):
+    """Pump or motor whose displacement is a fraction ``x`` of the largest, and that leaks."""
+
+    flange, port = gp.Flange("shaft"), Port("line; the tank is at 0")
+    x = gl.Input("1", "displacement over the largest one", default=1.0)
+    D = gl.Parameter("m3", "largest displacement", default=1e-5)
+    leak = gl.Parameter("m3/(s.Pa)", "leakage", default=1e-12)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.port.q, -self.D * self.x * gl.der(self.flange.phi) + self.leak * self.port.p),
+            gl.Eq(self.flange.tau, self.D * self.x * self.port.p),
+        ]
+
+
+class Hydrostatic(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.drive, self.load = gp.Torque(tau=20.0), gp.Torque()
+        self.pump, self.motor = Pump(x=0.5), Pump(D=3e-5)
+        self.rotor, self.drum = gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+        return [
+            gl.connect(self.drive.flange, self.rotor.flange_a, self.pump.flange),
+            gl.connect(self.pump.port, self.motor.port),
+            gl.connect(self.motor.flange, self.drum.flange_a, self.load.flange),
+        ]
+
+
+def test_a_pressure_is_no_angle() -> None:
+    """Laws that are not linear are frozen at an angle, not at a pressure; and what flows beside the shafts is said."""
+    flow = gl.compile(Hydrostatic()).power_flow(speeds={"pump.flange": 100.0})
+    p = 20.0 / (0.5 * 1e-5)
+    speed = -(0.5 * 1e-5 * 100.0 - 2 * 1e-12 * p) / 3e-5
+    assert flow["motor.flange"].torque == pytest.approx(3e-5 * p)
+    assert flow["motor.flange"].speed == pytest.approx(speed)
+    assert flow.beside == ("pump", "motor")
+    assert str(flow).endswith("those of pump, motor)")

@@ -240,8 +240,10 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
     """Freewheel in parallel with a friction clutch: ``w_rel >= 0``, sliding with ``tau = mu_pos(w_rel) cgeo fn_max f_normalized``.
 
     Flange_a cannot overtake flange_b: locked, ``der(w_rel) = 0`` with any ``tau < 0``, and with ``tau > 0`` up to ``peak`` times the
-    sliding torque at zero speed. Unless ``f_normalized > 0``, flange_b overruns without torque. A start with ``w_rel < 0`` is refused,
-    and so is a run in which prescribed motions on both sides make flange_a overtake.
+    sliding torque at zero speed. Unless ``f_normalized > 0``, flange_b overruns without torque; as in Modelica, it breaks away at 1e-4
+    of the sliding torque at ``f_normalized = 1`` then, so that ``fn_max`` should be that of the friction, not of the freewheel, which
+    locks with any torque. A start with ``w_rel < 0`` is refused, and so is a run in which prescribed motions on both sides make
+    flange_a overtake.
     """
 
     icon = "one_way_clutch"

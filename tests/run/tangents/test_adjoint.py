@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.special import fresnel
 
 import gearlib as gl
 import gearparts as gp
@@ -91,6 +92,30 @@ def test_through_constant_linear_blocks() -> None:
 
 def test_through_blocks_that_are_solved_by_iteration() -> None:
     as_tangents(gl.compile(Implicit(start={"x": 2.0})), ["a", "k", "start(x)"], ["x", "r"], 1.5)
+
+
+class Chirp(gl.Component):
+    """The integral of the cosine of an angle that is accelerated from rest: a Fresnel integral."""
+
+    a = gl.Parameter("1", "amplitude", default=2.0)
+    alpha = gl.Parameter("1", "angular acceleration", default=400.0)
+    phi, w, y = (gl.Variable("1", start=0.0) for _ in range(3))
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.phi), self.w),
+            gl.Eq(gl.der(self.w), self.alpha),
+            gl.Eq(gl.der(self.y), self.a * gl.cos(self.phi)),
+        ]
+
+
+def test_a_motion_may_become_fast() -> None:
+    """Nothing at the start tells how many steps that takes; they are halved for as long as that helps."""
+    found = gl.simulate(Chirp(), 3.0, samples=11, rtol=1e-9).gradient({"y": np.eye(11)[-1]}, ["a", "alpha"])
+    unit = np.sqrt(np.pi / 400.0)
+    integral = unit * fresnel(3.0 / unit)[1]
+    by_alpha = 2.0 * (3.0 * np.cos(400.0 * 3.0**2 / 2) - integral) / (2 * 400.0)  # y = integral(a cos(alpha t^2 / 2)), by parts
+    assert found == pytest.approx({"a": integral, "alpha": by_alpha}, rel=1e-7)
 
 
 def test_a_bound_parameter_that_is_given_does_not_follow() -> None:
