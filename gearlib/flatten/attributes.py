@@ -17,16 +17,10 @@ from gearlib.errors import BindingError, nearest
 from gearlib.flatten.model import Instance
 from gearlib.flatten.tree import Tree
 from gearlib.language.component import Component
-from gearlib.language.declarations import Potential, Variable
+from gearlib.language.declarations import Variable
 from gearlib.language.interior import nominals_of, preferences_of
 
 PREFERENCE = {"never": 0, "avoid": 1, "default": 2, "prefer": 3}
-COORDINATES = (
-    "rad",
-    "m",
-    "1",
-    "any",
-)  # units of potentials that may be absolute coordinates; temperatures and voltages are none
 
 
 Choices = Sequence[tuple[int, str, Any]]
@@ -87,11 +81,6 @@ def declared(
         values = np.array([value(name, v) for name, v in record.declared.variables.items()], default.dtype)
         result[first[:, None] + np.arange(len(values))] = values
     return result
-
-
-def is_coordinate(variable: Variable) -> bool:
-    """Whether a variable is an absolute coordinate, such as the angle of a flange."""
-    return isinstance(variable, Potential) and variable.unit in COORDINATES
 
 
 def of_any_alias(own: NDArray[np.bool_], rep: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -13,15 +13,7 @@ from gearlib.equations.bindings import is_discrete_name
 from gearlib.equations.template import Template
 from gearlib.errors import BindingError, BoundError, DeclarationError, ModelError
 from gearlib.flatten.aliases import Aliases, unite
-from gearlib.flatten.attributes import (
-    PREFERENCE,
-    declared,
-    is_coordinate,
-    nominals,
-    of_any_alias,
-    places_of_classes,
-    preferences,
-)
+from gearlib.flatten.attributes import PREFERENCE, declared, nominals, of_any_alias, places_of_classes, preferences
 from gearlib.flatten.connections import (
     MOST_ADDENDS,
     SignedSum,
@@ -45,7 +37,14 @@ from gearlib.flatten.specialise import Special, simplified, with_values
 from gearlib.flatten.tree import Tree
 from gearlib.flatten.unused import refuse_unused
 from gearlib.language.component import ASSEMBLING, Component, no_component
-from gearlib.language.declarations import Flow
+from gearlib.language.declarations import Flow, Potential
+
+COORDINATES = (
+    "rad",
+    "m",
+    "1",
+    "any",
+)  # units of potentials that may be absolute coordinates; temperatures and voltages are none
 
 
 def flatten(component: Component, substituted: Special = frozenset(), anew: bool = True) -> FlatModel:
@@ -95,7 +94,10 @@ def flatten(component: Component, substituted: Special = frozenset(), anew: bool
     rep = aliases.representative
     _refuse_equal_inputs(tree, aliases)
     flow = declared(classes, lambda _, v: isinstance(v, Flow), np.arange(n_variables) >= tree.n_variables)  # sums are flows
-    potential = of_any_alias(declared(classes, lambda _, v: is_coordinate(v), np.zeros(n_variables, bool)), rep)
+    coordinates = declared(
+        classes, lambda _, v: isinstance(v, Potential) and v.unit in COORDINATES, np.zeros(n_variables, bool)
+    )
+    potential = of_any_alias(coordinates, rep)
     wanted = declared(classes, lambda _, v: PREFERENCE[v.state], np.full(n_variables, PREFERENCE["default"]))
     sizes = declared(classes, lambda _, v: v.nominal, np.ones(n_variables))
     groups = tuple(_represented(group, aliases) for group in raw)

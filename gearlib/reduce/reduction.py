@@ -316,8 +316,8 @@ def _awkward(model: FlatModel, result: Differentiation) -> set[int]:
     for g in {model.places[e][0] for e in _varying(model, result)}:
         group, first = model.groups[g], model.first_equations[g]
         constant, columns = group.template.fixed, group.template.local_columns
-        for i, variables in enumerate(group.variables.tolist()):
-            solvable = [order < result.orders.get(variables[j], 0) for j, order in columns]
+        for i, (variables, signs) in enumerate(zip(group.variables.tolist(), group.signs.tolist(), strict=True)):
+            solvable = [signs[j] != 0 and order < result.orders.get(variables[j], 0) for j, order in columns]
             if result.counts[first + i] and any(s and c for s, c in zip(solvable, constant, strict=True)):
                 found |= {variables[j] for (j, _), c in zip(columns, constant, strict=True) if not c}
     rates = integrals(model)

@@ -386,9 +386,12 @@ def root_names(relations: Relations | None, names: Mapping[int, str]) -> tuple[s
 
 def discrete_at_start(
     model: FlatModel, relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats,
-    discretes: Floats | None = None, guess: Floats | None = None,
+    discretes: Floats | None = None, guess: Floats | None = None, steps: list[Floats] | None = None,
 ) -> Floats:  # fmt: skip
-    """Relations and discrete variables of a run that starts at a time, shape (n_discrete, times)."""
+    """Relations and discrete variables of a run that starts at a time, shape (n_discrete, times).
+
+    ``steps`` collects them after each outer iteration, together with the values before it.
+    """
     n, d = model.n_relations, len(model.discretes)
     discrete = np.repeat(model.initial_discrete(discretes)[:, None], len(t), axis=1)
     for _ in range(MOST_ITERATIONS):
@@ -399,6 +402,8 @@ def discrete_at_start(
             if settled:
                 break
         before = discrete[n + d : n + 2 * d].copy()
+        if steps is not None:
+            steps.append(discrete.copy())
         discrete[n + d : n + 2 * d] = discrete[n : n + d]
         if d:
             discrete[n + 2 * d] = 0.0

@@ -37,6 +37,7 @@ class Start:
     guess: Floats  # of every representative variable, for iterations
     free: tuple[str, ...]  # states that nothing fixes
     discrete: Floats | None = None  # relations and discrete variables, where these do not follow from the model and the states
+    given: Floats | None = None  # start values of all discrete variables, where some are given for the run
     steady: bool = False  # whether the states are steady
     changes: Floats | None = None  # derivatives of the states with respect to parameters, (states, seeds), if requested
 

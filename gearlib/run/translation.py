@@ -557,7 +557,7 @@ class Translation:
             return begin
         numbers = scene.prepared(parameters)
         discrete = scene.discrete(numbers, np.array([t]), begin.states[:, None], inputs[:, None], discretes, begin.guess)
-        return replace(begin, discrete=discrete[:, 0])
+        return replace(begin, discrete=discrete[:, 0], given=discretes)
 
     def __reduce__(self) -> tuple[Any, ...]:
         recipe = packed((self.component, self.outputs))

@@ -29,7 +29,7 @@ from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import Prepared, evaluate
 from gearlib.program.program import Program
 from gearlib.run.methods.run import Run
-from gearlib.run.scene import Scene, guess_of
+from gearlib.run.scene import Scene, discrete_at_start, guess_of
 from gearlib.run.tangents.directions import TangentDirections
 from gearlib.run.tangents.tangents import TangentCode, Tangents
 from gearlib.solvers.inputs.moving import Callbacks, Wrapped
@@ -165,6 +165,7 @@ class EventTangents:
         if len(crossed):
             crossed = crossed[np.ctypeslib.as_array(fired, (len(crossed),)) != 0]
         starting, self.started = not self.started, True
+        first = starting and not any(since < t for since, _ in self.tangents.noted)
         f = np.zeros(self.n) if starting else self._rates(t, x, data, index)
         code = int(self._update(t, x, fired, data, index))
         if code < 0 or (code == 0 and not (starting and self.code.discrete)):
@@ -177,7 +178,8 @@ class EventTangents:
             delay = self._delay(t, numbers, states, before, f, crossed if len(crossed) else switched, here)
         moved = here + np.outer(f, delay)
         if code == 2 or self.code.discrete:
-            moved = self._stepped(t, numbers, moved, delay, starting)
+            steps = self._first_steps(t, states) if first else self._noted_steps(t, numbers)
+            moved = self._stepped(t, numbers, moved, delay, steps, starting)
             if self.code.discrete:
                 self.tangents.note(t, self.discretes)
                 self.code.weigh(numbers, self.tangents.directions, self.discretes)
@@ -247,20 +249,42 @@ class EventTangents:
             )
         return delay
 
-    def _stepped(self, t: float, numbers: Floats, moved: Floats, delay: Floats, starting: bool) -> Floats:
-        """Tangents of the states after the steps recorded by the event iteration; those of discrete variables are set."""
+    def _first_steps(self, t: float, states: Floats) -> list[tuple[Floats, Floats]]:
+        """Discrete state and states at the outer iterations by which the discrete state of a run's start was found."""
+        run, steps = self.run, list[Floats]()
+        assert run.numbers.relations is not None, "there are events"
+        now, inputs = np.array([t]), self._inputs(t)[0]
+        discrete_at_start(
+            run.scene.model,
+            self.relations,
+            run.numbers.relations,
+            now,
+            states[:, None],
+            inputs,
+            run.start.given,
+            self.first_guess,
+            steps,
+        )
+        return [(step[:, 0], states) for step in steps]
+
+    def _noted_steps(self, t: float, numbers: Floats) -> list[tuple[Floats, Floats]]:
+        """The same of those that the event iteration has recorded."""
         at, n_discrete = self.code.native.noted_steps, self.shared.n_discrete
         count = int(numbers[at])
         if count > MOST_STEPS:
             raise SolverError(
                 f"an event at t = {t:.9g} s gives states new values {count} times; sensitivities follow {MOST_STEPS}"
             )
+        rows = numbers[at + 1 :][: count * (n_discrete + self.n)].reshape(count, -1)
+        return [(row[:n_discrete], row[n_discrete:]) for row in rows]
+
+    def _stepped(
+        self, t: float, numbers: Floats, moved: Floats, delay: Floats, steps: list[tuple[Floats, Floats]], starting: bool
+    ) -> Floats:
+        """Tangents of the states after some steps; those of discrete variables are set. At the start, start values of states hold."""
         functions, d = len(self.events.functions), len(self.events.discretes)
         along, moved = np.append(delay, 0.0), np.column_stack([moved, np.zeros(self.n)])
-        for row in numbers[at + 1 :][: count * (n_discrete + self.n)].reshape(count, -1):
-            discrete, states = row[:n_discrete].copy(), row[n_discrete:]
-            if starting and len(self.run.scene.model.discretes):
-                discrete[-1] = 1.0  # initial()
+        for discrete, states in steps:
             for _ in range(MOST_PASSES):
                 found = self._varied(t, numbers, states, discrete, moved, along, self.discretes)
                 new = self.discretes.copy()
@@ -268,8 +292,9 @@ class EventTangents:
                 settled, self.discretes = bool((new == self.discretes).all()), new
                 if settled:
                     break
-            moved = moved.copy()
-            moved[self.events.reinits[:, 0]] = found[functions + d :]
+            if not starting:
+                moved = moved.copy()
+                moved[self.events.reinits[:, 0]] = found[functions + d :]
             self.discretes = self.discretes.copy()
             self.discretes[self.events.discrete_before] = self.discretes[self.events.discrete_after]
         return moved[:, :-1]

@@ -43,11 +43,17 @@ class UnitDelay(SampledBlock):
     """Delay by one period: ``y(t_k) = u(t_k - sample_period)``. Its initial value is 0, or set by ``start={"taken": 2.0}``."""
 
     u = gl.Input("any", "input signal")
-    taken = gl.Discrete("input at the last instant")
+    taken = gl.Discrete("input at the last instant, and just after it, where a `ZeroOrderHold` follows")
+    now = gl.Discrete("1 at an instant")
 
     def equations(self) -> list[gl.Eq | gl.When]:
         instant = gl.sample(self.sample_period, self.start_time)
-        return [gl.When(instant, gl.Eq(self.held, gl.pre(self.taken)), gl.Eq(self.taken, self.u))]
+        taking = gl.Or(instant, gl.holds(gl.pre(self.now)))
+        return [
+            gl.When(instant, gl.Eq(self.held, gl.pre(self.taken))),
+            gl.Eq(self.now, instant),
+            gl.Eq(self.taken, gl.Piecewise((self.u, taking), (gl.pre(self.taken), True))),
+        ]
 
 
 class TriggeredSampler(SISO):

@@ -248,3 +248,19 @@ def test_a_run_does_not_begin_in_a_steady_state_that_a_python_function_would_lea
 
     with pytest.raises(ArgumentError, match=r"^a steady state needs equations, and program is a Python function"):
         gl.compile(Programmed()).simulate(1.0, start="steady")
+
+
+class Chained(gl.Component):
+    def assemble(self) -> list[gl.Connection]:
+        self.hold = B.ZeroOrderHold(sample_period=H, u=gl.cos(7 * gl.time))
+        self.one, self.two = B.UnitDelay(sample_period=H), B.UnitDelay(sample_period=H)
+        return [gl.connect(self.hold.y, self.one.u), gl.connect(self.one.y, self.two.u)]
+
+
+@pytest.mark.parametrize("method", ["rk5", "ida"])
+def test_delays_behind_a_hold_are_of_one_period(method: str) -> None:
+    """The output of the hold changes just after the instant, and that is what the delay takes; another one follows at once."""
+    r = gl.simulate(Chained(), 2.0, samples=401, method=method)
+    k = np.floor(r.time / H + 1e-9)
+    for name, late in (("hold.y", 0), ("one.y", 1), ("two.y", 2)):
+        assert r[name] == pytest.approx(np.where(k >= late, np.cos(7 * (k - late) * H), 0.0), abs=1e-14), name

@@ -269,3 +269,26 @@ def test_a_start_that_moves_what_sticks_is_refused() -> None:
     near = [system.simulate(1.0, samples=3, rtol=1e-11, parameters={"w": 4.0 + d})["motor.w"] for d in (-1e-4, 1e-4)]
     assert sliding.sensitivity("motor.w", "w") == pytest.approx((near[1] - near[0]) / 2e-4, abs=1e-6)
     assert system.simulate(1.0, parameters={"press": 0.0}, sensitivities=["w"]).sensitivity("clutch.w_rel", "w")[0] == 1.0
+
+
+class SampledFeedback(gl.Component):
+    """``x' = 2 h``; the controller ``h = k (5 - x)`` acts at instants, the first of them the start, or at the start alone."""
+
+    k = gl.Parameter("1", default=4.0)
+    x = gl.Variable("1", start=0.0)
+    h = gl.Discrete("held")
+    again = gl.Structural(True, "whether it acts more than once")
+
+    def equations(self) -> list[Any]:
+        instant = gl.sample(0.02) if self.again else gl.Or(gl.initial(), self.x > 100.0)
+        return [gl.Eq(gl.der(self.x), 2 * self.h), gl.When(instant, gl.Eq(self.h, self.k * (5 - self.x)))]
+
+
+@pytest.mark.parametrize("method", ["auto", "ida"])
+def test_what_is_set_at_the_start_has_tangents(method: str) -> None:
+    run = gl.simulate(SampledFeedback(), 0.2, samples=11, method=method, rtol=1e-9, sensitivities=["k"])
+    n = np.arange(11)
+    assert run["x"] == pytest.approx(5 * (1 - (1 - 0.16) ** n), abs=1e-8)
+    assert run.sensitivity("x", "k") == pytest.approx(5 * n * 0.04 * (1 - 0.16) ** (n - 1.0), abs=1e-8)
+    once = gl.simulate(SampledFeedback(again=False), 0.2, samples=11, method=method, rtol=1e-9, sensitivities=["k"])
+    assert once.sensitivity("x", "k") == pytest.approx(10.0 * once.time, abs=1e-8)
