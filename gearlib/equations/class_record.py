@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import sympy
 
 from gearlib.arguments import shown
 from gearlib.equations.discrete_updates import Update, split_equations
@@ -18,6 +21,9 @@ from gearlib.language.declarations import Connector, Declared, Discrete, declare
 from gearlib.language.dimensions import unit_errors, values_compared, values_given
 from gearlib.language.expressions import Eq, Reinit, When, check_depth, value_of
 from gearlib.language.interior import choices_read_of, declarations_of, parts_of, structural_of
+
+MOST = 300  # equations of a class up to which it is examined for sums of them that repeat others
+DEPENDENT = 1e-10  # singular value of scaled equations, and weight of an equation in a sum, that count as zero
 
 
 @dataclass(frozen=True)
@@ -131,9 +137,6 @@ def _refuse_void(templates: Sequence[Template]) -> None:
     In later phases both could pass for redundant rigid connections, whose undetermined torque is set to zero.
     """
     known: dict[Any, Template] = {}
-    equalities = [t for t in templates if t.alias is not None]
-    names = sorted({name for t in equalities for name in t.locals})
-    coefficients = np.zeros((len(equalities), len(names)))
     for t in templates:
         if not (t.columns or t.discretes or t.relation_columns):
             raise BalanceError(
@@ -144,17 +147,37 @@ def _refuse_void(templates: Sequence[Template]) -> None:
             raise BalanceError(
                 f"the model is not balanced. over-determined: {_both(other, t)} say the same; leave one of them out"
             )
-    for row, t in zip(coefficients, equalities, strict=True):
-        assert t.alias is not None
-        i, j, sign = t.alias
-        row[names.index(t.locals[i])] = 1.0
-        if sign:
-            row[names.index(t.locals[j])] = -sign
-    if len(equalities) > 1 and np.linalg.matrix_rank(coefficients) < len(equalities):
-        every = "; ".join(t.label for t in equalities)
+    sharing = _sharing([t for t in _sharing(templates) if t.linear]) if len(templates) <= MOST else ()
+    if sharing and (repeated := "; ".join(_dependent(sharing))):
         raise BalanceError(
-            f"the model is not balanced. over-determined: one of these equations follows from the others: {every}"
+            f"the model is not balanced. over-determined: one of these equations follows from the others: {repeated}"
         )
+
+
+def _sharing(templates: Sequence[Template]) -> Sequence[Template]:
+    """Equations without a variable of their own: only these can follow from each other."""
+    count = Counter(column for t in templates for column in t.columns)
+    left = [t for t in templates if all(count[column] > 1 for column in t.columns)]
+    return left if len(left) == len(templates) else _sharing(left)
+
+
+def _dependent(templates: Sequence[Template]) -> list[str]:
+    """Those of some linear equations that repeat each other, or sums of each other, whatever their parameters are."""
+    symbols = sorted({s for t in templates for s in t.residual.free_symbols}, key=str)
+    generic = {s: sympy.Float(1.5 + math.sin(3 * k * k)) for k, s in enumerate(symbols, 1)}
+    columns = dict.fromkeys(column for t in templates for column in t.columns)
+    known: dict[str, list[float]] = {}
+    for t in templates:
+        slopes = dict(zip(t.columns, t.slopes, strict=True))
+        values = [e.xreplace(generic) for e in (*(slopes.get(column, sympy.S.Zero) for column in columns), t.rest)]
+        if all(value.is_Float or value.is_Rational for value in values):  # else no number follows from its parameters
+            known[t.label] = list(map(float, values))
+    rows = np.reshape([*known.values()], (-1, len(columns) + 1))
+    rows /= np.abs(rows[:, :-1]).max(axis=1, initial=0.0, keepdims=True)
+    rows /= np.maximum(np.abs(rows).max(axis=0, initial=0.0), 1e-300)
+    left, sizes, _ = np.linalg.svd(rows)
+    repeated = (np.abs(left[:, int((sizes > DEPENDENT).sum()) :]) > DEPENDENT).any(axis=1)
+    return [label for label, here in zip(known, repeated, strict=True) if here]
 
 
 def _both(one: Template, other: Template) -> str:

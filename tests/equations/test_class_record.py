@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
 import pytest
+import sympy
 
 import gearlib as gl
 import gearparts as gp
@@ -143,6 +145,36 @@ def test_equations_are_analysed_again_for_other_parts() -> None:
 def test_equations_of_a_class_that_say_nothing_new(equations: Any, message: str) -> None:
     with pytest.raises(BalanceError, match=message):
         class_record(leaf(*equations, *COUNT))
+
+
+LINEAR = (
+    "x - k*y", "3*x - 3*k*y", "y - z", "x - k*z", "(x - k*z)*m - x + y", "x - y + z - 1", "2*x - 2*y + 2*z - 3",
+    "x/1000 + z/1000 - 1", "x*m + z*m - 1000*m",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_sums_of_equations_that_repeat_others_are_refused_whatever_the_parameters_are(count: int) -> None:
+    """Against exact ranks at some parameters; named are those without which the rank is the same."""
+    given = {sympy.Symbol("k"): sympy.Rational(17, 10), sympy.Symbol("m"): sympy.Rational(-3, 7)}
+    unknowns = sympy.symbols("x y z")
+    exact = {text: sympy.sympify(text).subs(given).expand() for text in LINEAR}
+    rows = {text: [*map(f.coeff, unknowns), f.subs(dict.fromkeys(unknowns, 0))] for text, f in exact.items()}
+
+    def rank(texts: Any) -> int:
+        return int(sympy.Matrix([rows[text] for text in texts]).rank())
+
+    def equation(text: str) -> Any:
+        return lambda s: gl.Eq(eval(text, {"x": s.x, "y": s.y, "z": s.z, "k": s.k, "m": s.m}), 0)
+
+    for texts in list(itertools.combinations(LINEAR, count))[:: (2, 6, 11)[count - 2]]:
+        known, told = rank(texts), ""
+        try:
+            class_record(leaf(*map(equation, texts), *COUNT))
+        except BalanceError as error:
+            told = str(error)
+        assert bool(told) == (known < count), texts
+        assert told.count("Leaf: ") == (sum(rank(set(texts) - {text}) == known for text in texts) if told else 0), texts
 
 
 def test_equalities_with_opposite_signs_are_two() -> None:
