@@ -38,11 +38,28 @@ class Fan(gl.Component):
         ]  # fmt: skip
 
 
+class Bent(gl.Component):
+    """Functions of a state, of what is twice a state, of a sum, of a parameter's multiple, and of what cancels."""
+
+    rate, factor = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=3.0)
+    x, y = gl.Variable("1"), gl.Variable("1")
+    same, twice, total, scaled, nothing, one, other = (gl.Variable("1") for _ in range(7))
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.same, self.x), gl.Eq(self.twice, 2 * self.x), gl.Eq(self.total, self.x + self.y),
+            gl.Eq(self.scaled, self.factor * self.x), gl.Eq(self.nothing, self.twice - 2 * self.x),
+            gl.Eq(self.one, gl.sin(self.same) + self.twice**2 - gl.cos(self.nothing)),
+            gl.Eq(self.other, gl.sin(self.total) + self.scaled**3 + gl.sin(-self.y)),
+            gl.Eq(gl.der(self.x), self.rate * self.one), gl.Eq(gl.der(self.y), self.rate * self.other),
+        ]  # fmt: skip
+
+
 @pytest.mark.parametrize("moving", [False, True])
-@pytest.mark.parametrize("number", range(3))
+@pytest.mark.parametrize("number", range(4))
 def test_lanes_are_runs(number: int, moving: bool) -> None:
     """With parameters and inputs of their own; an input that is a straight line in time takes its value and slope from the numbers."""
-    system = gl.compile([Fan(), Bound(), RandomTrain(seed=6)][number])
+    system = gl.compile([Fan(), Bound(), RandomTrain(seed=6), Bent()][number])
     scene, model, rng = system.translation.scene, system.translation.model, np.random.default_rng(number)
     program, n, m = scene.program, len(scene.states), len(scene.program.inputs)
     tables = tuple(range(m)) if moving else ()

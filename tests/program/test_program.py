@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import gearlib as gl
 from gearlib.program.derivatives import At
 from gearlib.program.interpret import batch_values
 from gearlib.program.program import Batch, Linear, Newton
@@ -202,3 +203,30 @@ def test_time_is_seen_in_blocks_too() -> None:
         program = gl.compile(Timed(driven=driven)).translation.scene.program
         assert (program.on_time, program.is_linear, len(program.iterated)) == (driven, False, 1)
     assert math.isfinite(program.n_slots)
+
+
+@pytest.mark.parametrize(
+    ("factor", "switched"),
+    [
+        (lambda s: gl.Piecewise((2.0, s.x > 0), (3.0, True)), True),  # by events alone
+        (lambda s: 2.0 + s.rate * gl.time, False), (lambda s: 2.0 + s.x, False), (lambda s: 2.0 + s.rate * s.x * gl.time, False),
+        (lambda s: gl.Piecewise((2.0 + s.rate * gl.time, s.x > 0), (3.0, True)), False),
+    ],
+)  # fmt: skip
+def test_what_changes_the_matrix_of_a_block(factor: Any, switched: bool) -> None:
+    """Only one that nothing but events changes may be kept between them."""
+
+    class Block(gl.Component):
+        x, a, b = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+        rate = gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(gl.der(self.x), self.rate * (self.a + self.b)),
+                gl.Eq(factor(self) * self.a + self.b, 1.0 + self.x),
+                gl.Eq(self.a - 5.0 * self.b, self.x),
+            ]
+
+    (step,) = (s for s in gl.compile(Block()).translation.scene.program.steps if isinstance(s, Newton))
+    assert step.linear
+    assert step.switched == switched

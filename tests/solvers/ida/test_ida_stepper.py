@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from gearlib.errors import ArgumentError
 from gearlib.solvers.ida.ida import ida
-from gearlib.solvers.ida.ida_stepper import ERROR_TEST, work
+from gearlib.solvers.ida.ida_stepper import ERROR_TEST, OPERATION, work
 from gearlib.solvers.ida.native_backend import NativeIda
 from tests.run.python_problem import driver
 from tests.solvers.ida.test_ida import linear
@@ -37,6 +37,14 @@ def test_a_dearer_function_takes_more_work_by_its_own_cost(function: str, count:
     cost = f"{function}_cost"
     dearer = replace(p, **{cost: getattr(p, cost) + 1.0})
     assert work(dearer, OPERATIONS, **COUNTS) - work(p, OPERATIONS, **COUNTS) == pytest.approx(COUNTS[count], rel=1e-6)
+
+
+def test_operations_are_those_of_substitutions_and_factorisations() -> None:
+    """One solution for each evaluation, one factorisation for each Jacobian."""
+    p = problem(van_der_pol, [2.0, 0.0])
+    least = work(p, (0.0, 0.0), **COUNTS)
+    assert work(p, (50.0, 0.0), **COUNTS) - least == pytest.approx(50.0 * OPERATION * COUNTS["jac"])
+    assert work(p, (0.0, 20.0), **COUNTS) - least == pytest.approx(20.0 * OPERATION * COUNTS["rhs"])
 
 
 @pytest.mark.parametrize("kind", ["dense", "band"])
