@@ -229,7 +229,7 @@ def _refuse_differentiated_inputs(structure: Structure) -> None:
             v = next(v for v, order in model.nodes(e, k) if order and v in structure.given)
             raise ModelError(
                 f"{model.owner(*model.places[e])}: the input {model.name(v)} would have to be differentiated; bind it to an "
-                "expression of gl.time that can be, or let the motion follow it through a filter (exact=False)"
+                "expression of gl.time that can be, or let it pass through a filter (a first-order lag; exact=False of a prescribed motion)"
             )
 
 

@@ -150,7 +150,7 @@ class SceneForm:
         """
         program = self.scene.program
         guess = np.array([start.guess[v] if k == 0 else 0.0 for v, k in self.equations.algebraic])
-        if slots is None and program.iterated:
+        if slots is None and not program.is_linear:
             at = np.array([t])
             found = evaluate(
                 numbers, at, start.states[:, None], inputs[: len(program.inputs), None], discrete[:, None],

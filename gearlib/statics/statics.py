@@ -109,9 +109,8 @@ def power_flow(
     _refuse_open(model, motion)
     paths = _shared_names(model, set(places[motion.undetermined[places] > UNDETERMINED].tolist()))
     freedoms = _mobility(translation.model, numbers)
-    return PowerFlow(
-        tuple(_flanges(model, motion)), freedoms, translation.name, paths, translation.component, _beside(model, motion)
-    )
+    flanges, beside = tuple(_flanges(model, motion)), _beside(model, motion)
+    return PowerFlow(flanges, freedoms, translation.name, paths, translation.component, beside)
 
 
 def _fitting(translation: Translation, parameters: Mapping[str, float] | None) -> Translation:

@@ -282,3 +282,20 @@ def test_a_clutch_that_locks_in_a_form_where_it_cannot_names_the_one_where_it_ca
     with pytest.raises(SolverError, match=r"does not settle at t = 0\.06 s .*; take form='ode'"):
         system.simulate(1.0, method="ida", form="dae")
     assert system.simulate(1.0, method="ida", form="ode")["load.w"][-1] == pytest.approx(-1.0)  # of the momentum
+
+
+class Ratio(gl.Component):
+    """A ratio of two unknowns, written as a product: at zero it determines neither."""
+
+    x = gl.Variable("1", start=1.0)
+    r, u = (gl.Variable("1") for _ in range(2))
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), -self.r), gl.Eq(self.r * self.u, self.x), gl.Eq(self.u, 1.0 + self.x)]
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_product_of_unknowns_begins_with_their_values(form: str) -> None:
+    """Of x' = -x / (1 + x), ln(x) + x = 1 - t."""
+    x = gl.simulate(Ratio(), 1.0, samples=5, method="ida", rtol=1e-9, form=form)["x"]
+    assert np.log(x) + x == pytest.approx(1.0 - np.linspace(0.0, 1.0, 5), abs=1e-7)

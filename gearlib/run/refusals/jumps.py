@@ -224,7 +224,7 @@ def _refused(structure: Structure, g: int, i: int, when: str, level: int) -> Mod
     )
     if "bound" in template.locals:
         what = model.name(int(group.variables[i, template.locals.index("bound")]))
-        advice = "or let the motion follow it through a filter (exact=False)"
+        advice = "or let it pass through a filter (a first-order lag; exact=False of a prescribed motion)"
     return ModelError(
         f"{owner}: {what} has {KINDS[min(level, 1)]} {when}, but must be differentiated there: what it moves has inertia, and would need "
         f"an infinite torque. Round it off (a gl.Table by interpolation='akima'), {advice}"

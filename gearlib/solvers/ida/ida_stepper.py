@@ -185,8 +185,9 @@ class IdaStepper(Stepper):
         t, x = self.driver.t, self.driver.x
         left = np.where(self.problem.differential, 0.0, np.abs(self.rhs_at(t, x)))
         text = (
-            f"no consistent values of the algebraic unknowns were found {when}; the residual of equation {int(np.argmax(left))} is "
-            f"{float(left.max()):.3g} at the values tried first"
+            f"no consistent values of the algebraic unknowns were found {when}; the residual of "
+            f"{self.problem.equation_name(int(np.argmax(left)))} is {float(left.max()):.3g} at the values tried first; take form='ode', "
+            "which solves for them in turn"
         )
         return StartError(text) if t == self.problem.times[0] else SolverError(text)
 
