@@ -127,7 +127,7 @@ def warn(message: str, category: type[Warning]) -> None:
     """
     frame = inspect.currentframe()
     assert frame is not None  # CPython has frames
-    while frame.f_back is not None and str(frame.f_globals.get("__name__")).partition(".")[0] == "gearlib":
+    while frame.f_back is not None and str(frame.f_globals.get("__name__")).partition(".")[0] in ("gearlib", "functools"):
         frame = frame.f_back
     module = frame.f_globals.get("__name__")
     warnings.warn_explicit(message, category, frame.f_code.co_filename, frame.f_lineno, module, registry={})

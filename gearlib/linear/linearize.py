@@ -131,7 +131,10 @@ def linearize(
     whole = signals.matrices(at.derivatives, n, sign_out)
     A, B, C, names = whole.A, whole.B, whole.C, tuple(node_name(model, s) for s in states)
     left = remaining(structure, prepared, point.t, slots, discrete, A, B)
-    if left is not None:
+    if left is None:
+        at.warn_of_corners(list(range(len(wanted))))
+    else:
+        at.warn_of_corners([*left.keep, *range(n, len(wanted))], left.basis)
         A, B, C = A[left.keep] @ left.basis, B[left.keep], C @ left.basis
         names = tuple(names[i] for i in left.keep)
 

@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.linear.kinks import warn_of_corners
 from gearlib.linear.linear_model import full
 from gearlib.linear.operating_point import Point, PointChange, slots_at
 from gearlib.program.derivative_plan import derivative_plan
 from gearlib.program.derivatives import MOST_DENSE, Added, At, derivatives
-from gearlib.program.interpret import Prepared
+from gearlib.program.interpret import Prepared, prepare
+from gearlib.program.program import Program
 from gearlib.program.second_derivatives import Direction, entry_changes
 from gearlib.run.scene import Scene
 
@@ -67,6 +69,29 @@ class LinearizedProgram:
         if not self.prepared.program.n_slots:  # nothing to compute
             return np.zeros((len(self.wanted or ()), self._width))
         return derivatives(self.prepared, self.point.t, self.slots, self.discrete, self.seeds, self.added, self.wanted)
+
+    def warn_of_corners(self, rows: Sequence[int], basis: Any = None) -> None:
+        """Warn of equations with other slopes on another side of the point, where they change some rows of `derivatives`.
+
+        ``basis`` maps the states that remain to all states.
+        """
+        prepared, t, n = self.prepared, self.point.t, len(self.scene.states)
+
+        def slopes(discrete: Floats, beside: Floats) -> list[Any]:
+            there = self.slots + beside * np.maximum(np.abs(self.slots), 1.0)
+            found = derivatives(prepared, t, there, discrete, self.seeds, self.added, self.wanted)[rows]
+            return [found[:, :n] if basis is None else found[:, :n] @ basis, found[:, n:]]
+
+        if prepared.program.n_slots:
+            structure = self.scene.structure
+            warn_of_corners(structure, prepared.program, prepared.parameters, t, self.discrete, self._slots_of, slopes)
+
+    def _slots_of(self, program: Program) -> Floats:
+        """Values of another program's slots at the point."""
+        if program is self.prepared.program:
+            return self.slots
+        prepared = prepare(program, self.scene.structure, self.prepared.parameters)
+        return slots_at(self.scene, prepared.parameters, prepared, self.point)[0]
 
     @property
     def _width(self) -> int:

@@ -507,7 +507,10 @@ def modes(
             orders[v], pick[v] = k, program.slots[v, k]
     rows, kept = d[pick], states
     left = remaining(structure, prepared, point.t, slots, discrete, A)
-    if left is not None:
+    if left is None:
+        linearized.warn_of_corners(rates)
+    else:
+        linearized.warn_of_corners([rates[i] for i in left.keep], left.basis)
         A, rows, kept = A[left.keep] @ left.basis, rows @ left.basis, tuple(states[i] for i in left.keep)
     angles = any(k == 0 and structure.model.potential[v] for v, k in states)
     speeds, forces = rows[np.flatnonzero(orders == 1)], rows[_forces(structure.model, orders)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gearlib as gl
-from gearlib.errors import ArgumentError, ModelError, NameLookupError
+import gearparts as gp
+from gearlib.errors import ArgumentError, InputWarning, ModelError, NameLookupError
 from gearlib.statics.circulation import PowerEdge, circulations
 from gearlib.statics.power_flow import FlangePower, PowerFlow
 
@@ -189,3 +191,43 @@ def test_wrong_arguments_of_drawings() -> None:
         flow.scheme()
     assert isinstance(flow, gl.PowerFlow)
     assert np.isfinite(flow.efficiency)
+
+
+class Varying(gl.Component):
+    """A torque over time on a shaft with drag."""
+
+    tau = gl.Structural(None)
+    mean = gl.Parameter("N.m", default=0.0)
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.shaft = gp.Torque(tau=self.tau(self.mean)), gp.Inertia(J=1.0)
+        self.drag, self.ground = gp.Damper(d=0.5), gp.Fixed()
+        return [
+            gl.connect(self.torque.flange, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.drag.flange_a),
+            gl.connect(self.drag.flange_b, self.ground.flange),
+        ]
+
+
+@pytest.mark.parametrize(
+    "tau",
+    [
+        lambda m: 10 + gl.sin(5 * gl.time),
+        lambda m: m + 10 * gl.sin(gl.time) ** 2,
+        lambda m: gl.Table([0, 1], [10, 20])(gl.time),
+    ],
+)
+def test_a_torque_over_time_that_counts_as_zero_is_told(tau: Any) -> None:
+    system = gl.compile(Varying(tau=tau))
+    with pytest.warns(
+        InputWarning, match=r"Varying: no value was given for torque\.tau: it is a function of time, and counts as 0"
+    ):
+        assert gl.power_flow(system)["shaft.flange_a"].power == 0.0
+    assert gl.power_flow(system, torques={"torque.tau": 10.0})["shaft.flange_a"].speed == pytest.approx(20.0)
+
+
+def test_a_torque_that_swings_around_zero_counts_as_its_mean() -> None:
+    system = gl.compile(Varying(tau=lambda m: m + 10 * gl.sin(5 * gl.time + 0.3) * gl.cos(2 * gl.time)))
+    assert gl.power_flow(system)["shaft.flange_a"].power == 0.0
+    with pytest.warns(InputWarning, match="counts as 0"):
+        gl.power_flow(system, parameters={"mean": 1.0})
