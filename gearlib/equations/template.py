@@ -152,25 +152,23 @@ class Template:
         return self.residual.xreplace({s: sympy.S.Zero for s in self.symbols})
 
     @cached_property
-    def alias(self) -> tuple[int, int, int] | None:
-        """(i, j, s) if the equation says local i = s * local j; (i, -1, 0) if it says local i = 0."""
-        if (
-            self.parameters
-            or self.discretes
-            or self.relations
-            or self.on_time
-            or any(order for _, order in self.columns)
-            or len(self.columns) not in (1, 2)
-        ):
+    def weights(self) -> tuple[float, ...] | None:
+        """Factors of the variables, if the equation states nothing but that their sum with these factors, plain numbers, is zero."""
+        if self.parameters or self.discretes or self.relations or self.on_time or any(order for _, order in self.columns):
             return None
         if not self.linear or self.rest != 0:
             return None
-        if len(self.slopes) == 1:
-            return (0, -1, 0)
-        if any(not slope.is_number or abs(float(slope)) != 1.0 for slope in self.slopes):
+        return tuple(float(slope) for slope in self.slopes)
+
+    @cached_property
+    def alias(self) -> tuple[int, int, int] | None:
+        """(i, j, s) if the equation says local i = s * local j; (i, -1, 0) if it says local i = 0."""
+        if self.weights is None or len(self.weights) not in (1, 2):
             return None
-        numbers = [float(slope) for slope in self.slopes]
-        return (0, 1, -1 if numbers[0] == numbers[1] else 1)
+        if len(self.weights) == 1:
+            return (0, -1, 0)
+        one, other = self.weights
+        return (0, 1, -1 if one == other else 1) if abs(one) == abs(other) == 1.0 else None
 
     @cached_property
     def derivative(self) -> Template:

@@ -17,9 +17,9 @@ from gearlib.flatten.aliases import Aliases, unite
 from gearlib.flatten.connections import (
     MOST_ADDENDS,
     connection_sets,
-    series_of_parallels,
     split_sum,
     sum_template,
+    without_common_terms,
     without_opposites,
 )
 from gearlib.flatten.model import EquationGroup
@@ -100,7 +100,7 @@ def test_sums_that_share_all_but_one_flow_say_the_same_as_before(seed: int) -> N
         return np.array(lines).reshape(-1, n)
 
     before = sums_of(rows, signs)
-    equal, rest = series_of_parallels([before], aliases)
+    equal, rest = without_common_terms([before], aliases)
     one, other = matrix([before], []), matrix(rest, equal)
     rank = np.linalg.matrix_rank(one)
     assert np.linalg.matrix_rank(other) == rank == np.linalg.matrix_rank(np.vstack([one, other]))
@@ -122,14 +122,14 @@ def test_sums_that_share_all_but_one_flow_say_the_same_as_before(seed: int) -> N
 def test_parallel_parts_in_series_carry_the_same() -> None:
     aliases = aliases_of(5)
     group = sums_of([[0, 2, 3], [1, 2, 3]], [[1, 1, 1], [1, -1, -1]])
-    equal, (rest,) = series_of_parallels([group], aliases)
+    equal, (rest,) = without_common_terms([group], aliases)
     assert rest.variables.tolist() == [[0, 2, 3]]
     ((a, b, sign),) = equal
     assert ({a, b}, sign) == ({0, 1}, -1), "x + a + b = 0 and y - a - b = 0 say x = -y"
     two = sums_of([[0, 2], [1, 2]], [[1, 1], [1, -1]])
-    assert series_of_parallels([two], aliases) == ([], [two]), "sums of two are equalities anyway"
+    assert without_common_terms([two], aliases) == ([], [two]), "sums of two are equalities anyway"
     apart = sums_of([[0, 2, 3], [1, 2, 3]], [[1, 1, 1], [1, -1, 1]])
-    assert series_of_parallels([apart], aliases) == ([], [apart])
+    assert without_common_terms([apart], aliases) == ([], [apart])
 
 
 class SideBySide(gl.Component):
@@ -247,3 +247,40 @@ def test_flows_that_cancel_leave_a_connection_set_before_it_is_split(seed: int) 
 def test_a_connection_set_in_which_all_flows_cancel_determines_nothing() -> None:
     with pytest.raises(gl.GearlibError, match=r"torque\.flange_a\.phi"):
         gl.compile(Bundle(bodies=0))
+
+
+class Coupled(gl.Component):
+    """A driven body and a loaded one with a spring between them, which may be two in parallel."""
+
+    between = gl.Structural("one", choices=("one", "two", "turned"))
+
+    def assemble(self) -> list[Any]:
+        alone = self.between == "one"
+        self.drive, self.motor, self.load = gp.Torque(), gp.Inertia(J=0.07), gp.Inertia(J=0.4)
+        self.fan = gp.LinearSpeedDependentTorque(tau_nominal=-3.0, w_nominal=10.0, torque_direction=False)
+        self.spring = gp.CubicSpringDamper(c=400.0 if alone else 300.0, c_3=1e4, d=2.0 if alone else 0.0)
+        links = [
+            gl.connect(self.drive.flange, self.motor.flange_a),
+            gl.connect(self.motor.flange_b, self.spring.flange_a),
+            gl.connect(self.spring.flange_b, self.load.flange_a),
+            gl.connect(self.load.flange_b, self.fan.flange),
+        ]
+        if alone:
+            return links
+        self.beside = gp.SpringDamper(c=100.0, d=2.0)
+        a, b = (self.beside.flange_a, self.beside.flange_b)[:: 1 if self.between == "two" else -1]
+        return [*links, gl.connect(self.spring.flange_a, a), gl.connect(self.spring.flange_b, b)]
+
+
+@pytest.mark.parametrize(("between", "sign"), [("two", 1), ("turned", -1)])
+def test_parts_side_by_side_have_one_twist(between: str, sign: int) -> None:
+    """So the second one makes no absolute angle a state: a pole at zero, and no periodic motion of a train that turns."""
+    one, two = (gl.compile(Coupled(between=b)) for b in ("one", between))
+    assert len(one.states) == len(two.states) == 3
+    assert gl.stability(one).poles.verdict == gl.stability(two).poles.verdict == "stable"
+    push, outputs = {"drive.tau": lambda phase, omega: 3 * np.cos(phase) + 0.4}, ["load.w", "spring.phi_rel"]
+    known, found = (gl.harmonic_balance(s, 20.0, 26.0, inputs=push, points=2, outputs=outputs) for s in (one, two))
+    assert found.mean("load.w") == pytest.approx(0.4 / 0.3)
+    assert found.amplitude("load.w") == pytest.approx(known.amplitude("load.w"), rel=1e-6)
+    result = two.simulate(0.1, start={"spring.phi_rel": 0.1}, inputs={"drive.tau": 1.0}, samples=5)
+    assert result["beside.phi_rel"] == pytest.approx(sign * result["spring.phi_rel"], rel=1e-12)

@@ -102,7 +102,8 @@ class Adjoint:
         while True:
             halvings, steps = halvings + 1, 2 * steps
             found = direct + self._integrated(jumps, steps)
-            size = np.abs(found) + 1e-3 * np.max(np.abs(found) * self.directions.sizes, initial=0.0) / self.directions.sizes
+            largest = np.max(np.abs(found) * self.directions.sizes, initial=0.0) / self.directions.sizes
+            size = np.abs(found) + max(1e-3, TIGHTEST / rtol) * largest  # what cancels is only as exact as the motion
             change = float(np.max(np.abs(found - before) / np.maximum(size, np.finfo(float).tiny)))
             if change <= rtol:
                 return found

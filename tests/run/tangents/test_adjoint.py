@@ -118,6 +118,29 @@ def test_a_motion_may_become_fast() -> None:
     assert found == pytest.approx({"a": integral, "alpha": by_alpha}, rel=1e-7)
 
 
+class Pushed(gl.Component):
+    """Two braked bodies that a torque accelerates together: damping between them hardly changes their speeds."""
+
+    def assemble(self) -> list[Any]:
+        self.push, self.ground = gp.ConstantTorque(tau_constant=2.6), gp.Fixed()
+        self.body, self.other, self.brake = gp.Inertia(J=0.035), gp.Inertia(J=0.028), gp.Damper(d=0.6)
+        self.shaft = gp.SpringDamper(c=3000.0, d=3.3)
+        return [
+            gl.connect(self.push.flange, self.body.flange_a, self.brake.flange_a),
+            gl.connect(self.brake.flange_b, self.ground.flange),
+            gl.connect(self.body.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.other.flange_a),
+        ]
+
+
+def test_what_cancels_to_the_tightest_tolerance() -> None:
+    names = ["brake.d", "shaft.d", "body.J"]
+    run = gl.compile(Pushed()).simulate(0.4, times=[0.27, 0.4], rtol=1e-9, sensitivities=names)
+    found = run.gradient({"body.w": [1.0, 1.0]}, names)
+    for name in names:
+        assert found[name] == pytest.approx(run.sensitivity("body.w", name).sum(), rel=1e-8, abs=1e-9), name
+
+
 def test_a_bound_parameter_that_is_given_does_not_follow() -> None:
     system = gl.compile(Chain(grounded=True), outputs=["body[3].w"])
     options: dict[str, Any] = {"inputs": {"torque.tau": 1.0}, "parameters": {"body[1].J": 1.3}}
