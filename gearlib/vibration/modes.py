@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -52,6 +52,8 @@ Complexes = NDArray[np.complex128]
 MOST_DENSE = 500  # states up to which all eigenvalues are computed
 COLUMN = 33  # column at which energies are printed
 UNSURE = 1e-3  # of a mode's energy: shares with a larger error bound are not reported
+SAME = 1e-9  # of the matrix: a smaller change is rounding
+MOST_FROZEN = 20  # states that are tried
 AT_REST = 1e-9  # of a mode's largest amplitude: rounding
 NEGATIVE = 1e-6  # of a mode's energy: a more negative energy is not rounding
 
@@ -519,6 +521,7 @@ def modes(
         warn_of_rounding(translation.name, [node_name(structure.model, s) for s in kept], A, spectrum.found)
     free, alone = without_preloads(A, speeds, spectrum.free)
     unused, words = _unused(A, speeds, forces), conditions(scene, numbers, point)
+    frozen = _frozen(linearized, rates, [kept[i] for i in unused[:MOST_FROZEN]])
     eigenvalues = np.concatenate([np.zeros(spectrum.free.shape[1]), spectrum.values])
 
     def find_changes(names: Sequence[str]) -> list[ModeSensitivity]:
@@ -534,7 +537,7 @@ def modes(
         eigenvalues, np.hstack([free, spectrum.vectors]),
         tuple(node_name(structure.model, s) for s in kept), spectrum.free.shape[1], spectrum.preloads, spectrum.decays,
         tuple(described(structure, kept[i]) for i in unused), _gaps(structure, kept, A, free, unused, words.open),
-        words.said, structure.model, rows, orders,
+        (*words.said, *frozen), structure.model, rows, orders,
         lambda: families(structure, prepared, slots, discrete, point.t), not alone, find_changes, translation.component,
     )  # fmt: skip
 
@@ -555,6 +558,22 @@ def _unused(A: Any, speeds: Any, forces: Any) -> list[int]:
     """States on which no rate, speed or force depends."""
     total = sum(np.asarray(abs(m).sum(axis=0)).ravel() for m in (A, speeds, forces))
     return np.flatnonzero(total == 0).tolist()
+
+
+def _frozen(linearized: LinearizedProgram, rates: Sequence[int], states: Sequence[Node]) -> list[str]:
+    """Phases, among states on which no rate depends, with which its slopes change and repeat every turn, in words."""
+    structure, point = linearized.scene.structure, linearized.point
+
+    def changed(state: Node, angle: float) -> bool:
+        moved = replace(linearized, point=replace(point, states=point.states | {state: point.states[state] + angle}))
+        here, there = linearized.derivatives[rates], moved.derivatives[rates]
+        return bool(abs(there - here).max() > SAME * abs(here).max())
+
+    return [
+        f"at {structure.model.name(v)} = {point.states[v, k]:g} rad, with which the frequencies change"
+        for v, k in states
+        if changed((v, k), 1.0) and not changed((v, k), 2 * np.pi)
+    ]
 
 
 def _gaps(

@@ -430,3 +430,26 @@ def test_critical_damping_is_a_double_decay_however_rounding_splits_it() -> None
         found = gl.modes(system, parameters={"rate": rate})
         assert len(found.eigenvalues) == 0
         assert found.decays == pytest.approx([-rate, -rate], rel=1e-6)
+
+
+class Meshing(gl.Component):
+    """Two free gears, whose mesh stiffness varies around its mean."""
+
+    stiffness = gl.Structural("sinusoidal")
+
+    def assemble(self) -> list[Any]:
+        varies = {"c_amplitude": 0.4} if self.stiffness == "sinusoidal" else {}
+        self.a, self.b = gp.Inertia(J=0.01), gp.Inertia(J=0.02)
+        self.mesh = gp.DetailedExternalMesh(r_a=0.1, r_b=0.12, z_a=20, c=1e8, d=10.0, stiffness=self.stiffness, **varies)
+        return [gl.connect(self.a.flange_b, self.mesh.flange_a), gl.connect(self.mesh.flange_b, self.b.flange_a)]
+
+
+def test_a_frozen_mesh_phase_is_told() -> None:
+    mean = np.sqrt(1e8 * (0.1**2 / 0.01 + 0.12**2 / 0.02)) / (2 * np.pi)
+    system = gl.compile(Meshing())
+    for phase in (0.0, 1.3, np.pi):
+        found = gl.modes(system, at={"mesh.turned": phase})
+        assert found.frequencies[-1] == pytest.approx(mean * np.sqrt(1 + 0.4 * np.cos(phase)))
+        assert found.conditions == (f"at mesh.turned = {phase:g} rad, with which the frequencies change",)
+        assert found.conditions[0] in str(gl.stability(system, at={"mesh.turned": phase}))
+    assert gl.modes(gl.compile(Meshing(stiffness="constant"))).conditions == ()
