@@ -39,12 +39,7 @@ from gearlib.flatten.unused import refuse_unused
 from gearlib.language.component import ASSEMBLING, Component, no_component
 from gearlib.language.declarations import Flow, Potential
 
-COORDINATES = (
-    "rad",
-    "m",
-    "1",
-    "any",
-)  # units of potentials that may be absolute coordinates; temperatures and voltages are none
+COORDINATES = ("rad", "m", "1", "any")  # units of potentials that may be absolute; temperatures and voltages are none
 
 
 def flatten(component: Component, substituted: Special = frozenset(), anew: bool = True) -> FlatModel:

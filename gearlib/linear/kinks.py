@@ -19,6 +19,7 @@ from gearlib.program.program import Program
 from gearlib.program.relations import slot_table
 from gearlib.reduce.coefficients import some
 from gearlib.reduce.reduction import Structure
+from gearlib.run.scene import needed_states
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
@@ -57,7 +58,12 @@ def warn_of_corners(
     if not comparing:
         return
     nodes = {n for (g, k), rows in comparing.items() for n in _nodes(structure, g, k, rows)}
-    known = program if nodes <= program.slots.keys() else build(structure, sorted(nodes), program.states, dynamic=False)
+    missing = [n for n in sorted(nodes - program.slots.keys()) if set(needed_states(structure, [n])) <= {*program.states}]
+    known = (
+        build(structure, [*sorted(nodes & program.slots.keys()), *missing], program.states, dynamic=False)
+        if missing
+        else program
+    )
     values, table = slots(known), slot_table(known.slots, structure.model.n_variables)
     random = np.random.default_rng(0).uniform(0.5, 1.0, table.shape)
     found = [
@@ -152,9 +158,10 @@ def _corners(
     moves = []
     for name, order in _columns(template, k):
         j = own.locals.index(name)
-        place, sign = table[order, group.variables[rows, j]], group.signs[rows, j]
-        arguments[column_symbol((name, order))] = sign * slots[place]
-        moves.append(sign * random[order, group.variables[rows, j]])
+        v, sign = group.variables[rows, j], group.signs[rows, j]
+        place = table[order, v] if order < len(table) else np.full(count, -1)
+        arguments[column_symbol((name, order))] = np.where(sign == 0, 0.0, sign * np.where(place < 0, np.nan, slots[place]))
+        moves.append(sign * random[min(order, len(table) - 1), v])
     arguments |= {real_symbol(name): parameters[group.parameters[rows, p]] for p, name in enumerate(own.parameters)}
     arguments |= {real_symbol(d): discrete[model.n_relations + group.discretes[rows, j]] for j, d in enumerate(own.discretes)}
     values = [arguments[s] for s in symbols]

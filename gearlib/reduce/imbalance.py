@@ -158,8 +158,9 @@ def _loose_ends(model: FlatModel, balance: Imbalance, guess: bool) -> Iterator[s
     text: dict[str, str] = {}  # by connector
     used = {v for row in model.rows for v, _ in row}
     for v in balance.undetermined:  # potentials that occur in no equation
-        if len(text) < MOST_NAMED and model.potential[v] and v not in used:
-            alike = [model.name(int(same)) for same in np.flatnonzero(model.representative == v)]
+        if len(text) < MOST_NAMED and v not in used:
+            equal = np.flatnonzero(model.representative == v).tolist()
+            alike = [model.name(same) for same in equal if isinstance(model.declaration(same), Potential)]
             alike = [n for n in alike if _is_of_connector(model, n)]  # not an equal variable of the component itself
             if not alike:
                 continue

@@ -13,8 +13,8 @@ from gearlib.arguments import by_name, name_list, one_name, real
 from gearlib.equations.quasipolynomials import OutsideClassError, parse
 from gearlib.equations.template import Template
 from gearlib.errors import ArgumentError, InputWarning, ModelError, SolverError, StartError, warn
-from gearlib.flatten.model import FlatModel
-from gearlib.language.declarations import Flow, Potential
+from gearlib.flatten.model import FlatModel, alphabetical
+from gearlib.language.declarations import Flow, Input, Potential
 from gearlib.language.expressions import real_symbol
 from gearlib.reduce.coefficients import some
 from gearlib.run.sampling.controllers import refuse_instants
@@ -335,14 +335,23 @@ def _given(model: FlatModel, speeds: Mapping[str, float] | None, torques: Mappin
 def _warn_of_time(translation: Translation, numbers: Floats, given: Sequence[Given]) -> None:
     """Warn of bound inputs that count as zero, since they are functions of time, except sinusoids around zero."""
     model, known = translation.model, {g.variable for g in given}
-    names = [
-        model.name(int(v))
+    moving = {
+        int(v)
         for group in model.groups
         if group.template.binds and group.template.on_time
         for v, own in zip(group.variables[:, group.template.locals.index("bound")], group.parameters, strict=True)
         if int(v) not in known and not _around_zero(group.template, numbers[own])
-    ]
-    if names:
+    }
+    if moving:
+        inputs = [
+            (int(model.representative[v]), model.name(v))
+            for instance in model.instances
+            for v, declared in enumerate(instance.declared.variables.values(), instance.first_variable)
+            if isinstance(declared, Input) and int(model.representative[v]) in moving
+        ]
+        names = list({v: name for v, name in sorted(inputs, key=lambda each: alphabetical(each[1]), reverse=True)}.values())[
+            ::-1
+        ]
         many = "they are functions of time, and count" if len(names) > 1 else "it is a function of time, and counts"
         warn(
             f"{translation.name}: no value was given for {some(names, ', ')}: {many} as 0 in the power flow. Pass "

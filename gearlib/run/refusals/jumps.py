@@ -92,7 +92,7 @@ def refuse_switches(
         near = np.array([events - 2 * gaps[:-1], events - gaps[:-1], events, events + gaps[1:]])
         found = sampled(np.union1d(near, [begin, end]))
         places = np.searchsorted(found.time, near)
-        states = np.array([found.history(state) for state in program.states])
+        states = np.array([found.history(state) for state in program.states]).reshape(-1, len(found.time))
         usual, last = np.abs(np.diff(states[:, places[:3]], axis=1)).swapaxes(0, 1)
         of_size = np.abs(states).max(axis=1, keepdims=True)
         smooth = np.flatnonzero((last <= SET * usual + SMALL * of_size).all(axis=0))
