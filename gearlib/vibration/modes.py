@@ -564,15 +564,19 @@ def _frozen(linearized: LinearizedProgram, rates: Sequence[int], states: Sequenc
     """Phases, among states on which no rate depends, with which its slopes change and repeat every turn, in words."""
     structure, point = linearized.scene.structure, linearized.point
 
-    def changed(state: Node, angle: float) -> bool:
-        moved = replace(linearized, point=replace(point, states=point.states | {state: point.states[state] + angle}))
-        here, there = linearized.derivatives[rates], moved.derivatives[rates]
-        return bool(abs(there - here).max() > SAME * abs(here).max())
+    def changed(states: Sequence[Node], angle: float) -> bool:
+        there = replace(point, states=point.states | {state: point.states[state] + angle for state in states})
+        one, other = linearized.derivatives[rates], replace(linearized, point=there).derivatives[rates]
+        return bool(abs(other - one).max() > SAME * abs(one).max())
 
+    declared = [(state, structure.model.declaration(state[0])) for state in states]
+    angles = [state for state, d in declared if d is not None and d.unit == "rad" and not state[1]]
+    if not angles or not changed(angles, 1.0):
+        return []
     return [
         f"at {structure.model.name(v)} = {point.states[v, k]:g} rad, with which the frequencies change"
-        for v, k in states
-        if changed((v, k), 1.0) and not changed((v, k), 2 * np.pi)
+        for v, k in angles
+        if changed([(v, k)], 1.0) and not changed([(v, k)], 2 * np.pi)
     ]
 
 
