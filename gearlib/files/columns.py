@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,12 +38,11 @@ def read_columns(path: Path, names: tuple[str, ...]) -> tuple[Floats, ...]:
     """
     try:
         if path.suffix.lower() == ".parquet":
-            table = optional("pyarrow.parquet").read_table(path)
-            columns = {name: table[name].to_numpy() for name in _present(path, names, table.column_names)}
+            columns = _parquet_columns(path, names)
         elif path.suffix.lower() in FORMATS and path.suffix.lower() != ".csv":
             record = load_record(path)
-            known = {"time": record.time}
-            columns = {n: known[n] if n in known else record.history(n) for n in _present(path, names, ("time", *record.names))}
+            _places(path, names, ["time", *(name for name in record.names if name != "time")])
+            columns = {name: record.time if name == "time" else record.history(name) for name in names}
         else:
             columns = _text_columns(path, names)
     except OSError as problem:
@@ -53,12 +53,26 @@ def read_columns(path: Path, names: tuple[str, ...]) -> tuple[Floats, ...]:
         raise FileError(f"{path} contains something other than numbers in one of the columns {', '.join(names)}") from None
 
 
-def _present(path: Path, names: tuple[str, ...], there: object) -> tuple[str, ...]:
-    valid = list(map(str, there))  # type: ignore[call-overload]
+def _places(path: Path, names: tuple[str, ...], there: list[str]) -> dict[str, int]:
+    """Index of each column."""
     for name in names:
-        if name not in valid:
-            raise NameLookupError(f"{path} has no column '{name}'; {nearest(name, valid)}")
-    return names
+        if name not in there:
+            raise NameLookupError(f"{path} has no column '{name}'; {nearest(name, there)}")
+        if (count := there.count(name)) > 1:
+            raise FileError(f"{path} has {count} columns '{name}'; expected one")
+    return {name: there.index(name) for name in names}
+
+
+def _parquet_columns(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
+    parquet = optional("pyarrow.parquet")
+    try:
+        table = parquet.read_table(path)
+        there = table.column_names
+    except OSError:
+        raise
+    except Exception as problem:  # whatever the library raises for other bytes
+        raise FileError(f"{path} cannot be read: {problem}") from None
+    return {name: table.column(place).to_numpy() for name, place in _places(path, names, there).items()}
 
 
 def _text_columns(path: Path, names: tuple[str, ...]) -> dict[str, list[float]]:
@@ -75,9 +89,14 @@ def _text_columns(path: Path, names: tuple[str, ...]) -> dict[str, list[float]]:
         head, *body = ((lines[rows.line_num - 1], [field.strip() for field in row]) for row in rows)
     except csv.Error as problem:
         raise FileError(f"{path} cannot be read: {problem}") from None
-    places = {name: head[1].index(name) for name in _present(path, names, head[1])}
+    places = _places(path, names, head[1])
     columns: dict[str, list[float]] = {name: [] for name in names}
     for (number, line), row in body:
+        if any(row[len(head[1]) :]):
+            raise FileError(
+                f"{path}, line {number}: {len(row)} fields in {len(head[1])} columns; expected a point as the decimal sign, or "
+                f"semicolons between the columns: {line.strip()[:80]}"
+            )
         for name, place in places.items():
             field = row[place] if place < len(row) else ""
             try:

@@ -122,7 +122,7 @@ def _plain(value: Any) -> Any:
     return dict(value) if isinstance(value, Mapping) else str(value)
 
 
-def from_header(header: str, time: Any, data: Any, path: Any) -> Record:
+def from_header(header: str | bytes, time: Any, data: Any, path: Any) -> Record:
     """Reconstruct a record from its `Record.header` and its numbers: the original columns, or histories by name.
 
     Raises

@@ -84,14 +84,20 @@ def read(path: Path) -> Record:
     samples = np.asarray(found["data_2"], float).T
     if "gearlib" in found:
         return from_header(_lines(found["gearlib"])[0], samples[:, 0], samples[:, 1:], path)
-    return _foreign(found, samples)
+    return _foreign(found, samples, path)
 
 
-def _foreign(found: dict[str, Any], samples: Floats) -> Record:
+def _foreign(found: dict[str, Any], samples: Floats, path: Path) -> Record:
     names, texts = _lines(found["name"], True), _lines(found["description"], True)
     block, column = np.asarray(found["dataInfo"], int)[:2]
-    moving = [i for i in range(1, len(names)) if block[i] == 2]  # the first is the time
     constants = np.asarray(found["data_1"], float)[:, 0]
+    if not len(names) == len(texts) == len(block):
+        raise damaged(path, f"it has {len(names)} names, {len(texts)} descriptions and {len(block)} columns of dataInfo")
+    sizes = {1: len(constants), 2: samples.shape[1]}
+    for name, of, at in zip(names, block.tolist(), column.tolist(), strict=True):
+        if of in sizes and not 0 < abs(at) <= sizes[of]:
+            raise damaged(path, f"{name} is column {at} of the {sizes[of]} of data_{of}")
+    moving = [i for i in range(1, len(names)) if block[i] == 2]  # the first is the time
     held = {names[i]: float(np.sign(column[i]) * constants[abs(column[i]) - 1]) for i in range(len(names)) if block[i] == 1}
     parts = [texts[i].rpartition(" [") if texts[i].endswith("]") else (texts[i], "", "]") for i in moving]
     used, columns = np.unique(np.abs(column[moving]), return_inverse=True)

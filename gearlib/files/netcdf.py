@@ -56,4 +56,4 @@ def read(path: Path) -> Record:
         raise damaged(path, f"{type(problem).__name__}: {problem}") from None
     if "time" not in columns:
         raise damaged(path, "it has no time")
-    return from_header(header.decode(), columns.pop("time"), columns, path)
+    return from_header(header, columns.pop("time"), columns, path)

@@ -43,4 +43,4 @@ def read(path: Path) -> Record:
         raise
     except Exception as problem:  # whatever the library raises for missing bytes
         raise damaged(path, f"{type(problem).__name__}: {problem}") from None
-    return from_header(header.decode(), time, dict(zip(table.column_names[1:], histories, strict=True)), path)
+    return from_header(header, time, dict(zip(table.column_names[1:], histories, strict=True)), path)

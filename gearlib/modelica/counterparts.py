@@ -125,8 +125,7 @@ class StandardLibrary:
         """Modelica names that differ, by component class name."""
         found: dict[str, dict[str, str]] = {}
         for counterpart in self.counterparts.values():
-            if counterpart.names:
-                found.setdefault(counterpart.home.rpartition(":")[2], {}).update(counterpart.names)
+            found.setdefault(counterpart.home.rpartition(":")[2], {}).update(counterpart.names)
         return found
 
     @cached_property

@@ -23,6 +23,7 @@ from gearlib.files.columns import read_columns
         "# made by a test, with signs; \t\n t,w x,n\n0,1.5,7\n  # between\n1,-2e3,8\n",
         "t,other,w x,n\n0,what,1.5,7\n1,ever,-2e3,8\n",
         "t,w x,n,other\n0,1.5,7\n1,-2e3,8\n",
+        "t,w x,\n0,1.5,,,\n1,-2e3,,\n",
         't,w x,n,other\n0,1.5,7,"of two\nlines"\n1,-2e3,8,"of\nthree\nlines"\n',
     ],
 )
@@ -45,6 +46,15 @@ def test_text_of_any_form_holds_the_same_numbers(text: str, tmp_path: Path) -> N
         ("t,w\n0,1 5\n", ", line 2: '1 5' in the column w; expected a number: 0,1 5"),
         ("t\tw\n0\t1,5\n", ", line 2: '1,5' in the column w; expected a number: 0\t1,5"),
         ('t,why,w\n0,"first\nday",1\n1,"second\nday",x\n', ", line 5: 'x' in the column w; expected a number: day\",x"),
+        (
+            "t,w\n0,5,1,5\n",
+            ", line 2: 4 fields in 2 columns; expected a point as the decimal sign, or semicolons between the columns: 0,5,1,5",
+        ),
+        (
+            "t w\n0 1\n0.5 2 3 \n",
+            ", line 3: 4 fields in 2 columns; expected a point as the decimal sign, or semicolons between the columns: 0.5 2 3",
+        ),
+        ("t,w,n,w\n0,1,2,3\n", " has 2 columns 'w'; expected one"),
         ("t,w\n0,x" + 100 * "y", ", line 2: 'x" + 100 * "y" + "' in the column w; expected a number: 0,x" + 77 * "y"),
     ],
 )
@@ -80,3 +90,11 @@ def test_columns_of_parquet_files(tmp_path: Path) -> None:
         read_columns(path, ("x",))
     with pytest.raises(FileError, match="contains something other than numbers in one of the columns t, text"):
         read_columns(path, ("t", "text"))
+    pandas.DataFrame([[0.0, 1.0, 2.0]], columns=["t", "w", "w "]).to_parquet(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole.replace(b"w ", b"\xff "))
+    with pytest.raises(FileError, match=r"measured\.PARQUET cannot be read: "):
+        read_columns(path, ("t",))
+    path.write_text("t,w\n", encoding="utf-8")
+    with pytest.raises(FileError, match=r"measured\.PARQUET cannot be read: .*Parquet"):
+        read_columns(path, ("t",))

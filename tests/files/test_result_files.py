@@ -13,6 +13,7 @@ import sys
 import warnings
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -177,6 +178,17 @@ def test_a_file_that_is_cut_off_anywhere_is_refused(suffix: str, saved: Path, tm
             gl.load_result(path)
 
 
+@pytest.mark.parametrize("suffix", IN_ONE_FILE)
+def test_a_file_with_a_changed_byte_is_refused_or_has_the_same_numbers(suffix: str, saved: Path, tmp_path: Path) -> None:
+    whole, path, before = (saved / f"r{suffix}").read_bytes(), tmp_path / f"r{suffix}", load_record(saved / f"r{suffix}")
+    for place in range(0, len(whole), len(whole) // 60):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x80]) + whole[place + 1 :])
+        with suppress(FileError):
+            found = load_record(path)
+            assert np.array_equal(found.time, before.time)
+            assert np.array_equal(found.data, before.data)
+
+
 @pytest.mark.parametrize(
     ("suffix", "name", "said"),
     [
@@ -248,6 +260,32 @@ def test_a_trajectory_that_lacks_a_matrix_is_refused(lacking: str, saved: Path, 
         savemat(file, found, format="4")
     with pytest.raises(FileError, match=r"r\.mat is not a result file of gearlib"):
         gl.load_result(tmp_path / "r.mat")
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"dataInfo": [[0, 2, 1], [1, 3, 1]]}, "w is column 3 of the 2 of data_2"),
+        ({"dataInfo": [[0, 2, 1], [1, 0, 1]]}, "w is column 0 of the 2 of data_2"),
+        ({"dataInfo": [[0, 2, 1], [1, 2, -2]]}, "J is column -2 of the 1 of data_1"),
+        ({"dataInfo": [[0, 2], [1, 2]]}, "it has 3 names, 3 descriptions and 2 columns of dataInfo"),
+        ({"description": [list("ab")]}, "it has 3 names, 2 descriptions and 3 columns of dataInfo"),
+    ],
+)
+def test_a_trajectory_of_another_program_whose_matrices_do_not_fit(changed: Any, said: str, tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    path, lines = tmp_path / "r.mat", ["Atrajectory", "1.1        ", "           ", "binTrans   "]
+    names = np.array([list("twJ")], "S1")
+    whole = {
+        "Aclass": np.array([list(line) for line in lines], "S1"), "name": names, "description": names,
+        "dataInfo": [[0, 2, 1], [1, -2, 1]], "data_1": [[5.0, 5.0]], "data_2": [[0.0, 1.0], [3.0, 4.0]],
+    }  # fmt: skip
+    savemat(path, whole, format="4")
+    assert (load_record(path).history("w").tolist(), load_record(path).parameters) == ([-3.0, -4.0], {"J": 5.0})
+    savemat(path, whole | {k: np.array(v, "S1" if k == "description" else np.int32) for k, v in changed.items()}, format="4")
+    with pytest.raises(FileError, match=rf"r\.mat is truncated or damaged: {said}$"):
+        load_record(path)
 
 
 def test_files_of_other_rows_and_without_times(saved: Path, tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ class Table(Tabulated):
         Piecewise linear; constant from each point to the next; cubic with continuous slope, without overshoot (PCHIP) or with visually
         pleasing curves (Akima); cubic with continuous curvature (a spline, not-a-knot or periodic at its ends).
     outside : {"hold", "periodic"}
-        Beyond the first and last point: constant, or periodic; the last value of a periodic table must equal the first.
+        Beyond the first and last point: constant, or periodic; the last value of a smooth periodic table must equal the first.
 
     Examples
     --------
@@ -148,6 +148,8 @@ class Table(Tabulated):
             column = one_name("column", column, "tau")
             if column not in names:
                 raise NameLookupError(f"the table has no column '{column}'; {nearest(column, names)}")
+            if (count := names.count(column)) > 1:
+                raise ArgumentError(f"the table has {count} columns '{column}'; expected one")
             data = data.iloc[:, names.index(column)]
         if not isinstance(data, pandas.Series):
             raise ArgumentError(f"Table.of(data): data is {shown(data)}; expected a pandas Series or DataFrame")
@@ -163,9 +165,9 @@ class Table(Tabulated):
     def _check_period(self) -> None:
         if len(self.t) < 2 or self.t[-1] == self.t[0]:
             raise ArgumentError("Table(t, y): a periodic table needs two times or more")
-        if self.interpolation == "cubic" and self.y[0] != self.y[-1]:
+        if not self.straight and self.y[0] != self.y[-1]:
             raise ArgumentError(
-                f"Table(t, y): a periodic spline ends with the value that it begins with, got {self.y[0]:g} and {self.y[-1]:g}"
+                f"Table(t, y): a smooth periodic table ends with the value that it begins with, got {self.y[0]:g} and {self.y[-1]:g}"
             )
 
     @property

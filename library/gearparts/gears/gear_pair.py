@@ -98,6 +98,8 @@ class GearPair:
             raise BoundError(f"GearPair.internal is {shown(self.internal)}; expected True or False")
         if self.internal and self.z_2 <= self.z_1:
             raise BoundError(f"GearPair: a ring of {self.z_2} teeth around a pinion of {self.z_1}; expected z_2 > z_1")
+        if not self.alpha_n < math.pi / 2:
+            raise BoundError(f"GearPair.alpha_n is {shown(self.alpha_n)} rad; expected an angle between 0 and pi/2")
         if not abs(self.beta) < math.pi / 2:
             raise BoundError(f"GearPair.beta is {shown(self.beta)} rad; expected an angle between -pi/2 and pi/2")
         if not self.tips_reach:
@@ -240,6 +242,11 @@ class GearPair:
         terms = (1, 1 / z_1, 1 / z_2, x_1, x_1 / z_1, x_2, x_2 / z_2, x_1**2, x_2**2)
         q = sum(c * t for c, t in zip(FLEXIBILITY, terms, strict=True))
         rack = (1 + 0.5 * (1.2 - self.h_fP)) * (1 - 0.02 * (20 - math.degrees(self.alpha_n)))
+        if not (q > 0 and rack > 0):
+            raise BoundError(
+                f"GearPair: ISO 6336-1 knows no stiffness of teeth with h_fP = {self.h_fP:g}, alpha_n = {self.alpha_n:g} rad and profile "
+                f"shifts {self.x_1:g} and {self.x_2:g}"
+            )
         stiffness = N_PER_MM_UM * CORRECTION * self.blank * rack * math.cos(self.beta) / q
         return stiffness * min(self.line_load / LIGHT, 1.0)
 

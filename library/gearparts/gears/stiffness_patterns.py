@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from gearlib.arguments import is_real, real, shown, whole
-from gearlib.errors import ArgumentError
+from gearlib.errors import ArgumentError, BoundError
 from gearparts.gears.gear_pair import GearPair
 from gearparts.tables import Rows
 
@@ -67,7 +67,10 @@ def cai_pair_stiffness(pair: GearPair, place: float) -> float:
     if pair.beta == 0:
         return largest * (0.55 + 1.8 * u - 1.8 * u**2)
     height = (pair.h_aP + pair.h_fP) * pair.m_n
-    shape = 0.322 * (math.degrees(abs(pair.beta)) - 5) + 0.23 * pair.width / height - 23.26
+    helix = math.degrees(abs(pair.beta))
+    shape = 0.322 * (helix - 5) + 0.23 * pair.width / height - 23.26
+    if shape > 0:  # stiffest at the ends of the contact
+        raise BoundError(f"Cai's formula does not hold for a helix of {helix:g} degrees and a width of {pair.width:g} m")
     return largest * math.exp(shape * abs(total * (u - 0.5) / (1.125 * pair.contact_ratio)) ** 3)
 
 

@@ -202,6 +202,7 @@ def test_cai_s_stiffness_of_helical_teeth_rises_and_falls_smoothly() -> None:
         ({"z_1": 0, "z_2": 40}, r"GearPair\.z_1 is 0; expected a positive number"),
         ({"z_1": 40, "z_2": 30, "internal": True}, r"a ring of 30 teeth around a pinion of 40"),
         ({"z_1": 20, "z_2": 30, "beta": 2.0}, r"GearPair\.beta is 2\.0 rad"),
+        ({"z_1": 20, "z_2": 30, "alpha_n": 20}, r"GearPair\.alpha_n is 20 rad; expected an angle between 0 and pi/2"),
         ({"z_1": 20, "z_2": 30, "x_1": -3.0}, r"do not reach each other|no pressure angle fits"),
         ({"z_1": 20, "z_2": 30, "m_n": math.nan}, r"GearPair\.m_n is nan"),
         ({"z_1": "20", "z_2": 30}, r"GearPair\.z_1 is '20'; expected a positive number"),
@@ -272,6 +273,18 @@ def test_teeth_of_a_drawn_pair_have_the_rounded_feet_of_their_rack(h_aP: float, 
     for wheel, z in zip(pair.drawn_gears().wheels, (25, 70), strict=True):
         x, y = wheel.outline[0]
         assert math.atan2(-y, x) * z / 2 / math.cos(0.3) == pytest.approx(across, rel=1e-12)
+
+
+def test_stiffness_beyond_its_formula_is_refused() -> None:
+    """A basic rack of twice the usual depth would have a negative one; a helical pair that is stiffest at the ends of contact."""
+    given: dict[str, Any] = {"z_1": 20, "z_2": 40, "m_n": 3e-3, "width": 0.02}
+    assert gp.GearPair(**given, h_fP=3.19).mesh_stiffness > 0
+    with pytest.raises(
+        BoundError, match=r"knows no stiffness of teeth with h_fP = 3\.21, alpha_n = 0\.349066 rad and profile shifts 0"
+    ):
+        gp.GearPair(**given, h_fP=3.21).mesh_stiffness  # noqa: B018
+    with pytest.raises(BoundError, match=r"Cai's formula does not hold for a helix of 85\.9437 degrees and a width of 0\.02 m"):
+        gp.cai_stiffness(gp.GearPair(**given, beta=1.5))
 
 
 def test_too_few_samples_are_refused() -> None:

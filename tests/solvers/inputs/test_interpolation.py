@@ -201,7 +201,15 @@ def test_what_makes_no_table_is_refused(text: str, message: str, tmp_path: Path)
         (lambda: gl.Table([0], [1], outside="periodic"), "a periodic table needs two times or more"),
         (
             lambda: gl.Table([0, 1, 2], [0, 1, 2], "cubic", "periodic"),
-            "a periodic spline ends with the value that it begins with, got 0",
+            "a smooth periodic table ends with the value that it begins with, got 0 and 2$",
+        ),
+        (
+            lambda: gl.Table([0, 1, 2], [0, 1, 2], "monotone", "periodic"),
+            "a smooth periodic table ends with the value that it begins with, got 0 and 2$",
+        ),
+        (
+            lambda: gl.Table([0, 1, 2], [3, 1, 2.5], "akima", "periodic"),
+            "a smooth periodic table ends with the value that it begins with, got 3 and 2.5$",
         ),
         (lambda: gl.Table([0, 1e-6], [0, 0], outside="periodic").over(0.0, 1e3), "comes 1000000000 times from 0 to 1000 s"),
         (lambda: gl.Table.of([1, 2]), r"data is \[1, 2\]; expected a pandas Series or DataFrame"),
@@ -212,3 +220,10 @@ def test_what_makes_no_table_is_refused(text: str, message: str, tmp_path: Path)
 def test_wrong_tables_are_refused(make: Any, message: str) -> None:
     with pytest.raises((ArgumentError, FileError), match=message):
         make()
+
+
+def test_a_column_that_a_frame_has_twice_is_refused() -> None:
+    frame = pytest.importorskip("pandas").DataFrame([[1.0, 2.0, 3.0]], columns=["w", "v", "w"])
+    assert gl.Table.of(frame, "v")(0.0) == 2.0
+    with pytest.raises(ArgumentError, match="the table has 2 columns 'w'; expected one"):
+        gl.Table.of(frame, "w")
