@@ -23,6 +23,7 @@ from gearlib.run.translation import Compiled, Translation
 
 Floats = NDArray[np.float64]
 LARGEST = 1e150  # a residual in standard deviations: the sum of squares of larger ones overflows
+CONSTANT = 1e-12  # spread of numbers relative to the largest: a smaller one is rounding
 CONVERGED = 1e-8  # relative change of the parameters or of the sum of squares at which the search has converged
 
 
@@ -72,7 +73,8 @@ def fit(
         it lies between them, otherwise the midpoint (of the logarithms, if both bounds are positive).
     noise : float or mapping, optional
         Standard deviation of the noise, for everything or by name; measurements may specify their own. If none is given, the noise of
-        each series is assumed to be the same fraction of its spread, and is estimated from the residuals.
+        each series is assumed to be the same fraction of its spread (of its size, if it is constant), and is estimated from the
+        residuals.
     parameters : mapping, optional
         Other values by path, in all experiments that do not give their own.
     evaluations : int
@@ -249,7 +251,9 @@ def _sizes(series: Sequence[MeasuredSeries], given: Mapping[str, float]) -> tupl
     sizes = []
     for s, size in zip(series, noise, strict=True):
         numbers = s.numbers
-        spread = float(np.std(numbers)) or float(np.abs(numbers).max()) or 1.0
+        spread, largest = float(np.std(numbers)), float(np.abs(numbers).max())
+        if spread <= CONSTANT * largest:
+            spread = largest or 1.0
         sizes.append(np.full(len(numbers), spread if size is None else size))
     return np.concatenate(sizes), all(known)
 

@@ -36,7 +36,7 @@ class FittedSeries:
     along : str
     measured, predicted : arrays, real or complex
     noise : float
-        Standard deviation, given or estimated.
+        Standard deviation, given or estimated; NaN if there is nothing to estimate it from.
     """
 
     name: str
@@ -70,7 +70,7 @@ class Fit:
         Initial guess.
     covariance : array (parameters, parameters)
         In the parameters' own units, linearised about the values; infinite (off the diagonal NaN) for parameters that the data does not
-        determine.
+        determine; NaN if the noise was not given and no number is left over to estimate it from.
     identifiability : Identifiability
         Singular values of the scaled sensitivities, and the undetermined directions.
     series : tuple of FittedSeries
@@ -118,7 +118,7 @@ class Fit:
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Standard deviations by path, linearised about the values; infinite for undetermined parameters."""
+        """Standard deviations by path, linearised about the values; infinite for undetermined parameters, NaN without any noise."""
         return dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
     @property
@@ -166,7 +166,7 @@ class Fit:
         for name, value, error, unit, (low, high) in zip(
             self.names, self.numbers, self.standard_errors.values(), self.units, self.bounds, strict=True
         ):
-            sure = f"{error:18.3g}" if np.isfinite(error) else f"{'not determined':>18s}"
+            sure = f"{error:18.3g}" if np.isfinite(error) else f"{'unknown' if np.isnan(error) else 'not determined':>18s}"
             held = "  at its bound" if name in self.at_bounds else ""
             lines.append(f"{name:{width}s}  {value:12.6g} {sure}  {unit:12s} {f'{low:g} .. {high:g}':>24s}{held}".rstrip())
         lines += self._remarks()
@@ -182,6 +182,8 @@ class Fit:
             rms = float(np.sqrt((self.residuals**2).sum() / (len(self.residuals) - known)))
             given = f"{rms:.3g} times the noise that was given" if self.noise_given else f"{100 * rms:.3g} % of the spread"
             lines.append(f"What is left is {given}.")
+        elif not self.noise_given:
+            lines.append("No number is left over to estimate the noise from: for standard errors, give noise=....")
         sizes = f"(singular values {', '.join(f'{s:.3g}' for s in seen.singular_values)})"
         if self.identifiable:
             lines.append(f"Identifiable: the data determines every direction {sizes}.")

@@ -34,9 +34,9 @@ class Identifiability:
     determined : array of bool (parameters,)
         Whether the data confines a direction to less than its range.
     noise : float
-        Standard deviation of the residuals: 1 if the noise is known, otherwise estimated after the fit.
+        Standard deviation of the residuals: 1 if the noise is known, otherwise estimated after the fit; NaN if no residual is left for it.
     covariance : array (parameters, parameters)
-        In widths of the ranges; infinite for parameters involved in an undetermined direction.
+        In widths of the ranges; infinite for parameters involved in an undetermined direction, otherwise NaN if the noise is.
     """
 
     names: tuple[str, ...]
@@ -86,8 +86,8 @@ def identifiability(slopes: Floats, residuals: Floats, names: tuple[str, ...], k
     sizes = np.concatenate([sizes, np.zeros(n - len(sizes))])
     above_rounding = sizes > NOTHING * sizes.max()
     freedom = len(residuals) - int(above_rounding.sum())
-    noise = 1.0 if known else float(np.sqrt((residuals**2).sum() / freedom)) if freedom > 0 else 0.0
-    determined = (sizes > noise) & above_rounding
+    noise = 1.0 if known else float(np.sqrt((residuals**2).sum() / freedom)) if freedom > 0 else np.nan
+    determined = ~(sizes <= noise) & above_rounding
     inverse = np.divide(noise, sizes, out=np.zeros(n), where=determined)
     covariance = (directions.T * inverse**2) @ directions
     touched = (np.abs(directions[~determined]) > TOUCHED).any(axis=0)

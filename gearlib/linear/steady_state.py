@@ -122,8 +122,9 @@ def steady_state(
     >>> round(found["load.w"], 9), round(found.sensitivity("load.w", "brake.d"), 9)
     (6.0, -12.0)
     """
-    translation, _ = translation_of(system).fitted(parameters)
-    default = translation.states if translation.outputs is None else translation.outputs
+    general = translation_of(system)
+    translation, _ = general.fitted(parameters)
+    default = general.states if general.outputs is None else general.outputs
     names = tuple(name_list("outputs", default if outputs is None else outputs, "load.w"))
     given = by_name("inputs", inputs, "a mapping of paths to numbers, functions of time or tables", "torque.tau")
     known = [translation.structure.named(name, "output", ("cannot be an output", "can")) for name in names]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,7 @@ from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import Samples, as_samples
 from gearlib.many_runs.simulating import functions_of
 from gearlib.many_runs.tracking import followed
-from gearlib.many_runs.work import Row, Values, Work, reduced
+from gearlib.many_runs.work import Row, Values, Work, check_names, reduced
 from gearlib.periodic.harmonic_response import HarmonicBalance
 from gearlib.progress import check_progress
 from gearlib.run.subject import translation_of
@@ -29,6 +29,7 @@ from gearlib.statics.power_flow import PowerFlow
 from gearlib.vibration.modes import Modes
 
 EIGENVALUES, SHAPES = "eigenvalues", "shapes"
+OF_MODES = "frequencies", "damping", EIGENVALUES, "number"
 DIMENSIONS = {
     EIGENVALUES: ("mode",), SHAPES: ("state", "mode"), "response": ("output", "input", "omega"), "speed": ("flange",),
     "torque": ("flange",), "power": ("flange",), "peak": ("output",), "peak_omega": ("output",),
@@ -76,10 +77,16 @@ class Analysing(Work):
         return () if self.reduce else DIMENSIONS.get(name, ())
 
     def unit(self, name: str) -> str:
-        translation, units = self.system.translation, self.system.translation.parameter_units
-        if name in units or self.reduce or name in UNITS or translation.model.find(translation.model.column(name)[0]) is None:
-            return units.get(name, "" if self.reduce else UNITS.get(name, ""))
+        translation = self.system.translation
+        if self.reduce or name in UNITS or translation.model.find(translation.model.column(name)[0]) is None:
+            return "" if self.reduce else UNITS.get(name, "")
         return translation.unit(name)
+
+    def varied_unit(self, name: str) -> str:
+        return self.system.translation.parameter_units.get(name, "")
+
+    def presented(self, names: Iterable[str]) -> Iterable[str]:
+        return OF_MODES if SHAPES in names else names
 
     def finished(self, samples: Samples, values: Values) -> tuple[Values, Mapping[str, tuple[str, ...]]]:
         """Track modes, so that each keeps its own column."""
@@ -88,11 +95,9 @@ class Analysing(Work):
         branches = followed(samples, values[EIGENVALUES], values[SHAPES])
         size = np.abs(branches.eigenvalues)
         damping = np.divide(0.0 - branches.eigenvalues.real, size, out=np.zeros_like(size), where=size > 0)
-        found = {
-            "frequencies": size / (2 * np.pi), "damping": np.where(np.isnan(size), np.nan, damping),
-            EIGENVALUES: branches.eigenvalues, "number": branches.numbers,
-        }  # fmt: skip
-        return found, dict.fromkeys(found, ("mode",))
+        damping = np.where(np.isnan(size), np.nan, damping)
+        found = size / (2 * np.pi), damping, branches.eigenvalues, branches.numbers
+        return dict(zip(OF_MODES, found, strict=True)), dict.fromkeys(OF_MODES, ("mode",))
 
     def identity(self) -> Iterator[bytes]:
         yield from of_model(self.system.translation)
@@ -191,7 +196,8 @@ def sweep(
     translation = translation_of(system)
     if not callable(analysis):
         raise ArgumentError(f"analysis is {shown(analysis)}; expected a function of a system, such as gl.modes")
-    samples = as_samples(parameters, names)
+    samples, functions = as_samples(parameters, names), functions_of(reduce)
+    check_names(samples, functions, ())
     for name in samples.names:
         translation.model.parameters.number(name)
         if name not in samples.numbers and not isinstance(samples.fixed.get(name), float):
@@ -201,5 +207,5 @@ def sweep(
     check_executor(executor, threads)
     check_progress(progress)
     path = None if to is None else sweep_path(to)
-    work = Analysing(analysis, system, {**options, "parameters": dict(samples.fixed)}, functions_of(reduce))
+    work = Analysing(analysis, system, {**options, "parameters": dict(samples.fixed)}, functions)
     return execute(work, translation.name, samples, executor=executor, threads=threads, to=path, progress=progress)

@@ -19,7 +19,7 @@ from gearlib.files.sweep_files import StoredArray, SweepFile, SweepLayout, creat
 from gearlib.many_runs.identity import of_values
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import RUN, Samples
-from gearlib.many_runs.work import Chunk, ManyRows, Row, Work, blank, first_of, put
+from gearlib.many_runs.work import Chunk, ManyRows, Row, Work, blank, check_names, first_of, put
 from gearlib.run.request import physical_memory
 
 Integers = NDArray[np.int64]
@@ -87,7 +87,9 @@ class Gathering:
     def _columns(self) -> dict[str, Any]:
         """Coordinates of the file: the varied values, and those of the results."""
         units = {"time": {"units": "s"}}
-        of_runs = {name: ((RUN,), column, {"units": self.work.unit(name)}) for name, column in self.samples.numbers.items()}
+        of_runs = {
+            name: ((RUN,), column, {"units": self.work.varied_unit(name)}) for name, column in self.samples.numbers.items()
+        }
         return of_runs | {name: ((name,), numbers, units.get(name, {})) for name, numbers in self.coordinates.items()}
 
     @property
@@ -109,6 +111,8 @@ class Gathering:
             )
             for name, value in row.items()
         }  # fmt: skip
+        axes = {*coordinates, *(axis for stored in layout.values() for axis in stored.dimensions)}
+        check_names(self.samples, [*self.work.presented(row)], axes)
         if self.path is None:
             self._refuse_too_much(layout)
             self._layout, self._values = layout, blank(row, len(self.samples))
@@ -138,7 +142,7 @@ class Gathering:
         """Store a successful run; it counts as failed if its values differ in shape from those of the others."""
         self._prepare(row.values, row.coordinates)
         try:
-            put(self._values, run if self._file is None else len(self._waiting), row.values)
+            put(self._values, self.coordinates, run if self._file is None else len(self._waiting), row)
         except ArgumentError as problem:
             self.fail(run, problem)
             return
@@ -156,7 +160,7 @@ class Gathering:
             return
         self._prepare(first_of(rows).values, rows.coordinates)
         try:
-            put(self._values, runs, rows.values)
+            put(self._values, self.coordinates, runs, rows)
         except ArgumentError as problem:
             for run in runs.tolist():
                 self.fail(run, problem)
@@ -225,7 +229,8 @@ class Gathering:
             shown, axes = self.work.finished(self.samples, {name: read(name) for name in layout})
             layout = {name: StoredArray(axes[name], np.shape(array)[1:]) for name, array in shown.items()}
             read = shown.__getitem__
-        units = {name: self.work.unit(name) for name in [*layout, *self.samples.names]}
+        units = {name: self.work.varied_unit(name) for name in self.samples.names}
+        units |= {name: self.work.unit(name) for name in layout}
         return Runs(
             self.model, self.samples, layout, read, self.coordinates, self.done, self.errors, units, stats,
         )  # fmt: skip

@@ -22,7 +22,7 @@ from gearlib.many_runs.reductions import Reduction
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import Samples, as_samples, rows
 from gearlib.many_runs.side_by_side import KeptStates, SideBySide
-from gearlib.many_runs.work import ManyRows, Row, Work, reduced
+from gearlib.many_runs.work import ManyRows, Row, Work, check_names, reduced
 from gearlib.progress import check_progress
 from gearlib.run.methods.run import is_function
 from gearlib.run.request import Request
@@ -142,13 +142,11 @@ class Simulating(Work):
         return (TIME,) if name in self.outputs else ()
 
     def unit(self, name: str) -> str:
+        return self.translation.unit(name) if name in self.outputs and name not in self.translation.model.discretes else ""
+
+    def varied_unit(self, name: str) -> str:
         own = self.translation
-        if name in own.model.parameters.index:
-            return own.parameter_units.get(name, "")
-        if (started := start_named(name)) is not None:
-            return own.unit(started)
-        known = (name in self.outputs and name not in own.model.discretes) or name in own.inputs
-        return own.unit(name) if known else ""
+        return own.parameter_units.get(name, "") if kind_of(own, name) == "parameter" else own.unit(start_named(name) or name)
 
     def identity(self) -> Iterator[bytes]:
         request = self.request
@@ -222,8 +220,7 @@ def simulating(
             values = samples.columns.get(name, samples.fixed.get(name))
             for value in [values] if name in samples.fixed else values if isinstance(values, tuple) else []:
                 real(f"parameters['{name}']", value)
-    if taken := set(samples.names) & {*chosen, *functions, TIME}:
-        raise ArgumentError(f"{taken.pop()} varies over the runs and is to be a result, too; give the result another name")
+    check_names(samples, [*chosen, *functions], [TIME] if chosen else [])
     if both := set(chosen) & set(functions):
         raise ArgumentError(
             f"{both.pop()} is the name of an output and of a function in reduce; give the function another name"

@@ -8,9 +8,10 @@ import threading
 import time
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from gearlib.arguments import shown
 from gearlib.errors import ArgumentError, GearlibError
 from gearlib.language.recipes import packed
-from gearlib.many_runs.samples import Samples, rows
+from gearlib.many_runs.samples import RUN, Samples, rows
 
 Values = Mapping[str, NDArray[Any]]
 Integers = NDArray[np.int64]
@@ -87,6 +88,14 @@ class Work(ABC):
     def unit(self, name: str) -> str:
         """Unit of a value; empty if unknown."""
 
+    @abstractmethod
+    def varied_unit(self, name: str) -> str:
+        """Unit of what varies over the runs; empty if unknown."""
+
+    def presented(self, names: Iterable[str]) -> Iterable[str]:
+        """Names of the values that `finished` presents, given those of a run."""
+        return names
+
     def finished(self, samples: Samples, values: Values) -> tuple[Values, Mapping[str, tuple[str, ...]]]:
         """Values to present in place of those of all runs, arrays of shape (runs, ...), and the names of their axes."""
         return values, {}
@@ -129,6 +138,17 @@ def reduced(reduce: Mapping[str, Callable[[Any], Any]], result: Any) -> dict[str
     return found
 
 
+def check_names(samples: Samples, results: Collection[str], axes: Collection[str]) -> None:
+    """Raise `ArgumentError` if a name stands for two of what varies, a result, and an axis of results."""
+    own_axes = (*axes, RUN) if RUN in samples.axes else axes
+    kinds = ("is given to the runs", samples.names), ("is a result", results), ("is an axis of the results", own_axes)
+    for (first, names), (second, others) in combinations(kinds, 2):
+        if both := [name for name in names if name in others]:
+            raise ArgumentError(
+                f"{both[0]} {first} and {second}, too; give the result another name: reduce={{'name': function}}"
+            )
+
+
 def done(work: Work, part: Mapping[str, Any], count: int) -> Chunk:
     """Execute some runs."""
     begin = time.perf_counter()
@@ -142,7 +162,7 @@ def done(work: Work, part: Mapping[str, Any], count: int) -> Chunk:
         if not values:
             values, coordinates = blank(first_of(row).values, count), row.coordinates
         try:
-            put(values, i, row.values)
+            put(values, coordinates, i, row)
         except ArgumentError as problem:
             errors |= dict.fromkeys([i] if isinstance(i, int) else i.tolist(), problem)
     return Chunk(values, coordinates, errors, (), time.perf_counter() - begin)
@@ -161,15 +181,22 @@ def blank(row: Mapping[str, Any], count: int) -> dict[str, NDArray[Any]]:
     }
 
 
-def put(values: Mapping[str, NDArray[Any]], i: int | Integers, row: Mapping[str, Any]) -> None:
+def put(values: Values, coordinates: Mapping[str, Any], i: int | Integers, row: Row | ManyRows) -> None:
     """Write a row, or some that are alike, completely or not at all.
 
     Raises
     ------
     ArgumentError
-        Its values differ in shape from those of the first run.
+        Its values differ in name, shape or coordinates from those of the first run.
     """
-    for name, value in row.items():
+    if other := row.values.keys() ^ values.keys():
+        which = "this run and not in the first one" if min(other) in row.values else "the first run and not in this one"
+        raise ArgumentError(f"{min(other)} is there in {which}; all must be alike")
+    for name, along in row.coordinates.items():
+        there = coordinates.get(name, ())
+        if along is not there and not np.array_equal(along, there):
+            raise ArgumentError(f"the axis {name} has other values in this run than in the first one; all must be alike")
+    for name, value in row.values.items():
         there = values[name]
         shape = np.shape(value)[0 if isinstance(i, int) else 1 :]
         if shape != there.shape[1:]:
@@ -178,7 +205,7 @@ def put(values: Mapping[str, NDArray[Any]], i: int | Integers, row: Mapping[str,
             )
         if np.iscomplexobj(value) and not np.iscomplexobj(there):
             raise ArgumentError(f"{name} is complex in this run and was real in the first one; all must be alike")
-    for name, value in row.items():
+    for name, value in row.values.items():
         values[name][i] = value
 
 

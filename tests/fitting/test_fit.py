@@ -523,3 +523,8 @@ def test_without_noise_each_series_counts_by_its_spread() -> None:
         assert here == pytest.approx((s.predicted - s.measured) / own)
     still = gl.fit(system(), gl.MeasuredModes([6.0]), {"shaft.c": (600.0, 5e3)}, evaluations=1)
     assert still.residuals == pytest.approx((still.series[0].predicted - 6.0) / 6.0)
+    assert np.isnan([still.standard_errors["shaft.c"], still.series[0].noise]).all()  # one number, which the parameter takes
+    assert np.std([0.05] * 3) > 0.0  # by rounding of the mean
+    thrice = gl.MeasuredModes([6.0] * 3, [0.05] * 3, numbers=[0, 0, 0])
+    same = gl.fit(system(), thrice, {"shaft.c": (600.0, 5e3)}, evaluations=1)
+    assert same.residuals[3:] == pytest.approx((same.series[1].predicted - 0.05) / 0.05)

@@ -66,7 +66,11 @@ def test_a_fit_in_words() -> None:
     assert text.splitlines()[1] == "The search had not ended when the evaluations ran out; give more, or begin nearer."
     assert "What is left is 500 % of the spread." in text
     assert text.splitlines()[-1] == "Derivatives of histories are differences of runs: it jumps."
-    assert "What is left" not in str(fitted(residuals=np.array([3.0, 4.0])))  # as many numbers as parameters
+    as_many = {"residuals": np.array([3.0, 4.0]), "covariance": np.full((2, 2), np.nan)}  # numbers as parameters
+    assert "is left" not in str(fitted(**as_many))
+    unknown = words(fitted(**as_many, noise_given=False))
+    assert unknown[2] == "shaft.c 520 unknown N.m/rad 100 .. 10000"
+    assert unknown[4] == "No number is left over to estimate the noise from: for standard errors, give noise=...."
     one = fitted(
         names=("c",), numbers=np.ones(1), units=("1",), bounds=np.array([[0.0, 2.0]]), covariance=np.eye(1),
         residuals=np.ones(1), identifiability=seen([[3.0]], [0.0], ("c",)),
@@ -183,12 +187,15 @@ def test_a_direction_is_determined_where_it_moves_the_data_by_more_than_the_nois
 
 
 def test_without_noise_all_but_rounding_is_determined() -> None:
-    """Fewer numbers than parameters, or as many: there is no noise to estimate, and the rest is open."""
+    """Fewer numbers than parameters, or as many: there is nothing to estimate noise and errors from, and the rest is open."""
     exact = seen([[1.0, 0.0], [0.0, 1e-7]], [0.0, 0.0], ("a", "b"), known=False)
-    assert (exact.noise, exact.determined.tolist()) == (0.0, [True, True])
+    assert np.isnan([exact.noise, *exact.covariance.flat]).all()
+    assert exact.determined.tolist() == [True, True]
     rounding = seen([[1.0, 0.0], [0.0, 1e-9]], [0.0, 0.0], ("a", "b"), known=False)
     assert rounding.determined.tolist() == [True, False]
     assert rounding.open_directions == ({"b": 1.0},)
+    single = seen([[2.0, 0.0]], [0.0], ("a", "b"), known=False)
+    assert np.diag(single.covariance) == pytest.approx([np.nan, np.inf], nan_ok=True)
     few = seen([[3.0, 4.0, 0.0]], [0.5], ("a", "b", "c"))
     assert few.singular_values == pytest.approx([5.0, 0.0, 0.0])
     assert (few.determined.sum(), len(few.open_directions)) == (1, 2)

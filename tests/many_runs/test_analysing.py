@@ -186,3 +186,59 @@ def test_steady_states() -> None:
     runs = gl.sweep(gl.steady_state, system, {"brake.d": [0.5, 0.8, 2.0]}, inputs={"torque.tau": 4.0})
     np.testing.assert_allclose(runs["load.w"], [8.0, 5.0, 2.0])
     assert runs.to_xarray()["load.w"].attrs["units"] == "rad/s"
+
+
+def test_steady_states_of_bodies_without_inertia_keep_their_names() -> None:
+    """The train of such a run has a state less; whichever run is the first, each has the speeds of all bodies."""
+    for inertias in ([1.0, 0.0], [0.0, 1.0]):
+        runs = gl.sweep(gl.steady_state, gl.compile(Drive()), {"motor.J": inertias}, inputs={"torque.tau": 4.0})
+        assert runs["motor.w"].tolist() == pytest.approx([8.0, 8.0])
+        assert {"load.w", "shaft.phi_rel"} < {*runs}
+        assert runs.errors == {}
+
+
+def test_runs_that_are_not_alike_fail() -> None:
+    """Frequencies that follow what varies: the result has one axis for all."""
+
+    def response(system: gl.System, parameters: dict[str, float]) -> Any:
+        return gl.frequency_response(system, [1.0, 10.0 * parameters["J"]], ["torque.tau"], ["load.w"], parameters=parameters)
+
+    with pytest.warns(GearlibWarning, match="1 of 2 runs failed"):
+        runs = gl.sweep(response, gl.compile(Drive()), {"J": [1.0, 2.0]})
+    assert "the axis omega has other values in this run than in the first one" in str(runs.errors[1])
+    assert np.isfinite(runs["response"]).all(axis=(1, 2, 3)).tolist() == [True, False]
+
+
+class Damped(gl.Component):
+    """One oscillator, whose parameters have the names of results."""
+
+    damping = gl.Parameter("N.m.s/rad", default=0.4)
+    mode = gl.Parameter("N.m/rad", default=100.0)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.ground, self.shaft = gp.Fixed(), gp.SpringDamper(c=self.mode, d=self.damping)
+        self.disc = gp.Inertia(J=1.0)
+        return [
+            gl.connect(self.ground.flange, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.disc.flange_a),
+        ]
+
+
+def test_parameters_may_have_the_names_of_results_where_one_of_both_is_there(tmp_path: Path) -> None:
+    system = gl.compile(Damped(damping=0.8))
+    fixed = gl.sweep(gl.modes, system, {"shaft.c": [100.0, 400.0]})
+    assert fixed["damping"][:, 0] == pytest.approx([0.04, 0.02])
+    assert (fixed.unit("damping"), fixed.unit("shaft.c")) == ("", "N.m/rad")  # a ratio has none
+    ratio = {"ratio": lambda modes: modes.damping[0], "shaft.d": lambda modes: modes.damping[0]}
+    varied = gl.sweep(gl.modes, system, {"damping": [0.8, 1.6], "mode": 100.0}, reduce=ratio)
+    assert varied["ratio"] == pytest.approx([0.04, 0.08])
+    assert (varied.unit("damping"), varied.unit("shaft.d")) == ("N.m.s/rad", "")
+    assert varied.to_xarray()["damping"].attrs == {"units": "N.m.s/rad"}
+    for name, kind in (("damping", "is a result"), ("mode", "is an axis of the results")):
+        for given in ({name: [1.0, 2.0]}, {name: 2.0}, gl.grid({name: [1.0, 2.0]})):
+            with pytest.raises(
+                ArgumentError, match=f"{name} is given to the runs and {kind}, too; give the result another name"
+            ):
+                gl.sweep(gl.modes, system, given, to=tmp_path / "runs.nc")
+    with pytest.raises(ArgumentError, match="damping is given to the runs and is a result, too"):
+        gl.sweep(gl.modes, system, {"damping": [0.8, 1.6]}, reduce={"damping": lambda modes: 1.0})

@@ -51,7 +51,10 @@ class Doubling(Work):
         return ("time",) if name == "y" else ()
 
     def unit(self, name: str) -> str:
-        return {"y": "m", "x": "s"}.get(name, "")
+        return {"y": "m"}.get(name, "")
+
+    def varied_unit(self, name: str) -> str:
+        return {"x": "s", "y": "kg"}.get(name, "")
 
     def identity(self) -> Iterator[bytes]:
         yield self.key.encode()

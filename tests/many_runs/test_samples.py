@@ -173,6 +173,9 @@ class Squares(Work):
     def unit(self, name: str) -> str:
         return ""
 
+    def varied_unit(self, name: str) -> str:
+        return ""
+
     def identity(self) -> Any:
         yield b"squares"
 
@@ -195,19 +198,35 @@ def test_rows_are_put_in_their_places_completely_or_not_at_all() -> None:
     assert {n: (v.shape, v.dtype.kind) for n, v in values.items()} == {"a": ((4, 2), "f"), "b": ((4,), "c"), "c": ((4,), "f")}
     assert all(np.isnan(v).all() for v in values.values())
     many = {"a": np.array([[1.0, 2.0], [3.0, 4.0]]), "b": np.array([5j, 6.0]), "c": np.array([7, 8])}
-    put(values, np.array([3, 1]), many)
+    put(values, {}, np.array([3, 1]), ManyRows(many, {}))
     assert values["a"][[3, 1]].tolist() == [[1, 2], [3, 4]]
     assert np.isnan(values["c"]).tolist() == [True, False, True, False]
     assert first_of(ManyRows(many, {"time": 0})).values["a"].tolist() == [1.0, 2.0]
     row = Row({"a": 1})
     assert first_of(row) is row
-    for wrong in ({"a": np.zeros(2), "c": [1.0]}, {"c": 0.0, "a": np.zeros(3)}, {"a": np.zeros(2), "c": 1j}):
-        with pytest.raises(ArgumentError, match="all must be alike"):
-            put(values, 0, wrong)
+    good, coordinates = {"a": np.zeros(2), "b": 1j, "c": 0.0}, {"omega": [1.0, 2.0], "output": ("x", "y")}
+    for wrong, along, message in (
+        (good | {"c": [1.0]}, {}, r"c has the shape \(1,\) in this run and \(\) in the first one"),
+        (good | {"a": np.zeros(3)}, {}, r"a has the shape \(3,\) in this run and \(2,\) in the first one"),
+        (good | {"c": 1j}, {}, "c is complex in this run and was real in the first one"),
+        (good | {"A": 0.0}, {}, "A is there in this run and not in the first one"),
+        ({"b": 1j, "c": 0.0}, {}, "a is there in the first run and not in this one"),
+        (
+            good,
+            {"omega": [1.0, 2.5], "output": ("x", "y")},
+            "the axis omega has other values in this run than in the first one",
+        ),
+        (good, {"output": ("y", "x")}, "the axis output has other values in this run than in the first one"),
+        (good, {"time": [1.0]}, "the axis time has other values in this run than in the first one"),
+    ):
+        with pytest.raises(ArgumentError, match=f"{message}; all must be alike"):
+            put(values, coordinates, 0, Row(wrong, along))
         assert np.isnan(values["a"][0]).all()
         assert np.isnan(values["c"][0])
     with pytest.raises(ArgumentError, match=r"a has the shape \(3,\) in this run and \(2,\) in the first one"):
-        put(values, np.array([0, 2]), {"a": np.zeros((2, 3))})
+        put(values, {}, np.array([0, 2]), ManyRows(many | {"a": np.zeros((2, 3))}, {}))
+    put(values, coordinates, 0, Row(good, {"omega": np.array([1.0, 2.0]), "output": ["x", "y"]}))
+    assert [v[0].tolist() for v in values.values()] == [[0.0, 0.0], 1j, 0.0]
 
 
 def test_functions_return_numbers_or_are_refused_by_name() -> None:
