@@ -1,4 +1,4 @@
-"""Description of an operating point in words: open meshes, and states without influence.
+"""Description of an operating point in words: open meshes, states without influence, and what is frozen there.
 
 Components declare the meaning of a state's values, ``gl.Variable(..., words={0: "open: mesh {}"})``.
 """
@@ -6,13 +6,18 @@ Components declare the meaning of a state's values, ``gl.Variable(..., words={0:
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.errors import GearlibError
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Variable
+from gearlib.linear.linearized_program import LinearizedProgram
 from gearlib.linear.operating_point import Point, slots_at
 from gearlib.program.build import build
 from gearlib.program.interpret import prepare
@@ -21,6 +26,10 @@ from gearlib.run.scene import Scene, needed_states
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
+MOVING = 1e-6  # rad/s: an angle that turns more slowly is at rest
+MOST_FROZEN = 20  # angles that are tried one by one
+SAME = 1e-9  # of the derivatives: a smaller change is rounding
+STEPS = np.arange(1, 10) / 10.3  # of a turn, and of ten seconds
 
 
 @dataclass(frozen=True)
@@ -81,6 +90,51 @@ def _worded(model: FlatModel) -> list[tuple[int, str, Variable]]:
         for v, declared in enumerate(instance.declared.variables.values(), instance.first_variable)
         if declared.words and model.sign[v] and changing[model.representative[v]]
     ]
+
+
+def frozen(linearized: LinearizedProgram, rows: Sequence[int], outputs: Sequence[Node] = ()) -> list[str]:
+    """Angles that turn or that nothing holds, and time, where derivatives vary with them: a linear model has those of one.
+
+    With an angle, they repeat every turn. ``rows`` are those of `LinearizedProgram.derivatives` for the rates of all states and for the
+    outputs.
+    """
+    scene, point = linearized.scene, replace(linearized.point, discrete=None)  # conditions are those of each angle
+    structure, program = scene.structure, linearized.prepared.program
+    if program.is_linear or not scene.states:
+        return []
+
+    def slopes(states: Sequence[Node], angle: float, later: float = 0.0) -> Any:
+        moved = {**point.states, **{state: point.states[state] + angle for state in states}}
+        return replace(linearized, point=replace(point, t=point.t + later, states=moved)).derivatives[rows]
+
+    def differ(one: Any, other: Any) -> bool:
+        return bool(abs(other - one).max() > SAME * abs(one).max())
+
+    def vary(states: Sequence[Node]) -> bool:
+        return any(differ(here, slopes(states, 2 * np.pi * step)) for step in STEPS)
+
+    speeds = np.abs(linearized.slots[[program.slots[v, k + 1] for v, k in scene.states]])
+    column = np.asarray(abs(linearized.derivatives[rows]).sum(axis=0)).ravel()
+    order = [i for i in np.argsort(-speeds, kind="stable") if speeds[i] > MOVING or not column[i]]
+    angles = [scene.states[i] for i in order if _is_angle(structure.model, scene.states[i])]
+    others = needed_states(structure, [(v, k + 1) for v, k in {*scene.states} - {*angles}] + [*outputs])
+    angles = [angle for angle in angles if angle in others][:MOST_FROZEN]
+    found: list[str] = []
+    if not angles and not program.on_time:
+        return found
+    with suppress(GearlibError):  # an angle or a time at which the train cannot be
+        here = slopes((), 0.0)
+        if angles and vary(angles):
+            turning = [a for a in angles if not differ(here, slopes([a], 2 * np.pi)) and vary([a])]
+            found += [f"{structure.model.name(v)} = {point.states[v, k]:g} rad" for v, k in turning]
+        if program.on_time and any(differ(here, slopes((), 0.0, 10 * step)) for step in STEPS):
+            found.append(f"t = {point.t:g} s")
+    return [f"frozen at {', '.join(sorted(found))}, with which the coefficients vary"] if found else []
+
+
+def _is_angle(model: FlatModel, node: Node) -> bool:
+    declared = model.declaration(node[0])
+    return declared is not None and declared.unit == "rad" and not node[1]
 
 
 def described(structure: Structure, node: Node) -> str:

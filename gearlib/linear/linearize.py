@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gearlib.arguments import name_list
 from gearlib.errors import ArgumentError, InputWarning, NameLookupError, SolverError, nearest, warn
 from gearlib.flatten.model import FlatModel
-from gearlib.linear.condition import conditions
+from gearlib.linear.condition import conditions, frozen
 from gearlib.linear.held_states import remaining
 from gearlib.linear.linear_model import LinearModel, Matrices
 from gearlib.linear.linearized_program import LinearizedProgram
@@ -51,10 +51,10 @@ def linearized(
     chosen = name_list("outputs", default if outputs is None else outputs, "load.w")
     states = needed_states(translation.structure, translation.nodes(chosen))
     scene, numbers, point = operating_point(translation, states, at, parameters)
-    model = linearize(scene, numbers, chosen_inputs, chosen, point)
+    model = linearize(scene, numbers, chosen_inputs, chosen, point, worded)
     if inputs is not None:
         _warn_of_unread(translation, chosen_inputs)
-    return replace(model, conditions=conditions(scene, numbers, point).said) if worded else model
+    return model
 
 
 def read_by_equations(model: FlatModel) -> frozenset[int]:
@@ -98,7 +98,7 @@ def _warn_of_unread(translation: Translation, inputs: Sequence[str]) -> None:
 
 
 def linearize(
-    structure_scene: Scene, parameters: Floats, inputs: Sequence[str], outputs: Sequence[str], point: Point
+    whole_scene: Scene, parameters: Floats, inputs: Sequence[str], outputs: Sequence[str], point: Point, worded: bool = True
 ) -> LinearModel:
     """Linear model from ``inputs`` to ``outputs``, with the states that these need except held ones.
 
@@ -109,7 +109,7 @@ def linearize(
     ArgumentError
         An output depends on the derivative of an input.
     """
-    structure, model = structure_scene.structure, structure_scene.model
+    structure, model = whole_scene.structure, whole_scene.model
     targets, signs = [], []
     for name in outputs:
         base, order = model.column(name)
@@ -141,7 +141,8 @@ def linearize(
     def changes(parameters: Sequence[str]) -> list[Matrices]:
         return [signals.matrices(change, n, sign_out) for change in at.changes(parameters, wanted)]
 
-    return LinearModel(A, B, C, whole.D, names, tuple(inputs), tuple(outputs), whole=whole, changes=changes)
+    said = (*conditions(whole_scene, parameters, point).said, *frozen(at, range(len(wanted)), needed)) if worded else ()
+    return LinearModel(A, B, C, whole.D, names, tuple(inputs), tuple(outputs), said, whole, changes)
 
 
 @dataclass(frozen=True, eq=False)

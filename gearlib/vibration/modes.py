@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,7 @@ from gearlib.flatten.model import FlatModel
 from gearlib.language.component import Component
 from gearlib.language.declarations import Flow, Potential
 from gearlib.language.outline import train_in
-from gearlib.linear.condition import conditions, described, matters_elsewhere
+from gearlib.linear.condition import conditions, described, frozen, matters_elsewhere
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
 from gearlib.linear.held_states import remaining
 from gearlib.linear.linear_model import full
@@ -52,8 +52,6 @@ Complexes = NDArray[np.complex128]
 MOST_DENSE = 500  # states up to which all eigenvalues are computed
 COLUMN = 33  # column at which energies are printed
 UNSURE = 1e-3  # of a mode's energy: shares with a larger error bound are not reported
-SAME = 1e-9  # of the matrix: a smaller change is rounding
-MOST_FROZEN = 20  # states that are tried
 AT_REST = 1e-9  # of a mode's largest amplitude: rounding
 NEGATIVE = 1e-6  # of a mode's energy: a more negative energy is not rounding
 
@@ -338,7 +336,7 @@ class Modes:
         lines = [f"Shares of energy of mode {k} are not given: {why}." for k, why in self.not_given.items()]
         lines += [f"Mode {k} is a free relative motion across {across}." for k, across in self.gaps.items()]
         if self.positions:
-            lines.append(f"Nothing depends on {', '.join(self.positions)}.")
+            lines.append(f"Nothing here depends on {', '.join(self.positions)}.")
         if self.conditions:
             lines.append(f"Operating point: {'; '.join(self.conditions)}.")
         if self.preloads is None:
@@ -521,7 +519,6 @@ def modes(
         warn_of_rounding(translation.name, [node_name(structure.model, s) for s in kept], A, spectrum.found)
     free, alone = without_preloads(A, speeds, spectrum.free)
     unused, words = _unused(A, speeds, forces), conditions(scene, numbers, point)
-    frozen = _frozen(linearized, rates, [kept[i] for i in unused[:MOST_FROZEN]])
     eigenvalues = np.concatenate([np.zeros(spectrum.free.shape[1]), spectrum.values])
 
     def find_changes(names: Sequence[str]) -> list[ModeSensitivity]:
@@ -537,7 +534,7 @@ def modes(
         eigenvalues, np.hstack([free, spectrum.vectors]),
         tuple(node_name(structure.model, s) for s in kept), spectrum.free.shape[1], spectrum.preloads, spectrum.decays,
         tuple(described(structure, kept[i]) for i in unused), _gaps(structure, kept, A, free, unused, words.open),
-        (*words.said, *frozen), structure.model, rows, orders,
+        (*words.said, *frozen(linearized, rates)), structure.model, rows, orders,
         lambda: families(structure, prepared, slots, discrete, point.t), not alone, find_changes, translation.component,
     )  # fmt: skip
 
@@ -558,26 +555,6 @@ def _unused(A: Any, speeds: Any, forces: Any) -> list[int]:
     """States on which no rate, speed or force depends."""
     total = sum(np.asarray(abs(m).sum(axis=0)).ravel() for m in (A, speeds, forces))
     return np.flatnonzero(total == 0).tolist()
-
-
-def _frozen(linearized: LinearizedProgram, rates: Sequence[int], states: Sequence[Node]) -> list[str]:
-    """Phases, among states on which no rate depends, with which its slopes change and repeat every turn, in words."""
-    structure, point = linearized.scene.structure, linearized.point
-
-    def changed(states: Sequence[Node], angle: float) -> bool:
-        there = replace(point, states=point.states | {state: point.states[state] + angle for state in states})
-        one, other = linearized.derivatives[rates], replace(linearized, point=there).derivatives[rates]
-        return bool(abs(other - one).max() > SAME * abs(one).max())
-
-    declared = [(state, structure.model.declaration(state[0])) for state in states]
-    angles = [state for state, d in declared if d is not None and d.unit == "rad" and not state[1]]
-    if not angles or not changed(angles, 1.0):
-        return []
-    return [
-        f"at {structure.model.name(v)} = {point.states[v, k]:g} rad, with which the frequencies change"
-        for v, k in angles
-        if changed([(v, k)], 1.0) and not changed([(v, k)], 2 * np.pi)
-    ]
 
 
 def _gaps(

@@ -433,15 +433,21 @@ def test_critical_damping_is_a_double_decay_however_rounding_splits_it() -> None
 
 
 class Meshing(gl.Component):
-    """Two free gears, whose mesh stiffness varies around its mean."""
+    """Two free gears, whose mesh stiffness varies around its mean; a torque drives them."""
 
     stiffness = gl.Structural("sinusoidal")
 
     def assemble(self) -> list[Any]:
-        varies = {"c_amplitude": 0.4} if self.stiffness == "sinusoidal" else {}
-        self.a, self.b = gp.Inertia(J=0.01), gp.Inertia(J=0.02)
-        self.mesh = gp.DetailedExternalMesh(r_a=0.1, r_b=0.12, z_a=20, c=1e8, d=10.0, stiffness=self.stiffness, **varies)
-        return [gl.connect(self.a.flange_b, self.mesh.flange_a), gl.connect(self.mesh.flange_b, self.b.flange_a)]
+        self.a, self.b, self.drive = gp.Inertia(J=0.01), gp.Inertia(J=0.02), gp.ConstantTorque(tau_constant=10.0)
+        self.mesh = gp.DetailedExternalMesh(
+            r_a=0.1, r_b=0.12, z_a=20, c=1e8, d=1e4, stiffness=self.stiffness,
+            **{"sinusoidal": {"c_amplitude": 0.4}, "rectangular": {"contact_ratio": 1.6}}.get(self.stiffness, {}),
+        )  # fmt: skip
+        return [
+            gl.connect(self.drive.flange, self.a.flange_a),
+            gl.connect(self.a.flange_b, self.mesh.flange_a),
+            gl.connect(self.mesh.flange_b, self.b.flange_a),
+        ]
 
 
 def test_a_frozen_mesh_phase_is_told() -> None:
@@ -450,6 +456,50 @@ def test_a_frozen_mesh_phase_is_told() -> None:
     for phase in (0.0, 1.3, np.pi):
         found = gl.modes(system, at={"mesh.turned": phase})
         assert found.frequencies[-1] == pytest.approx(mean * np.sqrt(1 + 0.4 * np.cos(phase)))
-        assert found.conditions == (f"at mesh.turned = {phase:g} rad, with which the frequencies change",)
+        assert found.conditions == (f"frozen at mesh.turned = {phase:g} rad, with which the coefficients vary",)
         assert found.conditions[0] in str(gl.stability(system, at={"mesh.turned": phase}))
-    assert gl.modes(gl.compile(Meshing(stiffness="constant"))).conditions == ()
+
+
+@pytest.mark.parametrize("stiffness", ["constant", "sinusoidal", "rectangular"])
+def test_at_a_moment_of_a_run_the_phase_is_frozen_under_load_too(stiffness: str) -> None:
+    system = gl.compile(Meshing(stiffness=stiffness))
+    run = system.simulate(0.3)
+    phase = run["mesh.turned"][-1]
+    said = (f"frozen at mesh.turned = {phase:g} rad, with which the coefficients vary",) if stiffness != "constant" else ()
+    found = gl.modes(system, at=(run, 0.3))
+    assert found.conditions == said
+    # under load the phase feels the vibration, too: a few parts in a million
+    assert found.frequencies[-1] == pytest.approx(np.sqrt(run["mesh.c_now"][-1] * 1.72) / (2 * np.pi), rel=1e-5)
+    assert gl.frequency_response(system, [10.0], outputs=["b.w"], at=(run, 0.3)).conditions == said
+
+
+class Swinging(gl.Component):
+    """A pendulum, whose length a motor changes in time."""
+
+    g = gl.Parameter("1/s2", default=9.0)
+    depth = gl.Parameter("1", default=0.0)
+    rate = gl.Parameter("rad/s", default=5.0)
+    phi = gl.Variable("rad")
+    w = gl.Variable("rad/s")
+
+    height = gl.Variable("1")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(self.height, 1 - gl.cos(self.phi)),
+            gl.Eq(gl.der(self.phi), self.w),
+            gl.Eq(gl.der(self.w), -self.g * (1 + self.depth * gl.sin(self.rate * gl.time)) * gl.sin(self.phi)),
+        ]
+
+
+def test_what_turns_is_frozen_but_no_equilibrium_and_no_linear_motion() -> None:
+    system = gl.compile(Swinging())
+    assert gl.modes(system, at={"phi": 0.0, "w": 0.0}).conditions == ()
+    assert gl.modes(system, at={"phi": 0.5, "w": 20.0}).conditions == (
+        "frozen at phi = 0.5 rad, with which the coefficients vary",
+    )
+    assert gl.modes(system, at={"phi": 0.0, "w": 0.0}, parameters={"depth": 0.1}).conditions == (
+        "frozen at t = 0 s, with which the coefficients vary",
+    )
+    seen = gl.frequency_response(system, [1.0], outputs=["height"], at={"phi": 0.5, "w": 20.0}, parameters={"g": 0.0})
+    assert seen.conditions == ("frozen at phi = 0.5 rad, with which the coefficients vary",)  # of the output alone

@@ -77,7 +77,7 @@ def test_decays_are_listed_eight_at_most(modes: Modes) -> None:
     [("preloads", 1, "Besides these, 1 pole at 0 is a constant preload, locked into loops of meshes."),
      ("preloads", 2, "Besides these, 2 poles at 0 are constant preloads, locked into loops of meshes."),
      ("preloads", None, "Constant preloads in loops of meshes are not counted above 500 states."), ("preloads", 0, None),
-     ("positions", ("m.turned", "n.q"), "Nothing depends on m.turned, n.q."), ("positions", (), None),
+     ("positions", ("m.turned", "n.q"), "Nothing here depends on m.turned, n.q."), ("positions", (), None),
      ("gaps", {1: "m, n"}, "Mode 1 is a free relative motion across m, n."),
      ("conditions", ("open: m", "sliding: k"), "Operating point: open: m; sliding: k.")],
 )  # fmt: skip
