@@ -248,14 +248,16 @@ def _sizes(series: Sequence[MeasuredSeries], given: Mapping[str, float]) -> tupl
         raise ArgumentError(
             f"the noise of {missing} is not given, that of others is; give all, or none (they are then estimated)"
         )
-    sizes = []
-    for s, size in zip(series, noise, strict=True):
-        numbers = s.numbers
-        spread, largest = float(np.std(numbers)), float(np.abs(numbers).max())
-        if spread <= CONSTANT * largest:
-            spread = largest or 1.0
-        sizes.append(np.full(len(numbers), spread if size is None else size))
+    sizes = [
+        np.full(len(s.numbers), _spread(s.numbers) if size is None else size) for s, size in zip(series, noise, strict=True)
+    ]
     return np.concatenate(sizes), all(known)
+
+
+def _spread(numbers: Floats) -> float:
+    """Standard deviation, or the size of numbers that are all the same."""
+    spread, largest = float(np.std(numbers)), float(np.abs(numbers).max())
+    return spread if spread > CONSTANT * largest else largest or 1.0
 
 
 def _result(

@@ -608,11 +608,9 @@ class SimulatedResult(Result):
         """Prepare to compute some variables together, extending the run by the states that they need."""
         missing = {state for node in nodes for state in self.scene.missing(node)}
         if missing:
-            self._extend(missing)
+            self._extend(missing)._compute_together([n for n in nodes if self.scene.missing(n)])
         for part in self._segments:
             part.scene.compute_together([n for n in nodes if not self.scene.missing(n)])
-        if missing and self._extended is not None:
-            self._extended._compute_together([n for n in nodes if self.scene.missing(n)])
 
     def _extend(self, missing: Iterable[Node]) -> SimulatedResult:
         """The run with additional states, integrated beside its stored motion, or else repeated.

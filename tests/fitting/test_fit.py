@@ -319,6 +319,16 @@ def test_what_is_refused(change: dict[str, Any], message: str) -> None:
         gl.fit(system(), **{"data": plain, "free": {"shaft.c": (1.0, 1e4)}, **change})
 
 
+def test_the_first_series_that_overflows_is_named() -> None:
+    """By its own numbers: only the last of the second series leaves the range."""
+    found = {"time": TIME, "load.w": histories(0)["load.w"], "motor.w": np.where(TIME < 2.0, np.nan, 1e160)}
+    found["motor.w"][:5] = 0.0
+    with pytest.raises(
+        ArgumentError, match=r"^motor\.w is predicted as [0-9.]+ and measured as 1e\+160; in units of its noise, 0\.5,"
+    ):
+        gl.fit(system(), gl.MeasuredHistories(found, noise=0.5, **PLANS[0]), {"shaft.c": (1e2, 1e4)})
+
+
 @pytest.mark.parametrize("noise", [2.0, 1e308])
 def test_noise_above_the_signal_leaves_the_parameter_open(noise: float) -> None:
     data = gl.MeasuredResponse([1.0, 2.0], [1.0 - 1j, 0.2 - 0.4j], "torque.tau", "load.w")

@@ -46,6 +46,16 @@ class Whole(gl.Component):
         return []
 
 
+class OfMany(gl.Component):
+    """A part with fourteen variables."""
+
+    def assemble(self) -> list[Any]:
+        variables = {f"x{k}": gl.Variable("1") for k in range(14)}
+        equations = {"equations": lambda part: [gl.Eq(getattr(part, name), k) for k, name in enumerate(variables)]}
+        self.part = type("Many", (gl.Component,), variables | equations)()
+        return []
+
+
 @pytest.fixture(scope="module")
 def model() -> FlatModel:
     return flatten(Whole())
@@ -135,6 +145,9 @@ def test_variables_by_name(model: FlatModel) -> None:
         NameLookupError, match=r"'part\[0\]' is a component, no output; name one of its variables: part\[0\]\.x, "
     ):
         model.variable("part[0]", "output")
+    with pytest.raises(NameLookupError) as told:
+        flatten(OfMany()).variable("part")
+    assert str(told.value).endswith(f"name one of its variables: {', '.join(f'part.x{k}' for k in range(12))}")  # of fourteen
     least = [(i, v.min) for i in range(model.auxiliary) if (v := model.declaration(i)) is not None and v.min > -1e300]
     assert list(model.bounded) == least == [(model.variable(f"part[{i}].y"), -1.0) for i in range(2)]
 

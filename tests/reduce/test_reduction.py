@@ -261,3 +261,30 @@ def test_one_state_is_given_values_in_one_component() -> None:
         ModelError, match=r"^reinit\(one\.phi\) and reinit\(other\.phi\) set one state, since one\.phi equals other\.phi up to"
     ):
         gl.compile(Two())
+
+
+class Bumped(gl.Component):
+    """A cam whose follower is hit: an event gives its speed, from which that of the cam follows."""
+
+    phi = gl.Variable("1", start=0.5)
+    s = gl.Variable("1")
+    w = gl.Variable("1")
+    v = gl.Variable("1")
+    f = gl.Variable("1")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.phi), self.w), gl.Eq(gl.der(self.s), self.v), gl.Eq(self.s, 1 - gl.cos(self.phi)),
+            gl.Eq(gl.der(self.w), -self.f * gl.sin(self.phi)), gl.Eq(gl.der(self.v), self.f - 1),
+            gl.When(gl.time >= 0.1, gl.reinit(self.v, 1.0)),
+        ]  # fmt: skip
+
+
+def test_what_an_event_sets_is_a_state_before_the_angle_of_a_cam() -> None:
+    system = gl.compile(Bumped())
+    assert system.states == ("phi", "v")
+    run = system.simulate(0.2, times=[0.0, 0.1, 0.2], rtol=1e-9)
+    assert run["v"][1] == 1.0
+    assert run["w"][1:] == pytest.approx(run["v"][1:] / np.sin(run["phi"][1:]))
+    energy = 0.5 * (run["w"] ** 2 + run["v"] ** 2) + run["s"]
+    assert energy[2] == pytest.approx(energy[1], rel=1e-7)

@@ -52,6 +52,10 @@ def test_a_flywheel_in_its_bearing_by_hand(samples: int) -> None:
     assert found.work["c"] == pytest.approx(np.zeros(samples), abs=1e-12)
     assert np.abs(found.residual).max() < 1e-8
     assert (found.jumps, found.unaccounted, found.unknown) == ({}, {}, ())
+    rows = dict(line.rsplit(maxsplit=1) for line in str(found).splitlines()[1:-1])
+    assert list(rows) == ["work put in", "  c", "heat", "  b", "stored, change", "  a"]
+    lost = 9.0 * (1 - np.exp(-2.0))
+    assert [float(number) for number in rows.values()] == pytest.approx([0, 0, lost, lost, -lost, -lost], rel=1e-5, abs=1e-12)
 
 
 def test_work_of_a_source_by_hand() -> None:
