@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
-from types import CellType, CodeType, FunctionType
+from types import BuiltinFunctionType, CellType, CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
 
+from gearlib.run.result import SimulatedResult
 from gearlib.run.sampling.controllers import Controller
 from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import FunctionInput, Table
 
 ADDRESS = re.compile(" at 0x[0-9a-fA-F]+")
-NAMED = (bool, int, float, complex, str, tuple, list, dict, np.ndarray, Table)  # what a function's name stands for that is told
+PLAIN = (int, float, complex, str, bytes, np.generic, type(None))  # whose text says everything
 UNASSIGNED = CellType()
 Known = dict[int, Any]  # what has been told, so that what refers to itself has an end
 
@@ -44,21 +44,22 @@ def of_function(function: Any, known: Known | None = None) -> Iterator[bytes]:
     if code is not None:
         around = (cell.cell_contents for cell in function.__closure__ or () if cell != UNASSIGNED)
         within = {name: function.__globals__[name] for name in sorted(_names(code) & function.__globals__.keys())}
-        own = {n: v for n, v in within.items() if isinstance(v, NAMED) or _of_module(v, function.__module__)}
+        own = {n: v for n, v in within.items() if _is_told(v, function.__module__)}
         yield from _of_code(code)
         yield from of_values(
             [function.__defaults__, function.__kwdefaults__, getattr(function, "__self__", None), *around, own], known
         )
         return
     yield f"{type(function).__module__}.{type(function).__qualname__} {getattr(function, '__qualname__', '')}".encode()
-    if isinstance(function, partial):
-        yield from of_values([function.func, function.args, function.keywords], known)
-    elif not isinstance(function, type) and hasattr(function, "__dict__"):
-        yield from of_values([vars(function), type(function).__call__], known)
+    if not isinstance(function, type):
+        yield from of_values([_contents(function), type(function).__call__], known)
 
 
-def _of_module(value: Any, module: str) -> bool:
-    return isinstance(value, FunctionType) and value.__module__ == module
+def _is_told(value: Any, module: str) -> bool:
+    """Whether what a name of a module stands for is told: everything but classes, and functions from elsewhere."""
+    if isinstance(value, FunctionType):
+        return value.__module__ == module
+    return not isinstance(value, (type, BuiltinFunctionType, np.ufunc))
 
 
 def _names(code: CodeType) -> set[str]:
@@ -102,9 +103,24 @@ def of_values(value: Any, known: Known | None = None) -> Iterator[bytes]:
     elif callable(value):
         known[id(value)] = value
         yield from of_function(value, known)
+    elif isinstance(translation := getattr(value, "translation", None), Translation):  # a system, or a run of it
+        known[id(value)] = value
+        yield from of_model(translation)
+        if isinstance(value, SimulatedResult):
+            yield from of_values([vars(value.request), value.time], known)
+    elif isinstance(value, PLAIN):
+        yield repr(value).encode()
+    elif isinstance(value, ModuleType):
+        yield value.__name__.encode()
     else:
-        said = repr(value)
-        yield ADDRESS.sub("", said).encode()
-        if ADDRESS.search(said) and hasattr(value, "__dict__"):  # which says nothing of its contents
-            known[id(value)] = value
-            yield from of_values(vars(value), known)
+        known[id(value)] = value
+        yield from of_values(_contents(value), known)
+
+
+def _contents(value: Any) -> list[Any]:
+    """What an object is made of; its text may leave numbers out."""
+    try:
+        made = value.__reduce_ex__(2)
+    except Exception:  # which cannot be pickled
+        made = ADDRESS.sub("", repr(value)), getattr(value, "__dict__", None)
+    return [made] if isinstance(made, str) else [[*part] if isinstance(part, Iterator) else part for part in made]

@@ -142,7 +142,7 @@ class Simulating(Work):
         return (TIME,) if name in self.outputs else ()
 
     def unit(self, name: str) -> str:
-        return self.translation.unit(name) if name in self.outputs and name not in self.translation.model.discretes else ""
+        return self.translation.unit(name) if name in self.outputs else ""
 
     def varied_unit(self, name: str) -> str:
         own = self.translation

@@ -327,7 +327,9 @@ class Translation:
         return Translation(structure, scene, self.variants, self.substituted, (*self.rounds, sums), before, decisive)
 
     def unit(self, name: str) -> str:
-        """Unit of a variable or derivative, if known."""
+        """Unit of a variable or derivative, if known; discrete variables have none."""
+        if name in self.model.discretes:
+            return ""
         base, order = self.model.column(name)
         declared = self.model.declaration(self.model.variable(base))
         return "" if declared is None else declared.unit + "/s" * order

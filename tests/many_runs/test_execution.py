@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import functools
 import re
+import threading
 import warnings
+from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy import sparse
+from scipy.interpolate import CubicSpline
 
 import gearlib as gl
 from gearlib.errors import ArgumentError, BoundError, FileError, GearlibError, GearlibWarning, WorkerError
@@ -21,6 +27,7 @@ from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import as_samples
 from gearlib.many_runs.work import ManyRows, Row, Work
 from gearlib.run.request import physical_memory
+from tests.many_runs.models import Drive
 
 X = np.arange(40.0)
 
@@ -251,6 +258,39 @@ def test_values_that_differ_have_different_bytes() -> None:
     assert digest(gl.Table(*table)) == digest(gl.Table(*table))
 
 
+def test_objects_that_differ_in_what_their_text_leaves_out_have_different_bytes() -> None:
+    """Tables of other libraries and splines print some of their numbers, runs and systems none."""
+    system = gl.compile(Drive(), outputs=["load.w"])
+
+    def run(torque: float, end: float = 1.0) -> gl.Result:
+        return system.simulate(end, samples=3, inputs={"torque.tau": torque})
+
+    def objects() -> list[Any]:
+        many = [np.where(np.arange(5000) == 2500, k, 1.0) for k in (1.0, 2.0)]
+        splines, spaces = lambda y: CubicSpline(np.arange(5000), y), lambda y: SimpleNamespace(y=y)
+        return [
+            *(kind(numbers) for kind in (pd.Series, pd.DataFrame, deque, sparse.diags_array, splines, spaces) for numbers in many),
+            run(1.0), run(2.0), (run(1.0), 0.5), run(1.0, 0.5), system, gl.compile(Drive(J=1.0), outputs=["load.w"]), np, np.linalg,
+            threading.Lock(),
+        ]  # fmt: skip
+
+    found = [digest(value) for value in objects()]
+    assert [(i, j) for i in range(len(found)) for j in range(i) if found[i] == found[j]] == []
+    assert [digest(value) for value in objects()] == found, "nothing depends on where an object is in memory"
+
+
+def test_a_sweep_that_goes_on_from_another_run_is_another_sweep(tmp_path: Path) -> None:
+    system = gl.compile(Drive(), outputs=["load.w"])
+    earlier = [system.simulate(1.0, samples=3, inputs={"torque.tau": torque}) for torque in (1.0, 7.0)]
+    options: dict[str, Any] = {"samples": 2, "inputs": {"torque.tau": 1.0}, "to": tmp_path / "runs.nc"}
+    first = system.sweep({"J": [1.0, 2.0]}, 2.0, start=earlier[0], **options)
+    again = system.sweep({"J": [1.0, 2.0]}, 2.0, start=earlier[0], **options)
+    assert (first.stats["done_before"], again.stats["done_before"]) == (0, 2)
+    for other in (earlier[1], (earlier[0], 0.5)):
+        with pytest.raises(FileError, match="was written by another sweep"):
+            system.sweep({"J": [1.0, 2.0]}, 2.0, start=other, **options)
+
+
 class Factor:
     """A function with a state."""
 
@@ -274,6 +314,11 @@ class Offset(Factor):
 
 
 SCALE, TABLE = 3.0, {"a": [1.0]}
+FRAME, SPLINE = pd.DataFrame({"a": [1.0]}), CubicSpline([0.0, 1.0], [0.0, 1.0])
+
+
+def by_objects(x: Any) -> Any:
+    return SPLINE(x), FRAME, Factor, digest, np.sin
 
 
 def scaled(x: Any) -> Any:
@@ -308,6 +353,12 @@ def test_functions_that_differ_in_what_they_use_have_different_bytes(monkeypatch
     assert digest(scaled) != found[functions().index(scaled)]
     assert digest(by_table) != found[functions().index(by_table)]  # through the function that it calls
     monkeypatch.undo()
+    objects = [digest(by_objects)]
+    for name, value in (("FRAME", 2 * FRAME), ("SPLINE", CubicSpline([0.0, 1.0], [0.0, 2.0])), ("Factor", Offset)):
+        monkeypatch.setitem(globals(), name, value)
+        objects.append(digest(by_objects))
+        monkeypatch.undo()
+    assert [objects.index(told) for told in objects] == [0, 1, 2, 0]  # what a class does is not told
     monkeypatch.setitem(TABLE, "a", [2.0])
     assert digest(scaled) == found[functions().index(scaled)]
     assert digest(by_table) != found[functions().index(by_table)]

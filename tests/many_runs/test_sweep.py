@@ -294,3 +294,12 @@ def test_the_papers_train() -> None:
         single = system.simulate(0.05, parameters={"K_g": K_g[1], "I_r": 0.3}, method=method, **options)
         assert runs["q_ring"][1].tobytes() == single["q_ring"].tobytes()
         assert runs["w_out"][1].tobytes() == single["w_out"].tobytes()
+
+
+def test_start_values_of_discrete_variables_vary() -> None:
+    """Between its thresholds the heater stays as it was: T = 10 + 10 exp(-t / 10), and with 3 K/s more, 40 - 20 exp(-t / 10)."""
+    system, t = gl.compile(Thermostat(), outputs=["T", "on"]), np.array([0.0, 0.25, 0.5])
+    runs = system.sweep({"start(on)": [0.0, 1.0], "start(T)": 20.0}, 0.5, samples=3, rtol=1e-9)
+    assert runs["on"].tolist() == [[0.0] * 3, [1.0] * 3]
+    assert runs["T"] == pytest.approx(np.array([10.0 + 10.0 * np.exp(-t / 10), 40.0 - 20.0 * np.exp(-t / 10)]), rel=1e-8)
+    assert (runs.unit("start(on)"), runs.unit("start(T)"), runs.unit("on"), runs.unit("T")) == ("", "K", "", "K")

@@ -122,11 +122,10 @@ class _Beside:
         return found
 
     def integrals(self, m: int, method: Gauss) -> Floats:
-        """All states at the edges, with each step divided into ``m`` parts; the coarse method also uses coarser polynomials."""
+        """The additional states at the edges, with each step divided into ``m`` parts; the coarse method also uses coarser polynomials."""
         edges, trace, points = self.edges, self.trace, method.points
         samples = self.part.time, self.part.states[:, trace.columns]
-        found = np.empty((len(edges), len(self.scene.states)))
-        found[0] = self.start
+        found = np.tile(self.start, (len(edges), 1))
         each = max(1, AT_ONCE // (len(points) * m * (len(self.scene.model.parameters.names) + 20 * len(self.scene.states) + 1)))
         for first in range(0, len(edges) - 1, each):
             last = min(first + each, len(edges) - 1)
@@ -137,7 +136,6 @@ class _Beside:
             steps = np.repeat(step, m * len(points))
             states = np.zeros((t.size, len(self.scene.states)))
             states[:, self.kept[trace.columns]] = trace.at(t.ravel(), steps, *samples)[method is COARSE]
-            found[first + 1 : last + 1] = found[first]
             for level in self.levels:
                 for state, rates in zip(level, self._rates(level, t.ravel(), states, trace.discrete[steps]), strict=True):
                     place, slope = self.scene.place_of[state], rates.reshape(t.shape)
