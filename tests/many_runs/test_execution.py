@@ -25,7 +25,7 @@ from gearlib.many_runs.execution import execute
 from gearlib.many_runs.identity import of_function, of_functions, of_model, of_values
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import as_samples
-from gearlib.many_runs.work import ManyRows, Row, Work
+from gearlib.many_runs.work import ManyRows, Row, Work, done_there, here, job
 from gearlib.run.request import physical_memory
 from tests.many_runs.models import Drive
 
@@ -227,6 +227,20 @@ def test_a_lost_task_is_named(tmp_path: Path) -> None:
 def test_an_executor_or_threads_but_not_both() -> None:
     with ThreadPoolExecutor(1) as pool, pytest.raises(ArgumentError, match="give an executor or threads, not both"):
         execute(Doubling(), "Model", as_samples({"x": X}), executor=pool, threads=1)
+
+
+def test_warnings_are_shown_at_home_and_sent_from_elsewhere() -> None:
+    """Each once from elsewhere: a process that is not asked to show them says what there was to say."""
+    part, work = {"x": X[:5]}, job(Doubling(fails=(3.0,), warns="x is odd"))
+    with warnings.catch_warnings(record=True) as shown:
+        warnings.simplefilter("always")
+        there = done_there(work, part, 5, "another machine")
+        assert shown == []
+        own = done_there(work, part, 5, here())
+    assert (len(shown), own.warned, there.warned) == (5, (), ((RuntimeWarning, "x is odd"),))
+    for chunk in (there, own):
+        assert chunk.values["z"][[0, 1, 2, 4]].tolist() == [0.0, 1.0, 4.0, 16.0]
+        assert [*chunk.errors] == [3]
 
 
 # ---------------------------------------------------------------- identity
