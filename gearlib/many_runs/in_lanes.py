@@ -82,12 +82,12 @@ def most_steps(sweep: SideBySide) -> float | str:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             stats = run(sweep.translation, request).stats
+            if stats.get("legs") != 1:
+                return "stability limits the steps of the first run"
+            if stats["method"] == Taylor.name:  # its steps are other ones
+                stats = run(sweep.translation, replace(request, method="rk5")).stats
     except GearlibError as problem:
         return f"the first run fails: {problem}"
-    if stats.get("legs") != 1:
-        return "stability limits the steps of the first run"
-    if stats["method"] == Taylor.name:  # its steps are other ones
-        stats = run(sweep.translation, replace(request, method="rk5")).stats
     return PATIENCE * float(stats["steps"]) + LEAST_STEPS
 
 
@@ -130,9 +130,12 @@ class LaneSweep(SideBySide):
         numbers = scene.prepared(prepared.parameters[:, first].copy())
         begin = Start(prepared.states[first], start_guess(scene.model, numbers.parameters), ())
         like = Run(scene, numbers, begin, prepared.signals_of(first), self.grid, request.rtol, absolute, None, request.max_step)
+        longest: float | Floats = like.longest_step
+        if scene.fastest_drive.varying:
+            longest = np.array([like.longest_step_with(one) for one in prepared.parameters.T[fitting]])
         problem = LaneProblem(
             code.function, prepared.states[fitting], data[fitting], self.sampled, self.columns,
-            request.rtol * scene.nominal if absolute is None else absolute, request.rtol, like.longest_step,
+            request.rtol * scene.nominal if absolute is None else absolute, request.rtol, longest,
             *_pieces([prepared.signals[k] for k in tables], fitting, self.grid), self.most_steps,
         )  # fmt: skip
         runs = LaneRuns(problem)

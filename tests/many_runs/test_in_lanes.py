@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.special import erf
 
 import gearlib as gl
 import gearparts as gp
@@ -84,6 +85,43 @@ def test_nonlinear_runs_are_single_runs_within_the_tolerance(pendulum: gl.System
         )
         for name in ("phi", "u"):
             assert np.abs(runs[name][k] - single[name]).max() < 1e-6
+
+
+class Struck(gl.Component):
+    """A body under a push that lasts as long as it likes, always with the same impulse."""
+
+    width = gl.Parameter("s", default=1.0)
+    w = gl.Variable("1", start=0.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.w), gl.exp(-(((gl.time - 5.0312) / self.width) ** 2)) / self.width)]
+
+
+@pytest.mark.parametrize("more", [{}, {"max_step": 1e-3}])
+def test_no_run_steps_over_a_push_that_is_shorter_than_that_of_the_first(more: dict[str, Any]) -> None:
+    widths = np.geomspace(1.0, 1e-3, 9)
+    runs = gl.compile(Struck()).sweep({"width": widths}, 10.0, samples=3, method="rk5", lanes=8, **more)
+    pushed = erf((np.array([0.0, 5.0, 10.0]) - 5.0312) / widths[:, None])
+    assert runs["w"] == pytest.approx(np.sqrt(np.pi) / 2 * (pushed - pushed[:, :1]), abs=1e-5)
+
+
+class Emptying(gl.Component):
+    """A vessel that runs empty, x = (1 - k t / 2)^2: there Runge-Kutta's steps end, and `"auto"` has another method."""
+
+    k = gl.Parameter("1/s", default=1.0)
+    x = gl.Variable("1", start=1.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), -self.k * gl.sqrt(self.x))]
+
+
+def test_runs_that_no_lane_carries_to_their_end_are_those_of_auto() -> None:
+    system, k = gl.compile(Emptying()), np.linspace(0.5, 3.0, 8)
+    with pytest.raises(gl.GearlibError, match="the step became too small"):
+        system.simulate(5.0, method="rk5", parameters={"k": k[0]})
+    runs = system.sweep({"k": k}, 5.0, times=[0.0, 0.5, 5.0])
+    assert runs["x"] == pytest.approx(np.column_stack([np.ones(8), (1 - k / 4) ** 2, np.zeros(8)]), abs=1e-6)
+    assert runs.stats["why"].startswith("the first run fails: the step became too small")
 
 
 def test_what_is_reduced_is_a_result(drive: gl.System) -> None:

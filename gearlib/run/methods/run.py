@@ -65,13 +65,17 @@ class Run:
         Where there are events that are searched for, or time drives the scene, a hundredth of the run by default; where time drives it,
         also a share of its shortest period; see `follows_samples` for where that is not known.
         """
+        return self.longest_step_with(self.numbers.parameters)
+
+    def longest_step_with(self, parameters: Floats) -> float:
+        """The same with other parameters."""
         if self.max_step is not None:
             return self.max_step
         scene, share = self.scene, 0.01 * float(self.times[-1] - self.times[0]) or math.inf
         if self.follows_samples:
             return min(2.0 * float(np.diff(self.times).max(initial=0.0)), share) or math.inf
         if self.driven:
-            rate = scene.fastest_drive(self.numbers.parameters)
+            rate = scene.fastest_drive(parameters)
             return min(share, (SEARCHED if scene.searched else SEEN) * math.tau / rate) if rate else share
         return share if scene.searched else math.inf
 

@@ -129,6 +129,7 @@ def _load(s: LaneRecord, lane: int) -> None:
     ints_at(s.sample)[lane] = 1
     floats_at(s.sample_t + here)[0] = times[1] if s.n_times > 1 else math.inf
     floats_at(s.t + here)[0] = times[0]
+    floats_at(s.h_max + here)[0] = floats_at(s.longest)[run]
     floats_at(s.before + here)[0] = floats_at(s.active + here)[0] = 1.0
     floats_at(s.retry + here)[0] = floats_at(s.steps + here)[0] = floats_at(s.failures + here)[0] = 0.0
 
@@ -138,6 +139,7 @@ def _begin(s: LaneRecord) -> None:
     """The first stage and the first step (Hairer's guess, as in ``rungekutta.first_step``) of the lanes that have just been loaded."""
     n, t, now, fresh = s.n, floats_at(s.t), floats_at(s.now), ints_at(s.fresh)
     x, y, k, h, atol = floats_at(s.x), floats_at(s.y), floats_at(s.k), floats_at(s.h), floats_at(s.atol)
+    h_max = floats_at(s.h_max)
     first, later, size = LANES * n, 2 * LANES * n, LANES * n
     for i in range(LANES):
         now[i] = s.origin + t[i]
@@ -153,8 +155,8 @@ def _begin(s: LaneRecord) -> None:
                 weight = 1.0 / (atol[i] + s.rtol * abs(x[at]))
                 d0 += (x[at] * weight) ** 2
                 d1 += (k[at] * weight) ** 2
-            h0 = 0.01 * math.sqrt(d0 / d1) if d0 > 1e-10 * n and d1 > 1e-10 * n else 1e-6 * s.h_max
-            h[lane] = min(h0, s.h_max)
+            h0 = 0.01 * math.sqrt(d0 / d1) if d0 > 1e-10 * n and d1 > 1e-10 * n else 1e-6 * h_max[lane]
+            h[lane] = min(h0, h_max[lane])
             now[lane] = s.origin + (t[lane] + h[lane])
             for i in range(n):
                 at = i * LANES + lane
@@ -174,8 +176,8 @@ def _begin(s: LaneRecord) -> None:
             largest = max(math.sqrt(d1 / n), math.sqrt(d2 / n) / h0)
             h1 = 1e-3 * h0
             if largest < math.inf:
-                h1 = max(1e-6 * s.h_max, 1e-3 * h0) if largest <= 1e-15 else (0.01 / largest) ** 0.2
-            h[lane] = min(100.0 * h0, h1, s.h_max)
+                h1 = max(1e-6 * h_max[lane], 1e-3 * h0) if largest <= 1e-15 else (0.01 / largest) ** 0.2
+            h[lane] = min(100.0 * h0, h1, h_max[lane])
 
 
 @native
@@ -232,8 +234,8 @@ def _step(s: LaneRecord) -> None:
     n, x, x_new, k = s.n, lanes_at(s.x), lanes_at(s.x_new), lanes_at(s.k)
     times, steps, sample_t = lanes_at(s.t), lanes_at(s.h), lanes_at(s.sample_t)
     before, retry, active, ended = lanes_at(s.before), lanes_at(s.retry), lanes_at(s.active), lanes_at(s.ended)
-    t, end, whole = times[0], lanes_at(s.stop)[0], steps[0]
-    h = min(steps[0], in_lanes(s.h_max))
+    t, end, whole, longest = times[0], lanes_at(s.stop)[0], steps[0], lanes_at(s.h_max)[0]
+    h = min(steps[0], longest)
     failed = either(h < 10.0 * ROUNDING * abs(t) + 1e-25 * s.end, lanes_at(s.steps)[0] >= s.most_steps)
     last = t + 1.0001 * h >= end
     h = where(last, end - t, h)
@@ -272,9 +274,7 @@ def _step(s: LaneRecord) -> None:
     if s.n_corners > 0:
         turned = both(both(reached, end < s.end), active[0] != 0.0)
         if any_of(turned):
-            steps[0] = where(
-                turned, max(steps[0], min(whole, in_lanes(s.h_max))), steps[0]
-            )  # the corner had shortened the step
+            steps[0] = where(turned, max(steps[0], min(whole, longest)), steps[0])  # the corner had shortened the step
             ended[0] = where(turned, in_lanes(1.0), 0.0)
             _pass(s, s.ended)
     over = both(reached, not end < s.end)

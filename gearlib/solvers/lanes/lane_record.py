@@ -25,7 +25,9 @@ class LaneRecord(ctypes.Structure):
     # ``cornered`` is zero, one row for all runs
     corners: int
     pieces: int
-    # addresses of data with one row per run: start values, parameters of the right-hand side, samples, status, steps tried, rejected
+    # addresses of data with one row per run: longest step, start values, parameters of the right-hand side, samples, status, steps
+    # tried, rejected
+    longest: int
     starts: int
     numbers: int
     out: int
@@ -46,6 +48,7 @@ class LaneRecord(ctypes.Structure):
     sample_t: int  # time of the next sample, infinite if there is none
     stop: int  # the next corner, or the end
     before: int  # sixteenth root of the error of the step before
+    h_max: int  # longest step
     retry: int  # 1 after a step that was rejected
     active: int  # 1 while a run is integrated
     ended: int  # 1 for a run that has just been completed, -1 for one that has just failed
@@ -72,5 +75,4 @@ class LaneRecord(ctypes.Structure):
     rtol: float
     origin: float  # s; all other times count from here
     end: float
-    h_max: float
     most_steps: float  # limit for a run, which fails beyond it

@@ -19,7 +19,7 @@ __all__ = ["LaneProblem", "LaneRuns"]
 
 STEPS_PER_CALL = 1000  # of all lanes; Python handles interrupts in between
 CACHE_LINE = 8  # numbers (64 bytes): an aligned vector of lanes lies in one cache line
-_SINGLE = ("t", "now", "h", "sample_t", "stop", "before", "retry", "active", "ended", "steps", "failures")
+_SINGLE = ("t", "now", "h", "sample_t", "stop", "before", "h_max", "retry", "active", "ended", "steps", "failures")
 _WHOLE = ("run", "sample", "corner", "fresh")
 
 
@@ -40,7 +40,7 @@ class LaneProblem:
         Indices of the states to store.
     atol : array, shape (states,)
     rtol : float
-    longest_step : float
+    longest_step : float or array, shape (runs,)
         s.
     corners : array, shape (runs or 1, corners)
         Ascending times of the corners of inputs, s, for each run or for all of them; rows are padded with infinity.
@@ -57,7 +57,7 @@ class LaneProblem:
     columns: Integers
     atol: Floats
     rtol: float
-    longest_step: float = float("inf")
+    longest_step: float | Floats = float("inf")
     corners: Floats = field(default_factory=lambda: np.empty((1, 0)))
     pieces: Floats = field(default_factory=lambda: np.empty((1, 1, 0)))
     most_steps: float = float("inf")
@@ -84,6 +84,7 @@ class LaneRuns:
         given: dict[str, NDArray[Any]] = {
             "times": times - origin, "columns": columns, "atol": problem.atol, "starts": problem.starts, "numbers": problem.numbers,
             "corners": problem.corners - origin, "pieces": problem.pieces,
+            "longest": np.minimum(0.1 * span, np.broadcast_to(problem.longest_step, runs)),
         }  # fmt: skip
         self._arrays = {name: np.ascontiguousarray(array) for name, array in given.items()}
         self._arrays |= {"out": self.out, "status": self.status, "tried": self.steps, "rejected": self.rejected}
@@ -104,7 +105,6 @@ class LaneRuns:
         record.n_corners, record.n_pieces = problem.corners.shape[1], problem.pieces.shape[2]
         record.cornered, record.most_steps = int(len(problem.pieces) > 1), problem.most_steps
         record.n_runs, record.rtol, record.origin, record.end = runs, problem.rtol, origin, float(times[-1]) - origin
-        record.h_max = min(0.1 * span, problem.longest_step)
 
     @property
     def done(self) -> int:

@@ -31,6 +31,16 @@ def runs_of(lines: str, starts: Floats, numbers: Floats, times: Floats, rtol: fl
     return runs
 
 
+def test_every_run_has_its_own_longest_step() -> None:
+    """Of x' = 1 nothing else limits the steps, but a tenth of the run."""
+    longest = np.array([0.1, 0.02, 5.0, 0.05] * 5)
+    runs = runs_of("dx[0] = 1.0 + 0.0 * x[0]", np.zeros((20, 1)), np.zeros((20, 1)), np.array([0.0, 2.0]), longest_step=longest)
+    assert runs.out[:, -1, 0] == pytest.approx(np.full(20, 2.0))
+    least = np.ceil(2.0 / np.minimum(longest, 0.2))
+    assert (runs.steps >= least).all()
+    assert (runs.steps <= least + 8).all()  # the first ones grow
+
+
 def test_every_lane_has_its_own_steps_and_takes_the_next_run() -> None:
     omega = np.geomspace(0.5, 400.0, 3 * LANES + 5)
     times = np.linspace(0.0, 2.0, 37)
