@@ -67,6 +67,8 @@ KNOWN: dict[str, tuple[Any, Any, list[list[float]]]] = {
         lambda s: [gl.Eq(gl.sin(s.y - s.a) + s.p * (s.y - s.b), 0)],
         [[1, 1, 1]],
     ),
+    "magnitudes": (lambda s: (abs(s.a) + abs(s.b), 0, 0), lambda s: [], [[0, 0, 1]]),
+    "magnitude of a difference": (lambda s: (abs(s.a - s.b) * (s.a - s.b), 0, 0), lambda s: [], [[1, 1, 0], [0, 0, 1]]),
     "condition on a difference": (
         lambda s: (gl.Piecewise((1.0, s.a - s.b > 1), (2.0, True)), 0, s.c),
         lambda s: [],
