@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 LARGEST = 1e150  # a residual in standard deviations: the sum of squares of larger ones overflows
 CONSTANT = 1e-12  # spread of numbers relative to the largest: a smaller one is rounding
 CONVERGED = 1e-8  # relative change of the parameters or of the sum of squares at which the search has converged
+FLAT = 2.0**-52  # slope of the sum of squares that is rounding: the influence of a parameter may be small
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +131,7 @@ def fit(
         found = least_squares(
             evaluator.residuals, begin, evaluator.jacobian, x_scale=np.array([r.width for r in ranges]), max_nfev=evaluations,
             bounds=([r.place(r.low) for r in ranges], [r.place(r.high) for r in ranges]),
-            ftol=CONVERGED, xtol=CONVERGED, gtol=CONVERGED,
+            ftol=CONVERGED, xtol=CONVERGED, gtol=FLAT,
         )  # fmt: skip
     return _result(translation, evaluator, ranges, series, sizes, known, begin, found)
 

@@ -443,6 +443,16 @@ def test_differences_of_runs_are_the_tangents() -> None:
             np.testing.assert_allclose(difference[:, k], tangent[:, k], atol=2e-5 * np.abs(tangent[:, k]).max())
 
 
+@pytest.mark.parametrize("scale", [1.0, 1e-2, 1e-4])
+def test_a_parameter_of_little_influence_is_found_where_the_data_shows_it(scale: float) -> None:
+    """A brake that takes a ten-thousandth of the speed, and less: data without noise determines it all the same."""
+    run = system().simulate(2.0, times=TIME, rtol=1e-12, **PLANS[0], parameters={"brake.d": 5e-4 * scale})
+    data = gl.MeasuredHistories({"time": TIME, "load.w": run["load.w"]}, **PLANS[0])
+    found = gl.fit(system(), data, {"brake.d": (1e-6 * scale, 1e-3 * scale)})
+    assert found["brake.d"] == pytest.approx(5e-4 * scale, rel=1e-3)
+    assert found.converged
+
+
 def test_what_is_free_does_not_move_what_it_is_not_in() -> None:
     """A start value moves no response, no mode and no margin: its column is zero, beside those of parameters."""
     at = {"shaft.c": 430.0, "start(motor.w)": 1.0, "shaft.d": 2.4}
