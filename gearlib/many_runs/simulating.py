@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -27,6 +29,7 @@ from gearlib.progress import check_progress
 from gearlib.run.methods.run import is_function
 from gearlib.run.request import Request
 from gearlib.run.result import SimulatedResult
+from gearlib.run.sampling.controllers import Controller
 from gearlib.run.simulate import checked_request, earlier_run, kept_values, run, warn_of_zero_inputs
 from gearlib.run.start_values import start_named, start_variable
 from gearlib.run.translation import Translation
@@ -34,6 +37,7 @@ from gearlib.run.translation import Translation
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 TIME = "time"
+_turn = threading.RLock()  # of runs that call Python functions, which may keep a state from one instant of a run to the next
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +77,8 @@ class Simulating(Work):
             changed["start"] = {**(request.start or {}), **start}
         if inputs:
             changed["signals"] = tuple(translation.input_signals({**self.inputs, **inputs}))
-        result = run(translation, replace(request, **changed))
+        with _turn if any(isinstance(c, Controller) for c in own.controllers) else nullcontext():
+            result = run(translation, replace(request, **changed))
         return Row({name: result[name] for name in self.outputs} | reduced(self.reduce, result), coordinates)
 
     def together(

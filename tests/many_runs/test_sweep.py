@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from time import sleep
 from typing import Any
 
 import numpy as np
@@ -303,3 +304,26 @@ def test_start_values_of_discrete_variables_vary() -> None:
     assert runs["on"].tolist() == [[0.0] * 3, [1.0] * 3]
     assert runs["T"] == pytest.approx(np.array([10.0 + 10.0 * np.exp(-t / 10), 40.0 - 20.0 * np.exp(-t / 10)]), rel=1e-8)
     assert (runs.unit("start(on)"), runs.unit("start(T)"), runs.unit("on"), runs.unit("T")) == ("", "K", "", "K")
+
+
+class Integrating:
+    """A control law with a state, which begins anew with each run."""
+
+    def __call__(self, t: float, values: Any) -> float:
+        self.total = (0.0 if t == 0.0 else self.total) + 3.0 - values[0]
+        sleep(1e-4)  # another thread may go on here
+        return 4.0 * self.total
+
+
+class Programmed(gl.Component):
+    def assemble(self) -> list[gl.Connection]:
+        self.torque, self.load = gp.Torque(), gp.Inertia(J=2.0)
+        self.program = gl.Sampled(Integrating(), 0.05, inputs=[self.load.w], outputs=[self.torque.tau])
+        return [gl.connect(self.torque.flange, self.load.flange_a)]
+
+
+def test_runs_whose_controller_has_a_state_take_turns() -> None:
+    system, varied = gl.compile(Programmed(), outputs=["load.w"]), {"load.J": np.linspace(1.0, 3.0, 12)}
+    alone = system.sweep(varied, 0.5, samples=3)
+    beside = system.sweep(varied, 0.5, samples=3, threads=4)
+    assert beside["load.w"].tolist() == alone["load.w"].tolist()
