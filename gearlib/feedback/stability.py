@@ -318,5 +318,5 @@ def _at_zero(found: Modes) -> str:
     if found.preloads:
         words.append("loops of meshes keep preloads" if found.preloads > 1 else "a loop of meshes keeps a preload")
     if found.positions:
-        words.append(f"nothing depends on {', '.join(found.positions)}")
+        words.append(f"nothing here depends on {', '.join(found.positions)}")
     return "; ".join(words)

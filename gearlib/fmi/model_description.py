@@ -186,8 +186,9 @@ def _attributes(v: FmuVariable, derivative: int | None) -> dict[str, str]:
     found = {"description": v.description} if v.description else {}
     if has_unit(v.unit):
         found["unit"] = v.unit
-        if v.unit in DISPLAYED:
-            found["displayUnit"] = DISPLAYED[v.unit][0]
+        name, _, offset = DISPLAYED.get(v.unit, ("", 1.0, 0.0))
+        if name and not offset:  # temperatures and their differences are both in K
+            found["displayUnit"] = name
     if isfinite(v.lower):
         found["min"] = repr(v.lower)
     if isfinite(v.upper):

@@ -336,7 +336,7 @@ def transmission_error_response(
     def find(names: Sequence[str]) -> Complexes:
         return np.asarray(np.einsum("poiw,iw->pow", each.sensitivities(names), factors)[:, :, None, :])
 
-    return FrequencyResponse(each.omega, values, ("transmission error",), each.outputs, each.units, "m", _find_changes=find)
+    return FrequencyResponse(each.omega, values, ("transmission error",), each.outputs, each.units, "m", each.conditions, find)
 
 
 def _weights(meshes: Any) -> dict[str, complex]:

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import by_name, name_list, one_name
-from gearlib.errors import NameLookupError, nearest
+from gearlib.errors import GearlibWarning, NameLookupError, nearest, warn
 from gearlib.linear.linearized_program import LinearizedProgram
 from gearlib.linear.operating_point import operating_point
+from gearlib.linear.poles import poles
 from gearlib.program.build import build
 from gearlib.program.interpret import prepare
 from gearlib.run.scene import needed_states
@@ -21,6 +22,7 @@ from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled
 
 Floats = NDArray[np.float64]
+MOST_EXAMINED = 500  # states
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +88,8 @@ def steady_state(
 ) -> SteadyState:  # fmt: skip
     """The steady state that the motion from the start values reaches, with its derivatives with respect to parameters.
 
+    Where that motion reaches none (a self-excited vibration goes on for ever), it is one that exists; a warning tells that it is unstable.
+
     Parameters
     ----------
     system : System
@@ -137,9 +141,24 @@ def steady_state(
     program = build(translation.structure, [*dict.fromkeys(nodes)], states, dynamic=True)
     at = LinearizedProgram(scene, prepare(program, translation.structure, numbers), point, tuple(range(len(states))))
 
+    _warn_of_instability(translation.name, at)
+
     def of(slots: Floats) -> Floats:
         return np.array([sign * slots[program.slots[node]] if sign else 0.0 for node, sign in known])
 
     return SteadyState(
         names, of(at.slots), tuple(translation.unit(n) for n in names), lambda name: of(at.slot_changes([name])[:, 0])
     )
+
+
+def _warn_of_instability(name: str, at: LinearizedProgram) -> None:
+    """Warn of a steady state that a run leaves."""
+    states, slots = at.scene.states, at.prepared.program.slots
+    if 0 < len(states) <= MOST_EXAMINED:
+        found = poles(at.derivatives[[slots[v, k + 1] for v, k in states]])
+        if found.right:
+            warn(
+                f"{name}: the steady state is unstable, a motion near it grows by a factor of e in {1 / found.values.real.max():.3g} s; "
+                "a run from other states does not end there",
+                GearlibWarning,
+            )

@@ -212,6 +212,7 @@ def _prepared(
     angle = motion if motion[-1] > motion[0] else -motion
     if (np.diff(angle) <= 0).any():
         raise ArgumentError(f"{reference} does not turn in one direction all the time; choose an interval in which it does")
+    result.check_sampling(name, float(time[0]), float(time[-1]))
     return time, angle, signal
 
 

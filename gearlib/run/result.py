@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 MOST_SHOWN = 30  # outputs in a notebook
+STEPS_OVER_A_WAVE = ("rk", "ida")  # methods that take several
 
 
 class Statistics(dict[str, Any]):
@@ -372,7 +374,16 @@ class Result(ABC):
 
         history = self.history(name)
         shown = shown_units([history], units)[0]
-        return plot_spectrum(history, shown, window=window, t_start=t_start, f_max=f_max, axes=axes)
+        drawn = plot_spectrum(history, shown, window=window, t_start=t_start, f_max=f_max, axes=axes)
+        self.check_sampling(name, t_start)
+        return drawn
+
+    def check_sampling(self, name: str, t_start: float | None = None, t_end: float | None = None) -> None:
+        """Warn if a variable does not follow its samples between them, so that a spectrum shows its waves as longer ones.
+
+        A run is repeated for this if its steps are as short as the samples. Results from files are not judged.
+        """
+        one_name("name", name, "load.w")
 
     def gear_view(
         self, part: str | None = None, *, t: float | Sequence[float] | None = None, gears: GearSet | None = None
@@ -678,7 +689,11 @@ class SimulatedResult(Result):
         """The run itself if a time is one of its samples, else the run repeated up to it."""
         if t in self.time:
             return self
-        return self._again(self.scene.states, np.append(self.time[self.time < t], t))
+        return self.sampled_at(np.append(self.time[self.time < t], t))
+
+    def sampled_at(self, times: Floats) -> SimulatedResult:
+        """The run repeated with other samples, up to the last of them."""
+        return self._again(self.scene.states, times)
 
     def moment(self, scene: Scene, t: float) -> Start:
         """Start values for a scene whose run continues from this one at a time."""
@@ -735,6 +750,19 @@ class SimulatedResult(Result):
 
     def energy_balance(self) -> EnergyBalance:
         return self._energy_balance
+
+    def check_sampling(self, name: str, t_start: float | None = None, t_end: float | None = None) -> None:
+        from gearlib.run.afterwards.folding import warn_of_folding
+
+        steps = self.stats.get("steps") or math.inf
+        if str(self.stats.get("method")).startswith(STEPS_OVER_A_WAVE) and steps < len(self.time):
+            return
+        inside = (self.time >= (-math.inf if t_start is None else t_start)) & (
+            self.time <= (math.inf if t_end is None else t_end)
+        )
+        warn_of_folding(
+            name, self.unit(name), self.time[inside], self[name][inside], lambda t: self.sampled_at(t)[name], len(self.time)
+        )
 
     def check_energy(self) -> None:
         """Store the residual in ``stats``, and warn if it exceeds what the run's tolerance explains."""

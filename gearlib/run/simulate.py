@@ -20,6 +20,7 @@ from gearlib.reduce.coefficients import some
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import integrate, method_of
 from gearlib.run.methods.run import Run
+from gearlib.run.refusals.accumulation import warn_of_accumulation
 from gearlib.run.refusals.limits import refuse_start, refuse_too_small
 from gearlib.run.request import Request, absolute_tolerance, check_form, check_options, output_times
 from gearlib.run.result import Result, SimulatedResult
@@ -131,6 +132,8 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
         (Segment.of(part, o, skipped, finer if len(parts) > 1 else None, again), o.stats | given, o.events)
         for (part, o), skipped in zip(parts, hidden, strict=True)
     ]
+    for part, o in parts:
+        warn_of_accumulation(part, o)
     for function in functions:
         function.remember(times)
     if first.longest_step < math.inf:

@@ -351,7 +351,8 @@ def continued(search: Search, x: Floats, stable: bool) -> End:
             if stalled > 5:
                 break
         step *= min(max(AIM / max(contraction, 1e-12), SHORTER), LONGER)
-    return replace(_closed(search, x), x=x)
+    end = _closed(search, x)
+    return end if end.steady else replace(end, x=x)
 
 
 def _run_to_rest(search: Search, end: End) -> End:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from fractions import Fraction
 
@@ -55,6 +56,14 @@ def test_work_is_the_area_between_two_times() -> None:
     assert loop_work(*ramp, 0.5, 3.5) == pytest.approx(
         (3.5 + 3.5**2) - (0.5 + 0.5**2)
     )  # trapezoids are exact, ends between samples
+
+
+def test_the_work_of_a_loop_with_few_samples_is_stated_with_its_error() -> None:
+    t = np.linspace(0.0, 3.0, 31)
+    x, f = (History(name, unit, t, curve(2 * np.pi * t)) for name, unit, curve in (("x", "m", np.sin), ("f", "N", np.cos)))
+    label = plot_against(x, f, (Shown("m", 1.0), Shown("N", 1.0)), period=1.0).lines[1].get_label()
+    work, error = (float(number) for number in re.findall(r"([\d.]+) J", label))
+    assert abs(work - np.pi) < error < 3 * abs(work - np.pi) + 0.3
 
 
 def test_the_last_period_is_told_from_those_before() -> None:

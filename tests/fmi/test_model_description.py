@@ -202,6 +202,20 @@ def test_units_by_their_base_units(unit: str, base: dict[str, str]) -> None:
     assert shown == ([("degC", 1.0, "-273.15")] if unit == "K" else [])
 
 
+class Cooling(gl.Component):
+    T, dT = gl.Input("K", "temperature"), gl.Variable("K", "above the room")
+
+    def equations(self) -> Any:
+        return [gl.Eq(self.dT, self.T - 293.15)]
+
+
+def test_differences_of_temperatures_are_not_shown_from_273_degrees_below() -> None:
+    root = ElementTree.fromstring(description_3(described(Cooling(), ["dT"])[0]))
+    variables = {e.get("name"): e for e in root.find("ModelVariables") or ()}
+    assert {variables[name].get("unit") for name in ("T", "dT")} == {"K"}
+    assert "displayUnit" not in variables["dT"].attrib
+
+
 def test_tables_of_the_wrapper(both: Any) -> None:
     """In C: places and signs of what is set and got, sizes, and text with its special bytes escaped."""
     made, exported, source = both

@@ -24,7 +24,7 @@ def needed_values(kind: type[gl.Component], signal: Any) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for name, declared in kind._declarations.items():
         if isinstance(declared, gl.Parameter) and declared.default is NO_VALUE:
-            values[name] = 0.7 + 0.1 * len(values)
+            values[name] = min(0.7 + 0.1 * len(values), declared.max)
         elif isinstance(declared, gl.Input) and declared.default is NO_VALUE:
             values[name] = signal
     return values

@@ -139,6 +139,7 @@ def test_what_moves_across_an_open_mesh_is_called_so() -> None:
     assert "open: mesh m" in text
     assert "preload" not in text
     assert "preload" not in str(gl.stability(system, at={"m.q": 0.0}))
+    assert gl.transmission_error_response(system, [1.0], ["m.q"], at={"m.q": 0.0}).conditions == ("open: mesh m",)
     closed = gl.modes(system, at={"m.q": 6e-5})
     assert (len(closed), closed.free, closed.preloads, closed.gaps) == (2, 1, 0, {})
     assert "open" not in str(closed)

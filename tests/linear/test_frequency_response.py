@@ -316,7 +316,8 @@ def test_orders_of_a_run_that_does_not_start_at_angle_0() -> None:
 def test_orders_that_the_samples_cannot_show_are_refused() -> None:
     """At the end it turns with 110 rad/s: a sample each 0.01 s is one for each 1.1 rad, two for each wave of order pi / 1.1."""
     run = gl.compile(RunUp(), outputs=["signal", "rotor.phi"]).simulate(t_end=4.0, samples=401)
-    spectrum = gl.order_spectrum(run, "signal", "rotor.phi")
+    with pytest.warns(gl.GearlibWarning, match="signal is sampled too rarely"):
+        spectrum = gl.order_spectrum(run, "signal", "rotor.phi")
     assert spectrum.orders[-1] == pytest.approx(np.pi / 1.1, abs=0.05)
     with pytest.raises(gl.GearlibError, match=r"order 17 is not in this spectrum of signal, which goes from 0 to 2\.8"):
         spectrum.at(17)

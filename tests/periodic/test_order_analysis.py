@@ -178,3 +178,41 @@ def test_a_spectrum_is_drawn_above_a_floor() -> None:
     assert (ax.get_ylabel(), ax.get_yscale()) == ("amplitude of x, N·m", "log")
     table = spectrum.to_dataframe()
     assert (table.index.tolist(), table["x"].tolist()) == (spectrum.orders.tolist(), spectrum.amplitudes.tolist())
+
+
+class Ripple(gl.Component):
+    """A shaft at a constant speed, whose torque has 20 waves in a turn; ``square`` makes them rectangles."""
+
+    square = gl.Structural(False)
+    lag = gl.Parameter("s", default=1.0)
+    speed = gl.Variable("rad/s", state="never")
+    phi = gl.Variable("rad")
+    y = gl.Variable("rad")
+
+    def equations(self) -> list[Any]:
+        wave = gl.sin(20 * self.phi)
+        return [
+            gl.Eq(self.speed, 10.0),
+            gl.Eq(gl.der(self.phi), self.speed),
+            gl.Eq(self.lag * gl.der(self.y), (gl.sign(wave) if self.square else wave) - self.y),
+        ]
+
+
+@pytest.mark.parametrize("method", ["rk", "ida", "taylor"])
+def test_spectra_of_waves_between_the_samples_warn(method: str) -> None:
+    """32 waves in a second: seen 30 times in a second, they look like 2."""
+    system = gl.compile(Ripple())
+    rare, often = (system.simulate(20.0, samples=n, method=method) for n in (601, 6001))
+    assert gl.order_spectrum(often, "y", "phi", t_start=10.0).at(20) == pytest.approx(1 / 200, rel=0.01)
+    often.plot_spectrum("y", t_start=10.0)
+    with pytest.warns(gl.GearlibWarning, match="y is sampled too rarely: .* simulate with more samples than 601"):
+        assert gl.order_spectrum(rare, "y", "phi", t_start=10.0).orders[-1] < 10
+    with pytest.warns(gl.GearlibWarning, match="y is sampled too rarely"):
+        gl.order_waterfall(rare, "y", "phi")
+    with pytest.warns(gl.GearlibWarning, match="y is sampled too rarely"):
+        rare.plot_spectrum("y", t_start=10.0)
+
+
+def test_spectra_of_edges_do_not_warn() -> None:
+    run = gl.compile(Ripple(square=True, lag=1e-4)).simulate(4.0, samples=8001)
+    assert gl.order_spectrum(run, "y", "phi").at(20) == pytest.approx(4 / np.pi, rel=0.01)

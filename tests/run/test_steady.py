@@ -239,6 +239,73 @@ def test_of_several_it_is_the_one_that_the_motion_goes_to() -> None:
     assert len(ends) == 2
 
 
+class Excited(gl.Component):
+    """A vibration about ``middle`` that excites itself, up to a limit."""
+
+    growth = gl.Parameter("1/s", default=1.0)
+    rate = gl.Parameter("rad/s", default=1.0)
+    middle = gl.Parameter("rad", default=0.0)
+    x = gl.Variable("rad", start=0.1)
+    v = gl.Variable("rad/s")
+
+    def equations(self) -> list[gl.Eq]:
+        beside = self.x - self.middle
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), self.growth * (1 - beside**2) * self.v - self.rate**2 * beside),
+        ]
+
+
+@pytest.mark.parametrize("middle", [0.0, -2.0])
+@pytest.mark.parametrize("growth", [0.01, 0.1, 1.0, 3.0, 30.0])
+def test_where_the_motion_reaches_none_it_is_one_that_exists(growth: float, middle: float) -> None:
+    system, values = gl.compile(Excited()), {"growth": growth, "middle": middle}
+    with pytest.warns(
+        gl.GearlibWarning, match=r"Excited: the steady state is unstable, a motion near it grows by a factor of e in "
+    ):
+        found = gl.steady_state(system, parameters=values)
+    assert found.values == pytest.approx([middle, 0.0], abs=1e-12)
+    assert system.simulate(1.0, start="steady", parameters=values)["x"] == pytest.approx(middle, abs=1e-9)
+    assert max(gl.stability(system, at="steady", parameters=values).eigenvalues.real) == pytest.approx(
+        np.roots([1, -growth, 1]).real.max(), rel=1e-9
+    )
+
+
+class Belt(gl.Component):
+    """A body drawn by a spring over a surface whose friction falls with the speed: stick and slip for ever."""
+
+    def assemble(self) -> list[Any]:
+        self.drive, self.spring = gp.Speed(w_ref=1.0, exact=True), gp.SpringDamper(c=100.0, d=0.1)
+        self.body, self.friction = gp.Inertia(J=1.0), Falling()
+        return [
+            c(self.drive.flange, self.spring.flange_a),
+            c(self.spring.flange_b, self.body.flange_a),
+            c(self.body.flange_b, self.friction.flange),
+        ]
+
+
+class Falling(gl.Component):
+    flange = gp.Flange()
+    most = gl.Parameter("N.m", default=5.0)
+    w_fall = gl.Parameter("rad/s", default=3.0)
+    w_rise = gl.Parameter("rad/s", default=0.05)
+    w = gl.Variable("rad/s")
+
+    def equations(self) -> list[gl.Eq]:
+        fallen = gl.exp(-gl.sqrt(self.w**2) / self.w_fall)
+        return [
+            gl.Eq(self.w, gl.der(self.flange.phi)),
+            gl.Eq(self.flange.tau, self.most * fallen * gl.tanh(self.w / self.w_rise)),
+        ]
+
+
+def test_a_body_that_sticks_and_slips_has_an_unstable_steady_state() -> None:
+    system = gl.compile(Belt())
+    with pytest.warns(gl.GearlibWarning, match="Belt: the steady state is unstable"):
+        found = gl.steady_state(system, ["body.w", "spring.tau"])
+    assert found.values == pytest.approx([1.0, -5.0 * np.exp(-1 / 3) * np.tanh(20.0)], rel=1e-9)
+
+
 class WoundUp(gl.Component):
     """A prescribed speed between the ends of two springs in series, whose middle has a load: by hand, the springs are wound up for ever."""
 

@@ -114,7 +114,7 @@ class PlanarMesh(gl.Component):
 
     gear_a = PlanarFlange("gear a")
     gear_b = PlanarFlange("gear b")
-    r_a = gl.Parameter("m", "base radius of gear a")
+    r_a = gl.Parameter("m", "base radius of gear a", min=0)
     r_b = gl.Parameter("m", "base radius of gear b, negative where it turns in the same sense")
     theta = gl.Parameter("rad", "direction of the normal of the line of action")
     c = gl.Parameter("N/m", "mesh stiffness", min=0)
@@ -231,7 +231,7 @@ class PlanarPlanetaryUnit(gl.Component):
     k_c = gl.Parameter("N/m", "bearing stiffness of the carrier", min=0)
     k_p = gl.Parameter("N/m", "bearing stiffness of a planet", min=0)
     k_ring_phi = gl.Parameter("N.m/rad", "torsional stiffness of the ring's support, with ring_held", default=0.0, min=0)
-    alpha = gl.Parameter("rad", "pressure angle")
+    alpha = gl.Parameter("rad", "pressure angle", min=0, max=1.5)
     e_sun = gl.Input("m", "transmission error of the meshes at the sun", default=0.0)
     e_ring = gl.Input("m", "transmission error of the meshes at the ring", default=0.0)
 

@@ -53,7 +53,9 @@ class Friction(SlidingSurfaces, Dissipative):
     """
 
     peak = gl.Parameter("1", "break-away over sliding torque at zero speed", default=1.0, min=1)
-    w_small = gl.Parameter("rad/s", "speed that only a reinit can have reached against the direction of sliding", default=1e10)
+    w_small = gl.Parameter(
+        "rad/s", "speed that only a reinit can have reached against the direction of sliding", default=1e10, min=0
+    )
     sa = gl.Variable("any", "curve parameter: torque while locked, acceleration otherwise")
     v = gl.Variable("rad/s", "relative speed of the friction surfaces")
     tau = gl.Variable("N.m", "friction torque; acts against the motion when positive")
@@ -250,7 +252,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
 
     w_rel = gl.Variable("rad/s", "relative speed; flange_a cannot overtake flange_b", nominal=SLOW, min=0)
     peak = gl.Parameter("1", "break-away over sliding torque at zero speed", default=1.0, min=1)
-    w_small = gl.Parameter("rad/s", "speed that only a reinit can have reached while stuck", default=1e10)
+    w_small = gl.Parameter("rad/s", "speed that only a reinit can have reached while stuck", default=1e10, min=0)
     sa = gl.Variable("any", "curve parameter: torque while locked, acceleration otherwise")
     tau0_max = gl.Variable("N.m", "torque at which it breaks away")
     stuck = gl.Discrete("locked, or not yet sliding")
