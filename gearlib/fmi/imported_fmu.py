@@ -12,6 +12,7 @@ from typing import Any
 
 from gearlib.arguments import as_path, by_name, name_list, real
 from gearlib.errors import ArgumentError, FileError, NameLookupError, nearest
+from gearlib.language.units import BASE, INSTEAD, dimension
 from gearlib.optional import optional
 
 TYPES = ("Real", "Float64")
@@ -30,19 +31,22 @@ class ImportedFmu:
         Names of its variables, in the order of the values passed in and out.
     values : mapping of str to float, optional
         Values of its parameters, and start values.
+    units : mapping of str to str, optional
+        Units in which some of the variables are passed.
 
     Raises
     ------
     FileError
         The file does not exist, or is not an FMU.
     ArgumentError, NameLookupError
-        The FMU does not support co-simulation, or lacks the variables.
+        The FMU does not support co-simulation, lacks the variables, or declares other units for them.
     MissingPackageError
         FMPy is not installed.
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], inputs: Sequence[str], outputs: Sequence[str], values: Mapping[str, float] | None = None
+        self, path: str | os.PathLike[str], inputs: Sequence[str], outputs: Sequence[str],
+        values: Mapping[str, float] | None = None, units: Mapping[str, str] | None = None,
     ) -> None:  # fmt: skip
         self.path = as_path("FMU", path, "engine.fmu")
         if not self.path.is_file():
@@ -62,12 +66,28 @@ class ImportedFmu:
         self._given = self._references(self.inputs, ("input",))
         self._taken = self._references(self.outputs, ("output", "local", "calculatedParameter"))
         self._set = self._references([*self.values], ("parameter", "structuralParameter", "local", "output", "input"))
+        self.units = by_name("units", units, "a mapping of names to units", "w")
+        for name, unit in self.units.items():
+            self._check_unit(name, unit)
         self._fmu: Any = None
         self._t = 0.0
 
+    def _check_unit(self, name: str, expected: str) -> None:
+        """Refuse a variable that the FMU declares in another unit; one without a unit, or an unknown one, is taken as it is."""
+        variable = next(v for v in self._description.modelVariables if v.name == name)
+        unit = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
+        defined = next((u.baseUnit for u in self._description.unitDefinitions if u.name == unit and u.baseUnit), None)
+        if defined is None:
+            same = INSTEAD.get(unit, (expected, f"1 {expected}")) == (expected, f"1 {expected}")
+        else:
+            exponents = tuple(getattr(defined, base) for base in BASE)
+            same = exponents == dimension(expected) and (defined.factor, defined.offset) == (1.0, 0.0)
+        if not same:
+            raise ArgumentError(f"{name} of {self.path.name} is in {unit}; expected {expected}")
+
     def _references(self, names: Sequence[str], causalities: Sequence[str]) -> list[int]:
         """Value references of variables by name."""
-        known = {v.name: v for v in self._description.modelVariables if v.type in TYPES and v.causality in causalities}
+        known = {v.name: v for v in self._description.modelVariables if v.type in TYPES and v.causality in causalities and not v.dimensions}
         for name in names:
             if name not in known:
                 raise NameLookupError(
@@ -80,7 +100,9 @@ class ImportedFmu:
         if self._fmu is None or t <= self._t:
             self._begin(t, values)
         else:
-            self._fmu.doStep(currentCommunicationPoint=self._t, communicationStepSize=t - self._t)
+            done = self._fmu.doStep(currentCommunicationPoint=self._t, communicationStepSize=t - self._t)
+            if not self._is_fmi2 and done[1]:
+                raise ArgumentError(f"{self.path.name} ended the simulation at {t:g} s")
             self._put(self._given, values)
         self._t = t
         return [float(v) for v in self._get(self._taken)]
@@ -124,7 +146,7 @@ class ImportedFmu:
         return made
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return ImportedFmu, (self.path, self.inputs, self.outputs, self.values)
+        return ImportedFmu, (self.path, self.inputs, self.outputs, self.values, self.units)
 
 
 def _freed(fmu: Any, folder: str) -> None:

@@ -58,7 +58,7 @@ class FMU(gl.Component):
     ) -> None:  # fmt: skip
         super().__init__()
         further, others = name_list("inputs", inputs, "throttle"), name_list("outputs", outputs, "power")
-        self.unit = ImportedFmu(path, [speed, *further], [torque, *others], values)
+        self.unit = ImportedFmu(path, [speed, *further], [torque, *others], values, {speed: "rad/s", torque: "N.m"})
         self.period = real("period", period, "a positive number of seconds")
         if not self.period > 0.0:
             raise ArgumentError(f"period is {self.period:g}; expected a positive number of seconds")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import ArgumentError
 
 
 class Engine(gl.Component):
@@ -111,3 +113,48 @@ def test_a_second_run_begins_anew_and_copies_do_so_too(engines: dict[str, Path])
 def test_what_does_not_fit_is_refused_by_name(options: dict[str, Any], text: str, engines: dict[str, Path]) -> None:
     with pytest.raises(gl.GearlibError, match=text):
         gp.FMU(**{"path": engines["3.0"], **options})
+
+
+DESCRIBED = """<fmiModelDescription fmiVersion="2.0" modelName="engine" guid="1">
+<CoSimulation modelIdentifier="engine"/>
+<UnitDefinitions>{definitions}</UnitDefinitions>
+<TypeDefinitions><SimpleType name="Speed"><Real unit="{unit}"/></SimpleType></TypeDefinitions>
+<ModelVariables>
+<ScalarVariable name="w" valueReference="0" causality="input"><Real {declared} start="0"/></ScalarVariable>
+<ScalarVariable name="tau" valueReference="1" causality="output"><Real/></ScalarVariable>
+</ModelVariables></fmiModelDescription>"""
+TURNS = '<Unit name="turns"><BaseUnit rad="1" s="-1" factor="{}"/></Unit>'
+
+
+@pytest.mark.parametrize("declared", ['unit="{}"', 'declaredType="Speed"'])
+@pytest.mark.parametrize(
+    ("unit", "definitions", "fits"),
+    [
+        ("rad/s", "", True),
+        ("turns", "", True),  # not defined: nobody can tell
+        ("turns", '<Unit name="turns"/>', True),
+        ("turns", TURNS.format("1"), True),
+        ("turns", TURNS.format("6.28"), False),
+        ("turns", '<Unit name="turns"><BaseUnit s="-1" offset="1"/></Unit>', False),
+        ("turns", '<Unit name="turns"><BaseUnit m="1" s="-1"/></Unit>', False),
+        ("rpm", "", False),
+        ("1/min", "", False),
+    ],
+)
+def test_an_fmu_in_other_units_than_those_of_a_shaft_is_refused(
+    unit: str, definitions: str, fits: bool, declared: str, tmp_path: Path
+) -> None:
+    with zipfile.ZipFile(tmp_path / "engine.fmu", "w") as file:
+        text = DESCRIBED.format(unit=unit, definitions=definitions, declared=declared.format(unit))
+        file.writestr("modelDescription.xml", text)
+    if fits:
+        assert gp.FMU(tmp_path / "engine.fmu").unit.inputs == ["w"]
+    else:
+        with pytest.raises(ArgumentError, match=rf"w of engine\.fmu is in {unit}; expected rad/s"):
+            gp.FMU(tmp_path / "engine.fmu")
+
+
+def test_an_fmu_that_ends_the_simulation_is_noticed(engines: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fmpy.fmi3.FMU3Slave.doStep", lambda *_, **__: (False, True, False, 0.0))
+    with pytest.raises(ArgumentError, match=r"engine3\.fmu ended the simulation at 0\.004 s"):
+        gl.simulate(Coupled(path=str(engines["3.0"]), period=4e-3), 0.04, samples=3, inputs={"engine.signals[0].u": 0.8})
