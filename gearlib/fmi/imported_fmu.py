@@ -87,7 +87,11 @@ class ImportedFmu:
 
     def _references(self, names: Sequence[str], causalities: Sequence[str]) -> list[int]:
         """Value references of variables by name."""
-        known = {v.name: v for v in self._description.modelVariables if v.type in TYPES and v.causality in causalities and not v.dimensions}
+        known = {
+            v.name: v
+            for v in self._description.modelVariables
+            if v.type in TYPES and v.causality in causalities and not v.dimensions
+        }
         for name in names:
             if name not in known:
                 raise NameLookupError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
@@ -18,7 +19,9 @@ NO_FRICTION: Rows = ((0.0, 0.0),)  # speed and friction torque
 SMOOTHNESS = ("linear", "constant", "akima")  # Modelica's LinearSegments, ConstantSegments and ContinuousDerivative
 
 
-def interpolated(rows: Rows, x: Any, column: int = 1, smoothness: str = "linear") -> Any:
+def interpolated(
+    rows: Rows, x: Any, column: int = 1, smoothness: str = "linear", limits: tuple[float, float] = (-math.inf, math.inf)
+) -> Any:  # fmt: skip
     """A column of a table as a function of the first column; only its jumps raise events.
 
     Beyond both ends it is extrapolated linearly, from the outermost two rows or with the slope at the end, as in Modelica. A single row
@@ -34,6 +37,8 @@ def interpolated(rows: Rows, x: Any, column: int = 1, smoothness: str = "linear"
         Column number, from 1.
     smoothness : {"linear", "constant", "akima"}
         Piecewise linear; piecewise constant, holding each row's value up to the next row; or Akima cubics with a continuous derivative.
+    limits : tuple of float
+        Values at which the extrapolation beyond the last row ends, such as 0 and 1 of an efficiency.
 
     References
     ----------
@@ -49,6 +54,9 @@ def interpolated(rows: Rows, x: Any, column: int = 1, smoothness: str = "linear"
     >>> law = interpolated(((0.0, 1.0), (2.0, 3.0), (4.0, 3.0)), x).args[0]
     >>> [float(law.subs(x, at)) for at in (-1.0, 1.0, 3.0, 9.0)]
     [0.0, 2.0, 3.0, 3.0]
+    >>> law = interpolated(((0.0, 4.0), (2.0, 3.0)), x, limits=(0.0, 5.0)).args[0]
+    >>> [float(law.subs(x, at)) for at in (-1.0, 4.0, 9.0)]
+    [4.5, 2.0, 0.0]
     """
     if len(rows) == 1:
         return rows[0][column]
@@ -71,6 +79,11 @@ def interpolated(rows: Rows, x: Any, column: int = 1, smoothness: str = "linear"
         first, last = rows[0], rows[-1]
         lines = [(first[column] + slopes[0] * (x - first[0]), x < first[0]), *lines]
         lines.append((last[column] + slopes[-1] * (x - last[0]), True))
+        rise = slopes[-1]
+    limit = limits[0] if rise < 0 else limits[1]
+    if rise and math.isfinite(limit):
+        reached = rows[-1][0] + (limit - rows[-1][column]) / rise
+        lines[-1:] = [(lines[-1][0], x < reached), (limit, True)]
     return piecewise_without_events(*lines)
 
 

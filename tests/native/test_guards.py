@@ -106,3 +106,28 @@ def test_event_functions_leave_the_signs_of_divisors_alone() -> None:
         states[rates.place] = ahead, 1.0
         assert by_python(rates.native.roots.source, "roots", 0.0, states, values, rates.data, rates.native.index.copy()) == 0
         assert values[0] == pytest.approx(1.0 / ahead - 7.0)
+
+
+class Three(gl.Component):
+    """Quotients with divisors of their own."""
+
+    def assemble(self) -> list[gl.Connection]:
+        self.parts = [Quotient() for _ in range(3)]
+        return []
+
+
+@pytest.mark.parametrize("longest", [260, 0], ids=["written out", "loops"])
+def test_each_divisor_has_a_side_of_its_own(longest: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gearlib.native.source.LONGEST", longest)
+    translation = gl.compile(Three()).translation
+    scene, rates = translation.scene, np.zeros(6)
+    native, begun = scene.native, scene.prepared(translation.parameter_values({}))
+    divisors = [scene.state_names.index(f"parts[{k}].x") for k in range(3)]
+    for crossing in divisors:
+        data = scene.data(native, begun, np.zeros(0), np.zeros(0), np.zeros(translation.model.n_variables))
+        for moved, code in ((crossing, 1), (None, 0)):  # back on its side, it has crossed nothing
+            states = np.array([-1.0 if i == moved else 2.0 for i in range(6)])
+            assert by_python(native.rhs.source, "rhs", 0.0, np.full(6, 2.0), rates, data, native.index.copy()) == 0
+            assert by_python(native.rhs.source, "rhs", 0.0, states, rates, data, native.index.copy()) == code
+            at = native.rhs.layout.guards
+            assert data[at : at + 3 * EACH].reshape(3, EACH).tolist() == [[1.0, 2.0, 2.0]] * 3

@@ -503,3 +503,16 @@ def test_what_turns_is_frozen_but_no_equilibrium_and_no_linear_motion() -> None:
     )
     seen = gl.frequency_response(system, [1.0], outputs=["height"], at={"phi": 0.5, "w": 20.0}, parameters={"g": 0.0})
     assert seen.conditions == ("frozen at phi = 0.5 rad, with which the coefficients vary",)  # of the output alone
+
+
+def test_only_the_phases_with_which_coefficients_vary_are_told() -> None:
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.first, self.second, self.link = Meshing(), Meshing(), gp.SpringDamper(c=1e4, d=1.0)
+            ends = (self.first.b.flange_b, self.link.flange_a), (self.link.flange_b, self.second.a.flange_a)
+            return [gl.connect(*pair) for pair in ends]
+
+    system = gl.compile(Two())
+    for even, varying in (("first", "second"), ("second", "first")):
+        found = gl.modes(system, parameters={f"{even}.mesh.c_amplitude": 0.0})
+        assert found.conditions == (f"frozen at {varying}.mesh.turned = 0 rad, with which the coefficients vary",)

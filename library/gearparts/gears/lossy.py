@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import gearlib as gl
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
 
 SMALLEST = 1e-15  # if both efficiencies are 1, the two bearing torques are equal, and their difference over this is zero
 IDEAL: Rows = ((0.0, 1.0, 1.0, 0.0, 0.0),)
+LIMITS = {1: (0.0, 1.0), 2: (1e-9, 1.0), 3: (0.0, math.inf), 4: (0.0, math.inf)}  # of the columns beyond the last row
 
 
 class LossyGear(TwoFlangesAndSupport, Dissipative):
@@ -29,6 +32,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
 
     with ``B_a = (B1 - B2) / (eta1 - 1 / eta2)``, the bearing torque at flange_a. For backward rotation the signs of B1, B2 and B_a
     change, and so does the driving side. At rest ``der(w_a) = 0`` as long as the loss lies between its values for the two directions.
+    Beyond the last row the table is extrapolated, efficiencies to 1 and bearing torques to 0 at most.
 
     References
     ----------
@@ -60,7 +64,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
     def equations(self) -> list[gl.Eq]:
         rows = check_rows("LossyGear.loss_table", self.loss_table, 5)
         for row in rows:
-            if not (0 <= row[1] <= 1 and 0 < row[2] <= 1 and row[3] >= 0 and row[4] >= 0):
+            if not _dissipative(row[1:]):
                 raise BindingError(
                     f"LossyGear.loss_table has the row {row}; expected a speed, eta1 from 0 to 1, eta2 above 0 up to 1, and B1, B2 "
                     "of 0 or more"
@@ -89,9 +93,14 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
     def _losses(self, rows: Rows) -> list[gl.Eq]:
         torque = self.flange_a.tau
         ahead = gl.Or(gl.holds(self.start_forward), gl.equals(gl.pre(self.mode), FORWARD))
-        at_rest = [at_zero(rows, column, self.smoothness) for column in (1, 2, 3, 4)]
+        at_rest = [at_zero(rows, column, self.smoothness) for column in LIMITS]
+        if not _dissipative(at_rest, 1e-12):
+            raise BindingError(
+                f"LossyGear.loss_table extrapolated to the speed 0 has the row {at_rest}; expected a row for it in the table"
+            )
         there = [
-            [interpolated(rows, sense * self.w_a, column, self.smoothness) for column in (1, 2, 3, 4)] for sense in (1, -1)
+            [interpolated(rows, sense * self.w_a, column, self.smoothness, limits) for column, limits in LIMITS.items()]
+            for sense in (1, -1)
         ]
         separable = any(row[1] != 1 or row[2] != 1 for row in rows)
         still, side_forward, side_backward = (_on_side_a(row, separable) for row in (at_rest, *there))
@@ -152,6 +161,11 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
 
     def energies(self) -> gl.Energy:
         return gl.Energy(heat=self.loss_power)
+
+
+def _dissipative(row: Sequence[float], rounding: float = 0.0) -> bool:
+    """Whether efficiencies and bearing torques are those of losses."""
+    return -rounding <= row[0] <= 1 + rounding and 0 < row[1] <= 1 + rounding and min(row[2:]) >= -rounding
 
 
 def _a_drives(torque: Any, sense: int, row: list[Any]) -> Any:

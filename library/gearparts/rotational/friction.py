@@ -7,6 +7,7 @@ sliding, it is the acceleration in excess of that at the onset of sliding. The s
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import gearlib as gl
@@ -137,12 +138,19 @@ def sign_while(flag: Any, speed: Any, was: Any) -> Any:
     )
 
 
-def _checked(owner: str, rows: Any) -> Rows:
+def _checked(owner: str, rows: Any, smoothness: str) -> Rows:
     """Rows of speed and friction, checked to be dissipative."""
     table = check_rows(owner, rows, 2)
     if any(row[1] < 0 for row in table):
         raise BindingError(f"{owner} is {shown(rows)}; expected friction of 0 or more in the second column")
+    if at_zero(table, 1, smoothness) < -1e-12 * table[0][1]:  # less is rounding
+        raise BindingError(f"{owner} is {shown(rows)}, whose extrapolation to the speed 0 is negative; expected a row for it")
     return table
+
+
+def _sliding(rows: Rows, speed: Any, smoothness: str) -> Any:
+    """Friction at a positive speed; beyond the last row it falls to 0 at most."""
+    return interpolated(rows, speed, 1, smoothness, (0.0, math.inf))
 
 
 class FrictionOnHousing(TwoFlanges, Friction):
@@ -169,7 +177,7 @@ class BearingFriction(FrictionOnHousing):
     """Bearing friction with stick and slip: ``tau = tau_pos(w)`` for ``w > 0``, ``tau = -tau_pos(-w)`` for ``w < 0``.
 
     At rest ``der(w) = 0`` as long as ``abs(tau) <= peak tau_pos(0)``. ``tau_pos`` holds rows of speed and torque, which are
-    interpolated, and extrapolated from the last two.
+    interpolated, and extrapolated from the last two, down to 0 at most.
     """
 
     icon = "bearing"
@@ -179,11 +187,13 @@ class BearingFriction(FrictionOnHousing):
     contact = gl.Variable("1", "0 open, 1 stuck, 2 sliding", words=words("bearing"))
 
     def level(self, speed: Any) -> Any:
-        return interpolated(_checked("BearingFriction.tau_pos", self.tau_pos), speed, 1, self.smoothness)
+        return _sliding(self._rows(), speed, self.smoothness)
 
     def equations(self) -> list[gl.Eq]:
-        rows = _checked("BearingFriction.tau_pos", self.tau_pos)
-        return [gl.Eq(self.tau0, at_zero(rows, 1, self.smoothness)), gl.Eq(self.free, False)]
+        return [gl.Eq(self.tau0, at_zero(self._rows(), 1, self.smoothness)), gl.Eq(self.free, False)]
+
+    def _rows(self) -> Rows:
+        return _checked("BearingFriction.tau_pos", self.tau_pos, self.smoothness)
 
 
 class Pressed(SlidingSurfaces):
@@ -196,13 +206,14 @@ class Pressed(SlidingSurfaces):
     f_normalized = gl.Input("1", "normal force over the largest one")
 
     def level(self, speed: Any) -> Any:
-        rows = _checked(f"{type(self).__name__}.mu_pos", self.mu_pos)
-        return interpolated(rows, speed, 1, self.smoothness) * self.cgeo * self.fn_max * self.f_normalized
+        return _sliding(self._rows(), speed, self.smoothness) * self.cgeo * self.fn_max * self.f_normalized
 
     def level_at_rest(self) -> Any:
         """Sliding torque at zero speed."""
-        rows = _checked(f"{type(self).__name__}.mu_pos", self.mu_pos)
-        return at_zero(rows, 1, self.smoothness) * self.cgeo * self.fn_max * self.f_normalized
+        return at_zero(self._rows(), 1, self.smoothness) * self.cgeo * self.fn_max * self.f_normalized
+
+    def _rows(self) -> Rows:
+        return _checked(f"{type(self).__name__}.mu_pos", self.mu_pos, self.smoothness)
 
     def equations(self) -> list[gl.Eq]:
         return [

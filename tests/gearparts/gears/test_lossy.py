@@ -335,6 +335,37 @@ def test_losses_that_would_drive_are_named(column: int) -> None:
                 flatten(model)
 
 
+@pytest.mark.parametrize("column", [1, 2, 3, 4])
+def test_a_table_whose_losses_would_drive_at_rest_is_named(column: int) -> None:
+    """Extrapolated to rest from its first two rows; one that just reaches a limit there is valid."""
+    at_rest = {1: (1.0, 1.1, -0.1, 0.0), 2: (1.0, 1.1, -0.1), 3: (0.0, -0.1), 4: (0.0, -0.1)}[column]
+    for value in at_rest:
+        first, second = [10.0, 0.7, 0.7, 0.7, 0.7], [20.0, 0.7, 0.7, 0.7, 0.7]
+        first[column], second[column] = value + 0.35 * (0.5 - value), value + 0.7 * (0.5 - value)
+        model = Driven(loss_table=(tuple(first), tuple(second)))
+        if 0.0 <= value <= 1.0:
+            flatten(model)
+        else:
+            said = r"loss_table extrapolated to the speed 0 has the row \[.*\]; expected a row for it in the table"
+            with pytest.raises(BindingError, match=said):
+                flatten(model)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_losses_far_beyond_their_table_do_not_drive(sense: int) -> None:
+    """Each column is extrapolated to a limit: falling from half its value at rest, or growing by half."""
+    torque, first = 3.0, (0.8, 0.6, 0.5, 0.4)
+    for factor, limits in ((0.5, (0.0, 1e-9, 0.0, 0.0)), (1.25, (1.0, 1.0, 250.75, 200.6))):
+        for column, limit in enumerate(limits):
+            second, far = list(first), list(first)
+            second[column], far[column] = factor * first[column], limit
+            gear = LossyGear(ratio=2.0, loss_table=((0.0, *first), (2.0, *second)))
+            by_one, by_other = (1 - far[0]) * torque + sense * far[2], (1 - 1 / far[1]) * torque + sense * far[3]
+            for drives in (1.0, -1.0):
+                values = {"tau_eta": drives, "flange_a__tau": torque, "w_a": 4004.0 * sense, "pre_mode": float(sense)}
+                assert right_side(gear, "tau_loss", **values) == pytest.approx(by_one if drives * sense > 0 else by_other)
+
+
 ETA_1, ETA_2, B_1, B_2 = 0.9, 0.8, 0.5, 0.3
 AT_A = (B_1 - B_2) / (ETA_1 - 1 / ETA_2)  # the bearings' torque on the side of flange_a: here negative
 

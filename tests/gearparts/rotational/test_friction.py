@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from functools import cache
 from typing import Any
@@ -409,6 +410,31 @@ def test_friction_that_would_drive_is_named(make: Any, name: str) -> None:
         with pytest.raises(BindingError, match=f"{name} .* expected friction of 0 or more"):
             flatten(make(rows))
     flatten(make(((0.0, 0.5), (1.0, 0.0))))
+    flatten(make(((1.0, 0.3), (3.0, 0.9))))  # 0 at rest, but for rounding
+    with pytest.raises(
+        BindingError, match=rf"{name} is .*, whose extrapolation to the speed 0 is negative; expected a row for it"
+    ):
+        flatten(make(((1.0, 0.3), (3.0, 1.0))))
+
+
+@pytest.mark.parametrize("smoothness", ["linear", "akima"])
+def test_friction_that_falls_over_the_speed_ends_at_zero(smoothness: str) -> None:
+    """Extrapolated on, it would drive."""
+    x, rows = sympy.Symbol("x", real=True), ((0.0, 4.0), (1.0, 3.0), (2.0, 2.0))
+    law = interpolated(rows, x, 1, smoothness, (0.0, math.inf)).args[0]
+    assert [float(law.subs(x, at)) for at in (1.5, 3.0, 3.99, 4.0, 5.0, 1e6)] == pytest.approx([2.5, 1.0, 0.01, 0.0, 0.0, 0.0])
+    law = interpolated(((0.0, 0.4), (1.0, 0.8)), x, 1, smoothness, (0.0, 1.0)).args[0]
+    assert [float(law.subs(x, at)) for at in (1.0, 1.25, 1.5, 1.75)] == pytest.approx([0.8, 0.9, 1.0, 1.0])
+    bearing = BearingFriction(tau_pos=rows, smoothness=smoothness)
+    pressed = [kind(mu_pos=rows, smoothness=smoothness, fn_max=1.0) for kind in (Brake, Clutch)]
+    for part, sense in itertools.product((bearing, *pressed), (1, -1)):
+        values = {"cgeo": 1.0, "fn_max": 1.0, "f_normalized": 1.0, "pre_mode": sense}
+        assert [right_side(part, "tau", v=sense * v, **values) for v in (3.5, 4.5)] == pytest.approx([0.5 * sense, 0.0])
+
+
+def test_a_body_beyond_its_friction_coasts() -> None:
+    result = run(Coasting(tau_pos=((0.0, 1.0), (1.0, 0.8))), ["body.w"], np.linspace(0.0, 20.0, 3), "rk")
+    assert result["body.w"].tolist() == [-6.0] * 3
 
 
 class Rig(gl.Component):
