@@ -78,7 +78,7 @@ class ImportedFmu:
         unit = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
         defined = next((u.baseUnit for u in self._description.unitDefinitions if u.name == unit and u.baseUnit), None)
         if defined is None:
-            same = INSTEAD.get(unit, (expected, f"1 {expected}")) == (expected, f"1 {expected}")
+            same = INSTEAD.get(unit or "", (expected, f"1 {expected}")) == (expected, f"1 {expected}")
         else:
             exponents = tuple(getattr(defined, base) for base in BASE)
             same = exponents == dimension(expected) and (defined.factor, defined.offset) == (1.0, 0.0)
