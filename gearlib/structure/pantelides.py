@@ -76,13 +76,17 @@ def by_graph(n_equations: int, columns: Columns) -> Differentiation:
         if not unmatched:
             return Differentiation(tuple(counts), orders, {e: variables[partner[e] - n_equations] for e in range(n_equations)})
         reached = sorted(alternating_reach(graph, partner, unmatched))
-        for node in reached:
-            if node >= n_equations:
-                orders[variables[node - n_equations]] += 1
-        for e in reached[: bisect_left(reached, n_equations)]:
-            counts[e] += 1
-            current[e] = columns(e, counts[e])
-            _raise(orders, current[e])
+        _differentiate(reached[: bisect_left(reached, n_equations)], counts, current, orders, columns)
+
+
+def _differentiate(
+    equations: Sequence[int], counts: list[int], current: list[list[Node]], orders: dict[int, int], columns: Columns
+) -> None:
+    """Differentiate some equations once more."""
+    for e in equations:
+        counts[e] += 1
+        current[e] = columns(e, counts[e])
+        _raise(orders, current[e])
 
 
 def _raise(orders: dict[int, int], row: Sequence[Node]) -> None:
@@ -102,45 +106,36 @@ def by_lists(n_equations: int, columns: Columns) -> Differentiation:
     owner: dict[int, int] = {}  # variable (at its highest order) -> equation
     for e in range(n_equations):
         while True:
-            seen_e, seen_v = _augment(e, current, orders, owner)
-            if seen_e is None:
+            coloured = _augment(e, current, orders, owner)
+            if not coloured:
                 break
-            for v in seen_v:
-                orders[v] += 1
-            for other in seen_e:
-                counts[other] += 1
-                current[other] = columns(other, counts[other])
-                _raise(orders, current[other])
+            _differentiate(coloured, counts, current, orders, columns)
     return Differentiation(tuple(counts), orders, {e: v for v, e in owner.items()})
 
 
-def _augment(
-    start: int, current: list[list[tuple[int, int]]], orders: Mapping[int, int], owner: dict[int, int]
-) -> tuple[list[int] | None, list[int]]:
-    """Augment the matching by equation ``start``; (None, []) on success, else the coloured equations and variables."""
+def _augment(start: int, current: list[list[tuple[int, int]]], orders: Mapping[int, int], owner: dict[int, int]) -> list[int]:
+    """Augment the matching by equation ``start``; returns nothing on success, else the coloured equations."""
     for v, order in current[start]:  # free variable
         if order == orders[v] and v not in owner:
             owner[v] = start
-            return None, []
+            return []
     came_from: dict[int, int] = {}  # variable -> equation that reached it
-    seen_e, seen_v = [start], []
-    stack = [start]
+    coloured, stack = [start], [start]
     while stack:
         e = stack.pop()
         for v, order in current[e]:
             if order != orders[v] or v in came_from:
                 continue
             came_from[v] = e
-            seen_v.append(v)
             if v not in owner:
                 while True:  # shift the partners along the path
                     e = came_from[v]
                     previous = next((u for u, holder in ((u, owner.get(u)) for u, _ in current[e]) if holder == e), None)
                     owner[v] = e
                     if e == start:
-                        return None, []
+                        return []
                     assert previous is not None
                     v = previous
-            seen_e.append(owner[v])
+            coloured.append(owner[v])
             stack.append(owner[v])
-    return seen_e, seen_v
+    return coloured
