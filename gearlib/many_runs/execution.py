@@ -189,7 +189,7 @@ def _brought(future: Future[Chunk], gathering: Gathering) -> Chunk:
         ) from problem
 
 
-_NUMBER = re.compile(r"\d[\d.e+-]*")
+_NUMBER = re.compile(r"(?<!\w)(?<!\w\[)\d[\d.e+-]*")  # not of a name: shaft2.c, body[1]
 
 
 def _warn_once(warned: Iterable[Warned]) -> None:

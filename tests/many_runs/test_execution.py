@@ -229,6 +229,22 @@ def test_an_executor_or_threads_but_not_both() -> None:
         execute(Doubling(), "Model", as_samples({"x": X}), executor=pool, threads=1)
 
 
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        ("it slips by {0} at t = {0}e-05 s", ["it slips by 0.0 at t = 0.0e-05 s (in 3 runs)"]),
+        ("speeds of [{0}, -{0}]", ["speeds of [0.0, -0.0] (in 3 runs)"]),
+        ("shaft{:.0f}.c is small", ["shaft0.c is small", "shaft1.c is small", "shaft2.c is small"]),
+        ("body[{0:.0f}] turns at {0}", ["body[0] turns at 0.0", "body[1] turns at 1.0", "body[2] turns at 2.0"]),
+    ],
+)
+def test_warnings_that_differ_in_a_number_are_one_and_those_of_other_parts_are_not(said: str, told: list[str]) -> None:
+    with warnings.catch_warnings(record=True) as shown:
+        warnings.simplefilter("always")
+        execute(Doubling(warns=said), "Model", as_samples({"x": X[:3]}))
+    assert [str(w.message) for w in shown] == told
+
+
 def test_warnings_are_shown_at_home_and_sent_from_elsewhere() -> None:
     """Each once from elsewhere: a process that is not asked to show them says what there was to say."""
     part, work = {"x": X[:5]}, job(Doubling(fails=(3.0,), warns="x is odd"))
