@@ -64,7 +64,10 @@ def grid(values: Mapping[str, Any] | None = None, /, **more: Any) -> Grid:
            [2., 4.],
            [1., 2.]])
     """
-    axes, fixed = _sorted(by_name("values", values, "a mapping of paths to sequences of numbers", "load.J") | more, "values")
+    given = by_name("values", values, "a mapping of paths to sequences of numbers", "load.J")
+    if twice := given.keys() & more.keys():
+        raise ArgumentError(f"{min(twice)} is given in values, and by its name; leave one of the two out")
+    axes, fixed = _sorted(given | more, "values")
     if empty := [name for name, column in axes.items() if not len(column)]:
         raise ArgumentError(f"values: there is no run, those of {empty[0]} are empty")
     return Grid(axes, fixed)

@@ -69,6 +69,8 @@ def test_what_is_refused(given: Any, names: Any, message: str) -> None:
         as_samples(given, names)
     with pytest.raises(ArgumentError, match="values: there is no run, those of b are empty"):
         gl.grid(a=[1.0], b=[])
+    with pytest.raises(ArgumentError, match="a is given in values, and by its name; leave one of the two out"):
+        gl.grid({"a": [1.0], "c": 2.0}, a=[3.0])
 
 
 # ---------------------------------------------------------------- runs
