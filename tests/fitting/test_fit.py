@@ -68,6 +68,7 @@ def test_a_shaft_from_two_experiments() -> None:
     assert found.evaluations <= 15
     assert found.values == {n: found[n] for n in TRUE}
     assert np.sqrt(np.mean(found.residuals**2)) == pytest.approx(1.0, abs=0.1)
+    assert [s.noise for s in found.series] == [0.05] * 4
     np.testing.assert_allclose(np.diag(found.correlation), 1.0)
     assert [s.name for s in found.series] == ["load.w", "motor.w"] * 2
     assert max(map(len, str(found).splitlines())) <= 100
@@ -432,14 +433,14 @@ def test_series_have_the_units_and_places_of_what_was_measured() -> None:
 def test_differences_of_runs_are_the_tangents() -> None:
     """Where histories are not asked for with exact derivatives: of a parameter and of start values, also one that is zero."""
     data = measured(0, noise=0.0)
-    at = {"shaft.c": 430.0, "start(motor.w)": 0.0, "start(load.w)": -2.0}
+    at = {"shaft.c": 430.0, "start(motor.w)": 0.0, "start(load.w)": -2.0, "brake.d": 2e-3}
     exact, differences = (data.predicted(system(), at, wanted) for wanted in (True, False))
     assert exact.approximate == differences.approximate == ""
     for tangent, difference, values, own in zip(
         exact.slopes, differences.slopes, exact.values, differences.values, strict=True
     ):
         assert own == pytest.approx(values, rel=1e-6, abs=1e-8)
-        for k in range(3):
+        for k in range(4):
             np.testing.assert_allclose(difference[:, k], tangent[:, k], atol=2e-5 * np.abs(tangent[:, k]).max())
 
 

@@ -277,6 +277,36 @@ def test_each_run_may_have_a_table_of_its_own(drive: gl.System) -> None:
         assert np.abs(runs["load.w"][k] - single["load.w"]).max() < 1e-6 * np.abs(single["load.w"]).max()
 
 
+class ThreeForces(gl.Component):
+    """Three integrals, each of a signal of its own."""
+
+    u, v, w = (gl.Input("1/s") for _ in range(3))
+    x, y, z = (gl.Variable("1", start=0.0) for _ in range(3))
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(a), b) for a, b in ((self.x, self.u), (self.y, self.v), (self.z, self.w))]
+
+
+def test_tables_stand_beside_each_other_and_beside_numbers() -> None:
+    """The integral of a line between corners is exact; each table has corners of its own, in some runs none."""
+    t, rng = np.linspace(0.0, 1.0, 9), np.random.default_rng(2)
+    corners, numbers = np.sort(rng.uniform(0.0, 1.0, (10, 2))), rng.normal(size=10)
+    own = [gl.Table([0.0, *c, 1.0], rng.normal(size=4)) for c in corners]
+    shared = gl.Table([0.0, 0.3, 1.0], [1.0, -2.0, 4.0])
+    varied: dict[str, Any] = {"u": own, "v": numbers}
+    system = gl.compile(ThreeForces(), outputs=["x", "y", "z"])
+    runs = system.sweep(varied, 1.0, samples=9, method="rk5", lanes=8, inputs={"w": shared})
+
+    def integral(table: gl.Table) -> Any:
+        fine = np.union1d(np.linspace(0.0, 1.0, 9), table.t)
+        values = np.interp(fine, table.t, table.y)
+        return np.interp(t, fine, np.concatenate([[0.0], np.cumsum(0.5 * np.diff(fine) * (values[1:] + values[:-1]))]))
+
+    assert runs["x"] == pytest.approx(np.array([integral(table) for table in own]), abs=1e-6)
+    assert runs["y"] == pytest.approx(numbers[:, None] * t, abs=1e-12)
+    assert runs["z"] == pytest.approx(np.tile(integral(shared), (10, 1)), abs=1e-6)
+
+
 def test_auto_takes_lanes_where_one_run_shows_neither_events_nor_stiffness(pendulum: gl.System) -> None:
     g = np.linspace(5.0, 40.0, 9)
     runs = pendulum.sweep({"g": g}, 1.0, samples=5, outputs=["phi"])
