@@ -110,8 +110,8 @@ def _elastic(model: FlatModel, parameters: Floats, motion: Motion) -> tuple[Any,
                 if key in seen or not all(sizes):
                     continue  # the same spring in another equation
                 seen.add(key)
-                for k, sign in ((0, -1.0), (1, 1.0)):
-                    entries[k].extend((count, int(places[c][row]), sign * slopes[c][row] / sizes[k]) for c in parts[k])
+                for k in (0, 1):
+                    entries[k].extend((count, int(places[c][row]), slopes[c][row] / sizes[k]) for c in parts[k])
                 count += 1
     shape = (count, model.n_variables)
     made = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tomllib
 from fractions import Fraction
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,28 @@ def test_fmpy_reads_ssv(tmp_path: Path) -> None:
     gl.save_parameters(tmp_path / "p.ssv", {"load.J": 1.25, "shaft.c": 4000.0}, {"load.J": "kg.m2", "shaft.c": "N.m/rad"})
     found = read_ssv(str(tmp_path / "p.ssv"), validate=True)
     assert {p.name: float(p.value) for p in found.parameters} == {"load.J": 1.25, "shaft.c": 4000.0}
+
+
+def test_the_text_of_an_ssv_file_has_each_unit_once(tmp_path: Path) -> None:
+    values = {"load.J": 1.25, "a": -math.inf, "b": math.nan, "n": 3}
+    gl.save_parameters(tmp_path / "p.ssv", values, {"load.J": "kg.m2", "a": "rad", "b": "kg.m2"})
+    head, *lines = (tmp_path / "p.ssv").read_text(encoding="utf-8").splitlines()
+    assert head == (
+        '<ssv:ParameterSet xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon" '
+        f'xmlns:ssv="{NAMESPACE}" version="1.0" name="parameters">'
+    )
+    reals = {"load.J": '"1.25" unit="kg.m2"', "a": '"-INF" unit="rad"', "b": '"NaN" unit="kg.m2"', "n": '"3.0"'}
+    entries = [[f'<ssv:Parameter name="{n}">', f"<ssv:Real value={v} />", "</ssv:Parameter>"] for n, v in reals.items()]
+    units = [
+        [f'<ssc:Unit name="{u}">', f"<ssc:BaseUnit {e} />", "</ssc:Unit>"]
+        for u, e in {"kg.m2": 'kg="1" m="2"', "rad": 'rad="1"'}.items()
+    ]
+    assert [line.strip() for line in lines] == [
+        "<ssv:Parameters>", *chain(*entries), "</ssv:Parameters>", "<ssv:Units>", *chain(*units), "</ssv:Units>",
+        "</ssv:ParameterSet>",
+    ]  # fmt: skip
+    found = gl.load_parameters(tmp_path / "p.ssv")
+    assert list(found.values()) == pytest.approx(list(values.values()), nan_ok=True)
 
 
 def test_python_reads_toml_and_tables_are_read(tmp_path: Path) -> None:

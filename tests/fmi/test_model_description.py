@@ -82,6 +82,17 @@ def number(text: str | None) -> float | None:
     return None if text is None else float(text)
 
 
+def test_the_derivative_of_the_first_variable_has_its_unit() -> None:
+    class One(gl.Component):
+        x = gl.Variable("rad", "angle")
+
+        def equations(self) -> Any:
+            return [gl.Eq(gl.der(self.x), 1.0)]
+
+    found = {v.name: (v.unit, v.description) for v in described(One(), None)[0].variables.listed}
+    assert found["der(x)"] == ("rad/s", "derivative of angle")
+
+
 def test_variables_and_structure_in_fmi_3(both: Any) -> None:
     root = ElementTree.fromstring(description_3(both[0]))
     found = {e.get("name", ""): e for e in root.find("ModelVariables") or ()}

@@ -80,6 +80,15 @@ def test_where_the_sides_agree_nothing_is_told(law: str) -> None:
     assert sorted(np.linalg.eigvals(model.A).imag) == pytest.approx([-np.sqrt(100 - 0.05**2), np.sqrt(100 - 0.05**2)])
 
 
+@pytest.mark.parametrize("row", [0, 1, 2])
+def test_a_comparison_of_one_component_does_not_decide_for_another(row: int) -> None:
+    """The other couplings are cut out by comparisons of their own: what is a corner in them has no effect."""
+    system = gl.compile(Held(law=lambda c, x, b: gl.Piecewise((gl.Max(c * x, 0), x > -b), (0, True)), count=3))
+    limits = {f"coupling[{k}].limit": 1.0 if k == row else -1.0 for k in range(3)}
+    with pytest.warns(GearlibWarning, match=rf"equations of coupling\[{row}\] \([^=]* = 0\): the linear"):
+        gl.modes(system, parameters=limits)
+
+
 def test_each_component_is_named_with_what_it_compares() -> None:
     system = gl.compile(Held(law=lambda c, x, b: gl.Max(c * (x - b), 0) + c * x, count=2))
     with pytest.warns(

@@ -71,6 +71,13 @@ def test_what_a_spring_and_a_damper_in_series_store_is_known_to_a_bound(omega: f
     stored = c * abs(1 - c / (c + 1j * d * omega)) ** 2 / 4
     assert off > 0
     assert abs(potential - stored) <= 2 * max(off, abs(kinetic))
+    # f = c d s / (c + d s) x, its slope c**2 d / (c + d s)**2 and half its curvature, -(c d)**2 / (c + d s)**3
+    s = 1j * omega
+    force, slope, bend = c * d * s / (c + d * s), c**2 * d / (c + d * s) ** 2, -((c * d) ** 2) / (c + d * s) ** 3
+    mass = slope.imag / (2 * omega)
+    assert (kinetic, potential) == pytest.approx((mass * omega**2 / 4, (force.real + mass * omega**2) / 4))
+    inside = abs(bend - mass) * omega**2 / 4
+    assert off == pytest.approx(inside * min(force.imag / 4 / max(abs(kinetic) + abs(potential), inside), 1.0) ** 2)
     (still,), (strained,), (none,) = energies(family(L, [0, 1], [2], (0, 2, 1.0)), np.zeros(3), omega)
     assert (still, strained, none) == (0.0, 0.0, 0.0)
 

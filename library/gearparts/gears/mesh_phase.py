@@ -82,6 +82,14 @@ def checked_terms(mesh: Any, name: str) -> Rows:
     return check_rows(f"{type(mesh).__name__}.{name}", rows, 3) if rows else ()
 
 
+def period_spline(rows: Rows) -> Any:
+    """Cubic spline over the period that begins at the first row, as SciPy's `CubicSpline`."""
+    from scipy.interpolate import CubicSpline
+
+    phases = [*(row[0] for row in rows), rows[0][0] + 2 * pi]
+    return CubicSpline(phases, [row[1] for row in (*rows, rows[0])], bc_type="periodic")
+
+
 def periodic(rows: Rows, x: Any) -> tuple[Any, Any]:
     """Periodic interpolation of a table over the mesh phase, and its derivative with respect to the phase.
 
@@ -102,12 +110,9 @@ def periodic(rows: Rows, x: Any) -> tuple[Any, Any]:
     >>> [round(float(value.args[0].subs(x, at)), 9) for at in (0.0, 2.0, 4.0, 2 * pi)]
     [1.0, 3.0, 2.0, 1.0]
     """
-    from scipy.interpolate import CubicSpline
-
-    closed = [*(row[0] for row in rows), rows[0][0] + 2 * pi]
-    coefficients = CubicSpline(closed, [row[1] for row in (*rows, rows[0])], bc_type="periodic").c.T
-    values, slopes = [], []
-    for left, right, (a, b, c, d) in zip(closed, closed[1:], coefficients.tolist(), strict=False):
+    spline = period_spline(rows)
+    closed, values, slopes = spline.x.tolist(), [], []
+    for left, right, (a, b, c, d) in zip(closed, closed[1:], spline.c.T.tolist(), strict=False):
         t = x - left
         until = x < right if right < closed[-1] else True
         values.append((((a * t + b) * t + c) * t + d, until))

@@ -5,12 +5,23 @@ from __future__ import annotations
 from math import pi
 from typing import Any
 
+import numpy as np
+
 import gearlib as gl
 from gearlib.arguments import shown
 from gearlib.errors import BindingError
-from gearparts.gears.mesh_phase import MeshMotion, checked_period, checked_terms, contact_intervals, periodic, wrapped
+from gearparts.gears.mesh_phase import (
+    MeshMotion,
+    checked_period,
+    checked_terms,
+    contact_intervals,
+    period_spline,
+    periodic,
+    wrapped,
+)
 from gearparts.tables import Rows
 
+SAMPLES = 2001  # of a period, in which a negative stiffness is looked for
 EVEN: Rows = ((0.0, 1.0), (2.0, 1.0), (4.0, 1.0))
 
 
@@ -67,7 +78,10 @@ class FourierStiffness(StiffnessLaw):
         return -sum(order * amplitude * gl.sin(order * phase + shift) for order, amplitude, shift in self._terms(mesh))
 
     def _terms(self, mesh: Any) -> Rows:
-        return checked_terms(mesh, "stiffness_terms")
+        rows = checked_terms(mesh, "stiffness_terms")
+        phase = np.linspace(0.0, 2 * pi, SAMPLES)
+        _refuse_negative(mesh, "stiffness_terms", 1 + sum(a * np.cos(k * phase + p) for k, a, p in rows))
+        return rows
 
 
 class TabulatedStiffness(StiffnessLaw):
@@ -83,7 +97,18 @@ class TabulatedStiffness(StiffnessLaw):
         return wrapped(phase, self._table(mesh)[0][0] + pi)
 
     def _table(self, mesh: Any) -> Rows:
-        return checked_period(f"{type(mesh).__name__}.stiffness_table", mesh.stiffness_table)
+        rows = checked_period(f"{type(mesh).__name__}.stiffness_table", mesh.stiffness_table)
+        begin = rows[0][0]
+        _refuse_negative(mesh, "stiffness_table", period_spline(rows)(np.linspace(begin, begin + 2 * pi, SAMPLES)))
+        return rows
+
+
+def _refuse_negative(mesh: Any, name: str, values: Any) -> None:
+    """Refuse a law that falls below zero, where a mesh would drive its gears: one in N/m, for instance, instead of relative."""
+    if np.min(values) < -1e-9:
+        raise BindingError(
+            f"{type(mesh).__name__}.{name}: the stiffness falls to {np.min(values):.4g} times c; expected 0 or more, in values over c"
+        )
 
 
 class RectangularStiffness(StiffnessLaw):

@@ -62,6 +62,9 @@ def test_offset_start_and_shift() -> None:
     assert close(y, 0.5 + np.where(t < 0.33, 0.0, lines(Y[1], t + 0.1)), 1e-9)
     t, y = answer(B.CombiTimeTable, out="outputs[0].y", table=ROWS, start_time=0.77, extrapolation="periodic")
     assert close(y, np.where(t < 0.77, 0.0, np.interp((t - 0.77) % 0.9, T, Y[0])), 1e-9)
+    later = [[time + 0.2, *values] for time, *values in ROWS]
+    t, y = answer(B.CombiTimeTable, out="outputs[0].y", table=later, shift_time=0.1, extrapolation="periodic")
+    assert close(y, np.interp((t - 0.3) % 0.9, T, Y[0]), 1e-9)
 
 
 @pytest.mark.parametrize(

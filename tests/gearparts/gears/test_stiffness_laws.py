@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ from scipy.integrate import solve_ivp
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
+from gearlib.flatten.flatten import flatten
 from gearlib.language.expressions import real_symbol
 from gearparts.gears.mesh_phase import ContactInterval
 from gearparts.gears.stiffness_laws import FourierStiffness, SinusoidalStiffness, StiffnessLaw
@@ -65,6 +67,29 @@ def test_the_slope_of_a_law_of_the_library_is_that_of_its_value(terms: Any) -> N
     for law, mesh in ((SinusoidalStiffness(), sinusoidal), (FourierStiffness(), fourier)):
         by_difference = (law.value(mesh, phase + h) - law.value(mesh, phase - h)) / (2 * h)
         assert float(law.slope(mesh, phase)) == pytest.approx(float(by_difference), rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("law", "least"),
+    [
+        ({"stiffness_terms": ((1, 0.6, 0.0), (2, 0.39, 0.5))}, None),
+        ({"stiffness_terms": ((1, 1.0, 0.3),)}, None),
+        ({"stiffness_terms": ((1, 1.5, 0.3),)}, "-0.5"),
+        ({"stiffness_terms": ((3, 2e7, 0.0),)}, "-2e+07"),
+        ({"stiffness_table": ((0.0, 0.0), (2.0, 1.0), (4.0, 1.0))}, "-0."),  # the spline goes below its rows
+        ({"stiffness_table": ((1.0, 0.5), (2.0, 1.0), (4.0, 1.0))}, None),
+        ({"stiffness_table": ((0.0, 1.0), (2.0, -0.5), (4.0, 1.0))}, "-0."),
+    ],
+)
+def test_a_stiffness_below_zero_is_refused(law: dict[str, Any], least: str | None) -> None:
+    (name,) = law
+    mesh = gp.DetailedExternalMesh(r_a=0.1, r_b=0.2, c=1e8, d=0.0, stiffness="fourier" if "terms" in name else "table", **law)
+    if least is None:
+        flatten(mesh)
+    else:
+        said = rf"DetailedExternalMesh\.{name}: the stiffness falls to {re.escape(least)}.* times c; expected 0 or more"
+        with pytest.raises(BindingError, match=said):
+            flatten(mesh)
 
 
 @pytest.mark.parametrize("kind", ["constant", "sinusoidal", "fourier", "table"])
