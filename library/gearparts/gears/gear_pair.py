@@ -107,6 +107,12 @@ class GearPair:
                 f"GearPair: {self.z_1} and {self.z_2} teeth with profile shifts {self.x_1:g} and {self.x_2:g} do not reach each "
                 "other's base circles along the line of action; check the profile shifts, the addendum and internal="
             )
+        for name, form in zip(("z_1",) if self.internal else ("z_1", "z_2"), self._forms(), strict=False):
+            if form.half_angle(form.tip or 0.0) < 0:
+                raise BoundError(
+                    f"GearPair: the {form.z} teeth of {name} end in points at a radius of {form.tip_radius:.6g} m, before their tip "
+                    f"circle of {form.tip:.6g} m; check the profile shifts and the addendum"
+                )
 
     @property
     def sense(self) -> int:
@@ -257,18 +263,22 @@ class GearPair:
 
     def drawn_gears(self) -> GearSet:
         """The pair in the transverse section with its profile shifts, for ``gear_view(part, gears=...)``; a ring is the first gear."""
+        forms = self._forms()
+        if self.internal:
+            return pair_of(forms[1], forms[0], self.centre_distance, self.alpha_wt, names=("ring", "pinion"))
+        return pair_of(forms[0], forms[1], self.centre_distance, self.alpha_wt, names=("pinion", "wheel"))
+
+    def _forms(self) -> list[ToothForm]:
+        """Teeth of both gears in the transverse section."""
         m, teeth = self.m_n / math.cos(self.beta), (self.z_1, self.z_2)
         stretched = math.cos(self.beta)  # the rack's lengths are normal modules
-        forms = [
+        return [
             ToothForm(
                 int(z), m, self.alpha_t, x * stretched, ring, tip,
                 h_fP=self.h_fP * stretched, rho=min(0.38, 0.9 * self.h_fP) * stretched,
             )
             for z, x, ring, tip in zip(teeth, (self.x_1, self.x_2), (False, self.internal), self.tip_radii, strict=True)
         ]  # fmt: skip
-        if self.internal:
-            return pair_of(forms[1], forms[0], self.centre_distance, self.alpha_wt, names=("ring", "pinion"))
-        return pair_of(forms[0], forms[1], self.centre_distance, self.alpha_wt, names=("pinion", "wheel"))
 
     def mesh_values(self) -> dict[str, float]:
         """Values of the pair for `DetailedExternalMesh` (pinion on flange_a) or `DetailedInternalMesh` (ring on flange_a).

@@ -203,6 +203,15 @@ def test_cai_s_stiffness_of_helical_teeth_rises_and_falls_smoothly() -> None:
         ({"z_1": 40, "z_2": 30, "internal": True}, r"a ring of 30 teeth around a pinion of 40"),
         ({"z_1": 20, "z_2": 30, "beta": 2.0}, r"GearPair\.beta is 2\.0 rad"),
         ({"z_1": 20, "z_2": 30, "alpha_n": 20}, r"GearPair\.alpha_n is 20 rad; expected an angle between 0 and pi/2"),
+        (
+            {"z_1": 19, "z_2": 30, "x_1": 1.5},
+            r"the 19 teeth of z_1 end in points at a radius of 0\.03\d* m, before their tip circle of",
+        ),
+        (
+            {"z_1": 30, "z_2": 19, "x_2": 1.5},
+            r"the 19 teeth of z_2 end in points at a radius of 0\.03\d* m, before their tip circle of",
+        ),
+        ({"z_1": 19, "z_2": 60, "x_1": 1.5, "x_2": -1.2, "internal": True}, r"the 19 teeth of z_1 end in points"),
         ({"z_1": 20, "z_2": 30, "x_1": -3.0}, r"do not reach each other|no pressure angle fits"),
         ({"z_1": 20, "z_2": 30, "m_n": math.nan}, r"GearPair\.m_n is nan"),
         ({"z_1": "20", "z_2": 30}, r"GearPair\.z_1 is '20'; expected a positive number"),
