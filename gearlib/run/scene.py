@@ -127,6 +127,17 @@ class Scene:
             self._computing.update(dict.fromkeys(new, build(self.structure, new, self.states, dynamic=False)))
 
     @cached_property
+    def iterated(self) -> Program | None:
+        """Program of the variables that nonlinear equations determine, if it solves some of these by iteration."""
+        structure, model = self.structure, self.model
+        nonlinear = {g for g, group in enumerate(model.groups) if not group.template.linear}
+        nodes = [n for n in structure.solved_by if n[1] == 0 and model.places[structure.equation(n)[0]][0] in nonlinear]
+        if not set(needed_states(structure, nodes)) <= set(self.states):
+            nodes = [n for n in nodes if set(needed_states(structure, [n])) <= set(self.states)]
+        program = build(structure, nodes, self.states, dynamic=False) if nodes else None
+        return program if program is not None and program.iterated else None
+
+    @cached_property
     def n_discrete(self) -> int:
         return self.model.n_discrete
 

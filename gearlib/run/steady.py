@@ -33,6 +33,7 @@ from gearlib.program.invariance import symmetries
 from gearlib.program.newton import Correction, newton
 from gearlib.program.program import Newton
 from gearlib.program.relations import relations_of
+from gearlib.run.afterwards.branch import guess_beyond, iterated_unknowns
 from gearlib.run.methods.implicit import Implicit
 from gearlib.run.methods.method_table import integrate
 from gearlib.run.methods.run import Run
@@ -142,7 +143,7 @@ class Search:
         """The program linearised at x."""
         scene, now, column, inputs = self.scene, np.array([self.t]), x[:, None], self.inputs[:, None]
         discrete = self.discrete(x)
-        guess = guess_of(scene.program, self.begin.guess)
+        guess = guess_beyond(scene, self.numbers, self.begin, self.inputs, self.t, x)
         return At(self.numbers, now, evaluate(self.numbers, now, column, inputs, discrete, guess), discrete)
 
     def equations(self, x: Floats) -> tuple[Floats, Floats, Floats]:
@@ -231,6 +232,17 @@ def search_steady(scene: Scene, numbers: Prepared, start: Start, inputs: Floats,
     if not end.steady:
         raise StartError(f"no steady state was found: {_reason(search, end)}")
     return end.x
+
+
+def guess_at(scene: Scene, parameters: Floats, start: Start, inputs: Floats, t: float, x: Floats) -> Floats:
+    """Start of iterations at some states, of every variable: on the solution branch that leads there from the start values."""
+    program, guess = scene.iterated, start.guess.copy()
+    if program is not None:
+        found = guess_beyond(scene, prepare(program, scene.structure, parameters), start, inputs, t, x)
+        for slot, (v, k) in zip(*iterated_unknowns(program), strict=True):
+            if not k:
+                guess[v] = found[slot]
+    return guess
 
 
 def steady_changes(

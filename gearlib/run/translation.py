@@ -547,14 +547,15 @@ class Translation:
         inputs = values(signals, np.array([t]))[:, 0]
         begin = start_values(scene, parameters, inputs, t, overrides, discretes, seeds, own_seeds)
         if start == "steady":
-            from gearlib.run.steady import search_steady, steady_changes
+            from gearlib.run.steady import guess_at, search_steady, steady_changes
 
             numbers = scene.prepared(parameters)
             refuse_programs(self.component, "a steady state")
             refuse_instants(self.structure, scene.states, "a steady state")
             steady = search_steady(scene, numbers, begin, inputs, t)
             changes = None if seeds is None else steady_changes(scene, numbers, begin, inputs, t, steady, seeds)
-            return Start(steady, begin.guess, (), steady=True, changes=changes)
+            guess = guess_at(scene, parameters, begin, inputs, t, steady)
+            return Start(steady, guess, (), steady=True, changes=changes)
         if discretes is None:
             return begin
         numbers = scene.prepared(parameters)

@@ -306,6 +306,36 @@ def test_a_body_that_sticks_and_slips_has_an_unstable_steady_state() -> None:
     assert found.values == pytest.approx([1.0, -5.0 * np.exp(-1 / 3) * np.tanh(20.0)], rel=1e-9)
 
 
+class Linkage(gl.Component):
+    """An angle b that follows a by sin(b - a) = 0.3 sin(b), one of many solutions, and y that follows b."""
+
+    end = gl.Parameter("rad", default=6.0)
+    rate = gl.Parameter("1/s", default=1.0)
+    a, b, y = gl.Variable("rad", start=0.0), gl.Variable("rad"), gl.Variable("rad", start=0.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.a), self.rate * (self.end - self.a)),
+            gl.Eq(gl.sin(self.b - self.a), 0.3 * gl.sin(self.b)),
+            gl.Eq(gl.der(self.y), self.rate * (self.b - self.y)),
+        ]
+
+
+@pytest.mark.parametrize("end", [1.0, 3.0, 15.0, -7.0])
+@pytest.mark.parametrize("outputs", [["a", "b"], ["b", "y"]])
+def test_it_is_on_the_branch_that_the_motion_follows(end: float, outputs: list[str]) -> None:
+    """b - a = atan2(0.3 sin a, 1 - 0.3 cos a) within half a turn, since |b - a| stays below asin(0.3)."""
+    system, values = gl.compile(Linkage(), outputs=outputs), {"end": end}
+    b = end + np.arctan2(0.3 * np.sin(end), 1 - 0.3 * np.cos(end))
+    there = {"a": end, "b": b, "y": b}
+    assert gl.steady_state(system, parameters=values).values == pytest.approx([there[name] for name in outputs], rel=1e-9)
+    stays = system.simulate(1.0, samples=3, start="steady", parameters=values)
+    assert stays["b"] == pytest.approx(b, rel=1e-9)
+    slope = system.linearize([], ["b"], at="steady", parameters=values).C
+    if outputs == ["a", "b"]:
+        assert slope == pytest.approx(np.cos(b - end) / (np.cos(b - end) - 0.3 * np.cos(b)), rel=1e-6)
+
+
 class WoundUp(gl.Component):
     """A prescribed speed between the ends of two springs in series, whose middle has a load: by hand, the springs are wound up for ever."""
 

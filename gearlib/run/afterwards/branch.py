@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from gearlib.errors import SolverError
 from gearlib.program.interpret import Prepared, evaluate
 from gearlib.program.program import Program
+from gearlib.run.scene import Scene, guess_of
+from gearlib.run.start_values import Start
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
@@ -25,6 +27,7 @@ Path = Callable[[Floats], tuple[Floats, Floats, Floats]]  # times -> states, inp
 Settle = Callable[[Floats, Floats, Floats, Floats, Floats | None], Floats]
 
 POINTS, LONGEST = 2048, 32  # number of candidate step ends, and how many of them one step may pass
+BESIDE = 256  # candidate step ends on the way to a single point
 SLOPE = 1 / 64  # of the distance between two candidates: the interval over which a slope is taken
 AGREE, SMALL = 0.02, 0.001  # of a step's length and of the range so far: agreement required of values and slopes
 BETWEEN, NARROWEST = 16, 1e-10  # points inserted where a step fails; fraction of the run below which that is a jump
@@ -68,8 +71,9 @@ def iterated_unknowns(program: Program) -> tuple[NDArray[np.int64], tuple[Node, 
 
 
 def follow(
-    prepared: Prepared, path: Path, begin: float, end: float, events: Floats, guess: Floats, settle: Settle | None = None
-) -> Branch:
+    prepared: Prepared, path: Path, begin: float, end: float, events: Floats, guess: Floats, settle: Settle | None = None,
+    points: int = POINTS,
+) -> Branch:  # fmt: skip
     """Track the unknowns of a program's nonlinear blocks from the start of a run.
 
     Parameters
@@ -85,32 +89,56 @@ def follow(
         Start of the iterations at the beginning.
     settle : callable, optional
         Finds the discrete state that is not part of the path since it depends on the unknowns.
+    points : int
+        Number of candidate step ends, before some are inserted.
 
     Raises
     ------
     SolverError
         The equations have no solution at some time.
     """
-    return _Tracking(prepared, path, begin, end, events, guess, settle).whole()
+    return _Tracking(prepared, path, begin, end, events, guess, settle, points).whole()
+
+
+def guess_beyond(scene: Scene, prepared: Prepared, start: Start, inputs: Floats, t: float, x: Floats) -> Floats:
+    """Start of a program's iterations at some states, on the branch that leads there from the start of a run, shape (slots,).
+
+    The states go there on a straight line.
+    """
+    program = prepared.program
+    guess = guess_of(program, start.guess)
+    if not program.iterated or (x == start.states).all():
+        return guess
+    numbers = scene.numbers(prepared.parameters)
+
+    def path(parts: Floats) -> tuple[Floats, Floats, Floats]:
+        states = start.states[:, None] + (x - start.states)[:, None] * parts
+        given, now = np.repeat(inputs[:, None], len(parts), axis=1), np.full(len(parts), t)
+        return states, given, scene.discrete(numbers, now, states, given, start=start.guess)
+
+    branch = follow(prepared, path, 0.0, 1.0, np.empty(0), guess, points=BESIDE)
+    guess[iterated_unknowns(program)[0]] = branch.values[-1]
+    return guess
 
 
 class _Tracking:
     """Candidate points along a run, what is known there, and how far the unknowns have been tracked."""
 
     def __init__(
-        self, prepared: Prepared, path: Path, begin: float, end: float, events: Floats, guess: Floats, settle: Settle | None
-    ) -> None:
+        self, prepared: Prepared, path: Path, begin: float, end: float, events: Floats, guess: Floats, settle: Settle | None,
+        points: int,
+    ) -> None:  # fmt: skip
         self.prepared, self.path, self.start, self.settle = prepared, path, guess, settle
         self.unknowns, self.nodes = iterated_unknowns(prepared.program)
         self.span = end - begin
         inside = np.unique(events[(events > begin) & (events <= end)])[:MOST_EVENTS]
         before = inside - BEFORE * max(abs(begin), abs(end))
         self.events, self.jumps = inside, set(inside.tolist())
-        self.places = np.unique(np.concatenate([np.linspace(begin, end, POINTS + 1), before[before > begin], inside]))
+        self.places = np.unique(np.concatenate([np.linspace(begin, end, points + 1), before[before > begin], inside]))
         # Path at known times, with the index of the time in its batch
         self.known: dict[float, tuple[tuple[Floats, Floats, Floats], int]] = {}
         self.delta: dict[float, float] = {}
-        self._look(self.places, self.span / POINTS, end)
+        self._look(self.places, self.span / points, end)
 
     def _look(self, places: Floats, apart: float, end: float) -> None:
         """Evaluate the trajectory at some points, and beside them for slopes: after them, unless an event or the end comes first."""
