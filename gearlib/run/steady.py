@@ -52,6 +52,9 @@ MOST_STEPS = 400  # before the search gives up; growing by `LONGER`, the step ta
 ACROSS = 1e-3  # step times the largest rate met so far: a step this short may cross a jump
 MOST_JUMPS = 10  # of these, after which something sticks: the rates push the states back across the same jump
 RUNS = (0.1, 1.0, 10.0, 100.0, 1000.0)  # s
+LONGEST_RUN = (
+    2e4  # times the largest rate: where the steps have found a state that the motion may leave, it is followed no further
+)
 STIFF = 1e3  # step times the largest rate at which the fast transients have decayed
 # Relative change of the states in a step at which Newton's method is tried, and bound on the change that it may make.
 NEAR, LOCAL = 1e-4, 0.1
@@ -189,6 +192,10 @@ class Search:
         """Largest entry of the Jacobian of the equations (1/s): a bound on the fastest time constant."""
         return float(np.abs(self.stationary.T @ gradient @ self.stationary).max(initial=0.0))
 
+    def attracts(self, x: Floats) -> bool:
+        """Whether motions near a steady state do not leave it exponentially."""
+        return self.longest_stable(self.rates(x)[1]) == np.inf
+
     def longest_stable(self, gradient: Floats) -> float:
         """Largest stable step: a longer implicit one would follow a growing exponential to the wrong side."""
         stationary = self.stationary.T @ gradient @ self.stationary
@@ -223,8 +230,9 @@ def search_steady(scene: Scene, numbers: Prepared, start: Start, inputs: Floats,
         return start.states.copy()
     search = Search(scene, numbers, start, inputs, t, growing(scene, numbers))
     end = _found(search)
-    if not end.steady and scene.relations is not None:
-        ran = _run_to_rest(search, replace(end, x=start.states))
+    astray = end.steady and not scene.program.is_linear and not search.attracts(end.x)
+    if astray or (not end.steady and scene.relations is not None):
+        ran = _run_to_rest(search, replace(end, x=start.states, steady=False), near=astray)
         end = ran if ran.steady else end
     if not end.steady:
         rest = _at_rest(search, end.x)
@@ -367,11 +375,17 @@ def continued(search: Search, x: Floats, stable: bool) -> End:
     return end if end.steady else replace(end, x=x)
 
 
-def _run_to_rest(search: Search, end: End) -> End:
-    """Fallback where steps across events do not converge (friction that comes to rest): simulations of growing length."""
+def _run_to_rest(search: Search, end: End, near: bool = False) -> End:
+    """Fallback where steps do not follow the motion, as across events (friction that comes to rest): simulations of growing length.
+
+    ``near``: up to a state from which Newton's method leads no further.
+    """
     scene, left = search.scene, np.inf
     discrete: Floats | None = None
+    fastest = search.largest(search.rates(end.x)[1]) if near else 0.0
     for seconds in RUNS:
+        if fastest * seconds > LONGEST_RUN:
+            return end
         begin = replace(search.begin, states=end.x)
         span = np.array([search.t, search.t + seconds])
         signals = tuple(search.inputs[: len(scene.model.inputs)].tolist())
@@ -380,13 +394,13 @@ def _run_to_rest(search: Search, end: End) -> End:
             if outcome.status == "left":
                 return end
             discrete = outcome.discrete[-1]
-            x, held = _sticking(search, outcome.x[-1], discrete)
+            x, held = (outcome.x[-1], None) if scene.relations is None else _sticking(search, outcome.x[-1], discrete)
             end = _closed(replace(search, held=held), x)
             if held is not None and not end.steady:  # the directions that are left cannot absorb the rounding errors of the run
                 end = _closed(search, x)
-            if end.steady:
+            if end.steady and not (near and np.abs(end.x - x).max() > LOCAL * np.abs(x).max()):
                 return end
-            end, last = replace(end, x=outcome.x[-1]), left
+            end, last = replace(end, x=outcome.x[-1], steady=False), left
             left = float(np.abs(search.stationary.T @ search.rates(x)[0]).max())
         except SolverError:
             return end

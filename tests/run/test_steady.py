@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy
 
 import gearlib as gl
 import gearparts as gp
@@ -304,6 +305,31 @@ def test_a_body_that_sticks_and_slips_has_an_unstable_steady_state() -> None:
     with pytest.warns(gl.GearlibWarning, match="Belt: the steady state is unstable"):
         found = gl.steady_state(system, ["body.w", "spring.tau"])
     assert found.values == pytest.approx([1.0, -5.0 * np.exp(-1 / 3) * np.tanh(20.0)], rel=1e-9)
+
+
+class Coupled(gl.Component):
+    """Three drags and drives, of which the start lies near the border between two steady states."""
+
+    rate = gl.Parameter("1/s", default=1.0)
+    x, y, z = gl.Variable("1", start=0.55), gl.Variable("1", start=0.7), gl.Variable("1", start=3.36)
+
+    def equations(self) -> list[gl.Eq]:
+        x, y, z = self.x, self.y, self.z
+        terms = sympy.Matrix([x, y, z, -(x**3), gl.tanh(y), gl.tanh(z), 1.0])
+        matrix = sympy.Matrix(
+            [
+                [-2.02, 0.24, 0.25, -0.58, 0.72, -0.59, -0.72],
+                [0.18, -2.2, -0.33, -1.7, 0.07, -0.5, -1.58],
+                [0.26, -0.32, -1.97, -0.07, 0.48, 2.1, -0.94],
+            ]
+        )
+        return [gl.Eq(gl.der(v), self.rate * drive) for v, drive in zip((x, y, z), matrix * terms, strict=True)]
+
+
+def test_a_motion_that_the_steps_lose_is_followed() -> None:
+    system = gl.compile(Coupled())
+    run = system.simulate(100.0, rtol=1e-9)
+    assert gl.steady_state(system).values == pytest.approx([run[name][-1] for name in system.states], rel=1e-6)
 
 
 class Linkage(gl.Component):
