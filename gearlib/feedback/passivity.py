@@ -29,6 +29,7 @@ from gearlib.run.translation import Compiled, Translation
 
 Floats = NDArray[np.float64]
 ROUNDING = 1e-9  # relative to the largest coefficient, both scaled by the energy of each state
+CANCELS = 1e-13  # relative to the terms: what is left where forces and speeds exchange energy without loss
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +119,8 @@ def passivity(system: Compiled, *, at: Any = None, parameters: Mapping[str, floa
         read = [rows[name] for name in part.stored.names if name in rows]
         own = np.array(read).reshape(len(read), n)
         Q += 2 * own.T @ form @ own
-    W = -(Q @ A + A.T @ Q) / 2
+    W, terms = -(Q @ A + A.T @ Q) / 2, (np.abs(Q) @ np.abs(A) + np.abs(A.T) @ np.abs(Q)) / 2
+    W[np.abs(W) <= CANCELS * terms] = 0.0
     return Passivity(model.states, Q, W, _doubt(Q, W))
 
 

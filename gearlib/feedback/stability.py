@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gearlib.arguments import one_name, real
+from gearlib.arguments import one_name, real, shown
 from gearlib.drawing.page import preformatted, table
 from gearlib.drawing.printed import fitted
 from gearlib.errors import ArgumentError, GearlibWarning
@@ -278,7 +278,8 @@ def stability(
     """
     if not is_compiled(model):
         check_linear(model)
-    real("gain", gain)
+    if real("gain", gain) != 1 and loop is None:
+        raise ArgumentError(f"gain is {shown(gain)}, but no loop is closed; choose one, loop=(input, output)")
     name = getattr(model, "name", None) or type(model).__name__
     chosen = None if loop is None else as_loop(model, loop, gain=gain, at=at, parameters=parameters)
     linear: Any = model

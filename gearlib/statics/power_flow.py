@@ -118,11 +118,11 @@ class PowerFlow:
 
     @cached_property
     def outer(self) -> tuple[str, ...]:
-        """Components that exchange power through one shaft only: drives and loads."""
+        """Drives and loads: components that exchange power through one shaft only, or deliver it, such as a motor whose housing turns."""
         shafts: dict[str, int] = {}
         for branch in self._branches:
             shafts[branch.component] = shafts.get(branch.component, 0) + 1
-        return tuple(c for c, count in shafts.items() if count == 1)
+        return tuple(c for c, count in shafts.items() if count == 1 or self.absorbed[c] < -NOTHING * self.largest)
 
     @property
     def input_power(self) -> float:

@@ -101,7 +101,7 @@ class Campbell:
     @property
     def highest(self) -> float:
         """Upper limit of the diagram (Hz): the range of the excitations, and at least one natural frequency."""
-        excited = max((order * float(self.speeds[-1]) / (2 * np.pi) for order in self.orders.values()), default=np.inf)
+        excited = max((float(_excited(order, self.speeds).max()) for order in self.orders.values()), default=np.inf)
         lowest, highest = (f.reduce(self.frequencies, None, initial=x) for f, x in ((np.fmin, np.inf), (np.fmax, 0.0)))
         return float(1.1 * min(max(excited, lowest), highest)) or 1.0
 
@@ -122,7 +122,7 @@ class Campbell:
             )
         for k, (name, order) in enumerate(self.orders.items()):
             colour = COLOURS[k % len(COLOURS)]
-            axes.plot(rpm, order * self.speeds / (2 * np.pi), color=colour, lw=1.2, ls="--", label=f"{name} (order {order:g})")
+            axes.plot(rpm, _excited(order, self.speeds), color=colour, lw=1.2, ls="--", label=f"{name} (order {order:g})")
         if self.crossings:
             x, y = [c.speed * RPM for c in self.crossings], [c.frequency for c in self.crossings]
             axes.plot(x, y, "o", color=MARK, ms=5, label="crossings")
@@ -156,10 +156,10 @@ def campbell(
     ----------
     system : System
     speeds : array
-        Speeds of the reference shaft, rad/s, increasing.
+        Speeds of the reference shaft, rad/s, increasing; with 0, if there are speeds of both signs.
     orders : mapping of str to float, or sequence of float
         Events per revolution of the reference shaft: 1 for unbalance, the number of teeth for a mesh on that shaft, multiplied by the
-        speed ratio for a mesh on another shaft.
+        speed ratio for a mesh on another shaft. Signs do not matter, whether of ratios or of speeds.
     count : int, optional
         Number of oscillating modes, from the lowest.
     at, parameters
@@ -185,6 +185,10 @@ def campbell(
     """
     translation_of(system)
     grid = increasing("speeds", speeds, 2, ", rad/s")
+    if grid[0] < 0 < grid[-1] and 0.0 not in grid:
+        raise ArgumentError(
+            f"speeds go from {grid[0]:g} to {grid[-1]:g} rad/s without 0, where the excitation has a corner; add it"
+        )
     named = _named(orders)
 
     def at_speed(speed: float) -> Modes:
@@ -208,11 +212,16 @@ def campbell(
     crossings = [
         _crossing(at_speed if varies else None, runs[i], grid, frequencies, damping, places, i, k, name, order)
         for name, order in named.items()
-        for k, i in np.argwhere(np.nan_to_num(np.diff(np.sign(frequencies.T - order * grid / (2 * np.pi))))).tolist()
+        for k, i in np.argwhere(np.nan_to_num(np.diff(np.sign(frequencies.T - _excited(order, grid))))).tolist()
     ]
     found = {(c.order, c.mode, round(c.speed, 9)): c for c in crossings}
     said = tuple(dict.fromkeys(text for run in runs for text in run.conditions))
     return Campbell(grid, frequencies, damping, places, named, tuple(sorted(found.values(), key=lambda c: c.speed)), said)
+
+
+def _excited(order: float, speeds: ArrayLike) -> Floats:
+    """Frequency of an excitation, Hz; the sense of rotation does not matter."""
+    return np.asarray(np.abs(order * np.asarray(speeds)) / (2 * np.pi))
 
 
 def _at(speed: float, name: str, given: Any) -> Any:
@@ -261,7 +270,7 @@ def _crossing(
     places: NDArray[np.int64], i: int, k: int, name: str, order: float,
 ) -> Crossing:  # fmt: skip
     """Crossing between two speeds: exact for constant frequencies, otherwise iterated with the modes at each speed."""
-    gap = frequencies[i : i + 2, k] - order * grid[i : i + 2] / (2 * np.pi)
+    gap = frequencies[i : i + 2, k] - _excited(order, grid[i : i + 2])
     speed = float(grid[i] + (grid[i + 1] - grid[i]) * gap[0] / (gap[0] - gap[1]))
     f, ratio, mode = float(frequencies[i, k]), float(damping[i, k]), int(places[i, k])
     if at_speed is not None:
@@ -283,8 +292,8 @@ def _crossing(
             return float(found.frequencies[j]), float(found.damping[j]), j
 
         def distance(w: float) -> float:
-            return ends[w] if w in ends else followed(w)[0] - order * w / (2 * np.pi)
+            return ends[w] if w in ends else followed(w)[0] - float(_excited(order, w))
 
-        speed = float(brentq(distance, grid[i], grid[i + 1], xtol=1e-10 * grid[i + 1]))
+        speed = float(brentq(distance, grid[i], grid[i + 1], xtol=1e-10 * np.abs(grid[i : i + 2]).max()))
         f, ratio, mode = followed(speed)
     return Crossing(speed, name, mode, f, ratio)

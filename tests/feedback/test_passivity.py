@@ -173,3 +173,18 @@ def test_losses_of_either_sign_decide_however_small() -> None:
     system = declared(lambda m: m.w**2 + 2.5 * m.phi**2)
     for loss, holds in ((1e-6, True), (0.0, True), (-1e-6, False)):
         assert gl.passivity(system, parameters={"loss": loss}).holds == holds
+
+
+class Undamped(gl.Component):
+    def assemble(self) -> Any:
+        self.a, self.first, self.b = gp.Inertia(J=0.137), gp.IdealGear(ratio=3.7), gp.Inertia(J=2.9)
+        self.soft, self.second, self.c = gp.Spring(c=1.3e5), gp.IdealGear(ratio=-1 / 7.3), gp.Inertia(J=0.033)
+        self.stiff = gp.Spring(c=7.7e3)
+        line = [self.a, self.first, self.soft, self.b, self.second, self.stiff, self.c]
+        return [gl.connect(one.flange_b, other.flange_a) for one, other in zip(line, line[1:], strict=False)]
+
+
+def test_rounding_of_gear_ratios_gains_no_energy() -> None:
+    proof = gl.passivity(gl.compile(Undamped()))
+    assert proof.holds
+    assert not proof.W.any()

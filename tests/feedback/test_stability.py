@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import gearlib as gl
+from gearlib.errors import ArgumentError
 from gearlib.feedback.feedback_loop import as_loop
 from gearlib.feedback.margins import margins
 from gearlib.feedback.nyquist import nyquist_count
@@ -395,3 +396,9 @@ def test_wrong_arguments_are_named(paper: gl.System) -> None:
         gl.stability(control.tf([1], [1, 0.5], True), (0, 0))
     with pytest.raises(gl.GearlibError, match="choose a loop"):
         as_loop(control.ss([[-1.0]], [[1.0, 2.0]], [[1.0]], [[0.0, 0.0]]))
+
+
+def test_a_gain_without_a_loop_is_refused() -> None:
+    """The poles would be those of the open loop."""
+    with pytest.raises(ArgumentError, match=r"^gain is 50\.0, but no loop is closed; choose one, loop=\(input, output\)$"):
+        gl.stability(control.tf([1], [1, 2, 1, 0]), gain=50.0)

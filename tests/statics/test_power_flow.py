@@ -231,3 +231,24 @@ def test_a_torque_that_swings_around_zero_counts_as_its_mean() -> None:
     assert gl.power_flow(system)["shaft.flange_a"].power == 0.0
     with pytest.warns(InputWarning, match="counts as 0"):
         gl.power_flow(system, parameters={"mean": 1.0})
+
+
+class BetweenShafts(gl.Component):
+    """A motor whose rotor and housing both turn, beside a small motor."""
+
+    def assemble(self) -> Any:
+        self.motor, self.helper, self.ground = gp.Torque2(tau=10.0), gp.Torque(tau=0.1), gp.Fixed()
+        self.first, self.second = gp.Damper(d=1.0), gp.Damper(d=2.0)
+        return [
+            gl.connect(self.motor.flange_a, self.first.flange_a),
+            gl.connect(self.motor.flange_b, self.second.flange_a, self.helper.flange),
+            gl.connect(self.first.flange_b, self.second.flange_b, self.ground.flange),
+        ]
+
+
+def test_what_delivers_power_between_two_shafts_is_a_drive() -> None:
+    flow = gl.power_flow(gl.compile(BetweenShafts()))
+    expected = 10.0 * (10.0 + 10.1 / 2) + 0.1 * 10.1 / 2  # torque times relative speed, torque times speed
+    assert flow.input_power == pytest.approx(expected)
+    assert flow.output_power == pytest.approx(expected)
+    assert (flow.efficiency, flow.losses) == (pytest.approx(1.0), {})

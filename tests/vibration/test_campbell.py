@@ -211,3 +211,19 @@ def test_a_diagram_is_listed() -> None:
 def test_what_is_no_order_or_no_function_of_speed_is_refused(rotors: gl.System, orders: Any, more: Any, said: str) -> None:
     with pytest.raises(ArgumentError, match=said):
         gl.campbell(rotors, [0.0, 10.0], orders, **more)
+
+
+def test_the_sense_of_rotation_does_not_matter(rotors: gl.System) -> None:
+    """The speed ratio of an external gear is negative, and a reference shaft may turn backwards."""
+    forward = gl.campbell(rotors, [0.0, 10.0, 45.0], {"mesh": 1.0})
+    speeds = [c.speed for c in forward.crossings]
+    assert len(speeds) == 2
+    assert gl.campbell(rotors, [0.0, 10.0, 45.0], {"mesh": -1.0}).crossings == forward.crossings
+    for parameters in (None, lambda w: {}):
+        back = gl.campbell(rotors, [-45.0, 0.0], {"mesh": 1.0}, parameters=parameters)
+        assert [c.speed for c in back.crossings] == pytest.approx([-w for w in reversed(speeds)])
+        assert back.highest == pytest.approx(forward.highest)
+    both = gl.campbell(rotors, [-45.0, 0.0, 45.0], {"mesh": 1.0})
+    assert [c.speed for c in both.crossings] == pytest.approx([-speeds[1], -speeds[0], *speeds])
+    with pytest.raises(ArgumentError, match=r"^speeds go from -45 to 45 rad/s without 0"):
+        gl.campbell(rotors, [-45.0, 45.0], {"mesh": 1.0})
