@@ -107,7 +107,7 @@ class GearPair:
                 f"GearPair: {self.z_1} and {self.z_2} teeth with profile shifts {self.x_1:g} and {self.x_2:g} do not reach each "
                 "other's base circles along the line of action; check the profile shifts, the addendum and internal="
             )
-        for name, form in zip(("z_1",) if self.internal else ("z_1", "z_2"), self._forms(), strict=False):
+        for name, form in zip(("z_1",) if self.internal else ("z_1", "z_2"), self._teeth, strict=False):
             if form.half_angle(form.tip or 0.0) < 0:
                 raise BoundError(
                     f"GearPair: the {form.z} teeth of {name} end in points at a radius of {form.tip_radius:.6g} m, before their tip "
@@ -181,15 +181,20 @@ class GearPair:
     @property
     def approach(self) -> float:
         """Part of the contact ratio before the pitch point with the pinion driving (epsilon_2)."""
-        return self.sense * self._beyond_pitch_point(1)
+        return self._beyond_pitch_point(1)
 
     def _beyond_pitch_point(self, gear: int) -> float:
-        tip, base = self.tip_radii[gear], self.base_radii[gear]
-        return (math.sqrt(tip**2 - base**2) - base * math.tan(self.alpha_wt)) / self.base_pitch
+        """Over the base pitch: up to the gear's tip, or to where its mate's flank ends at the base circle or is cut away."""
+        tip, base, slope = self.tip_radii[gear], self.base_radii[gear], math.tan(self.alpha_wt)
+        beyond = (math.sqrt(tip**2 - base**2) - base * slope) * (self.sense if gear else 1)
+        mate = self._teeth[1 - gear]
+        if not mate.ring:
+            beyond = min(beyond, mate.base_radius * slope - mate.undercut)
+        return beyond / self.base_pitch
 
     @property
     def contact_ratio(self) -> float:
-        """Transverse contact ratio, epsilon_alpha."""
+        """Transverse contact ratio, epsilon_alpha; without what an undercut or the base circle takes from a flank."""
         return self.approach + self.recess
 
     @property
@@ -263,12 +268,13 @@ class GearPair:
 
     def drawn_gears(self) -> GearSet:
         """The pair in the transverse section with its profile shifts, for ``gear_view(part, gears=...)``; a ring is the first gear."""
-        forms = self._forms()
+        forms = self._teeth
         if self.internal:
             return pair_of(forms[1], forms[0], self.centre_distance, self.alpha_wt, names=("ring", "pinion"))
         return pair_of(forms[0], forms[1], self.centre_distance, self.alpha_wt, names=("pinion", "wheel"))
 
-    def _forms(self) -> list[ToothForm]:
+    @cached_property
+    def _teeth(self) -> list[ToothForm]:
         """Teeth of both gears in the transverse section."""
         m, teeth = self.m_n / math.cos(self.beta), (self.z_1, self.z_2)
         stretched = math.cos(self.beta)  # the rack's lengths are normal modules

@@ -108,19 +108,36 @@ class ToothForm:
             radii = _squared(self.tip_radius, self.root_radius, self.base_radius)
             return radii, np.array([self.half_angle(r) for r in radii])
         fillet_radii, fillet_angles = self._fillet(POINTS)
-        start, sin = float(fillet_radii[-1]), math.sin(self.alpha)
-        # from the tangent point of the line of action to where the rack's straight flank ends; before that point the corner cuts under
-        along = self.pitch_radius * sin - (self.h_fP - self.x - self.rho * (1 - sin)) * self.m / sin
-        if along < 0:
-            close = zip(*(ends.tolist() for ends in self._fillet(50 * POINTS)), strict=True)
-            start = next((r for r, half in close if r > self.base_radius and half >= self.half_angle(r)), start)
+        start = math.hypot(self.base_radius, self.undercut) if self.undercut else float(fillet_radii[-1])
         start = min(start, self.tip_radius)
         radii, below = _squared(start, self.tip_radius, self.base_radius), fillet_radii < start
         angles = [self.half_angle(r) for r in radii]
         return np.concatenate([fillet_radii[below], radii]), np.concatenate([fillet_angles[below], angles])
 
+    @cached_property
+    def undercut(self) -> float:
+        """How far from the tangent point of the line of action an undercut flank begins, m; 0 where nothing is cut under."""
+        sin = math.sin(self.alpha)
+        # from the tangent point to where the rack's straight flank ends; before that point the corner cuts under
+        along = self.pitch_radius * sin - (self.h_fP - self.x - self.rho * (1 - sin)) * self.m / sin
+        if self.ring or along >= 0:
+            return 0.0
+        first, last = math.pi / 2, self.alpha  # of the corner's normal, below the undercut and beyond it
+        for _ in range(60):
+            middle = (first + last) / 2
+            (radius,), (half,) = self._cut(np.array([middle]))
+            beyond = radius > self.base_radius and half >= self.half_angle(radius)
+            first, last = (first, middle) if beyond else (middle, last)
+        return math.sqrt(max(float(self._cut(np.array([last]))[0][0]) ** 2 - self.base_radius**2, 0.0))
+
     def _fillet(self, points: int) -> tuple[Floats, Floats]:
-        """Radii and half angles of what the rack's rounded corner cuts.
+        """Radii and half angles of what the rack's rounded corner cuts, from the root on."""
+        radii, angles = self._cut(np.linspace(math.pi / 2, self.alpha, points))
+        rising = np.concatenate([[True], np.diff(np.maximum.accumulate(radii)) > 0])
+        return radii[rising], angles[rising]
+
+    def _cut(self, beta: Floats) -> tuple[Floats, Floats]:
+        """Radii and half angles of points that the rack's rounded corner cuts.
 
         The common normal of corner and gear passes the pitch point P. Where it is inclined by ``beta`` to the pitch line, the corner's
         centre, which lies ``d`` below that line, is ``d / sin(beta)`` from P, and the cut point farther by the corner's radius. The
@@ -130,13 +147,10 @@ class ToothForm:
         d = (self.h_fP - self.x) * m - rho
         from_datum = self.h_fP * m - rho
         corner = min(math.pi * m / 4 + from_datum * math.tan(self.alpha) + rho / math.cos(self.alpha), math.pi * m / 2)
-        beta = np.linspace(math.pi / 2, self.alpha, points)
         reach = d / np.sin(beta) + rho
         x, y = -reach * np.cos(beta), r - reach * np.sin(beta)
         moved = -d / np.tan(beta) - corner
-        radii, angles = np.hypot(x, y), np.arctan2(x, y) - moved / r
-        rising = np.concatenate([[True], np.diff(np.maximum.accumulate(radii)) > 0])
-        return radii[rising], angles[rising]
+        return np.hypot(x, y), np.arctan2(x, y) - moved / r
 
     def outline(self) -> Floats:
         """The gear as a polygon, shape (n, 2), m, counter-clockwise, with the middle of a tooth (of a ring: of a space) on the x axis."""

@@ -35,11 +35,11 @@ def test_contact_ratio_of_two_racks_is_the_limit_of_many_teeth() -> None:
 
 
 def test_an_internal_pair_by_its_triangles() -> None:
-    # 20 and 60 teeth, module 4: base radii 40 cos 20, 120 cos 20; tips 44 and 116; centres 80 apart
-    pair, cos, sin = gp.GearPair(20, 60, m_n=4e-3, width=0.05, internal=True), math.cos(math.pi / 9), math.sin(math.pi / 9)
-    path = math.sqrt(44**2 - (40 * cos) ** 2) - math.sqrt(116**2 - (120 * cos) ** 2) + 80 * sin
+    # 24 and 60 teeth, module 4: base radii 48 cos 20, 120 cos 20; tips 52 and 116; centres 72 apart
+    pair, cos, sin = gp.GearPair(24, 60, m_n=4e-3, width=0.05, internal=True), math.cos(math.pi / 9), math.sin(math.pi / 9)
+    path = math.sqrt(52**2 - (48 * cos) ** 2) - math.sqrt(116**2 - (120 * cos) ** 2) + 72 * sin
     assert pair.contact_ratio == pytest.approx(path / (4 * math.pi * cos), rel=1e-13)
-    assert pair.centre_distance == pytest.approx(0.08, rel=1e-14)
+    assert pair.centre_distance == pytest.approx(0.072, rel=1e-14)
 
 
 def test_iso_6336_stiffness_worked_by_hand() -> None:
@@ -123,15 +123,41 @@ def test_a_pair_in_its_transverse_section() -> None:
         (a_1, a_2), (b_1, b_2) = pair.tip_radii, pair.base_radii
         assert b_1 / math.cos(pair.alpha_t) == pytest.approx(pair.z_1 * 1e-3 / math.cos(pair.beta), rel=1e-13)
         assert pair.centre_distance * math.cos(pair.alpha_wt) == pytest.approx(abs(b_2 + sense * b_1), rel=1e-13)
-        # along the line of action: the pinion's tip is as far from its tangent point as the path goes, likewise the wheel's
-        line = pair.centre_distance * math.sin(pair.alpha_wt)
-        path = math.sqrt(a_1**2 - b_1**2) + sense * (math.sqrt(a_2**2 - b_2**2) - line)
-        if pair.internal:
-            path = math.sqrt(a_1**2 - b_1**2) - math.sqrt(a_2**2 - b_2**2) + line
-        assert pair.contact_ratio * pair.base_pitch == pytest.approx(path, rel=1e-11)
-        after = math.sqrt(a_1**2 - b_1**2) - b_1 * math.tan(pair.alpha_wt)
+        # along the line of action: the path goes as far as the tips reach, and not beyond the tangent point of the mate
+        slope = math.tan(pair.alpha_wt)
+        after, before = (math.sqrt(a**2 - b**2) - b * slope for a, b in ((a_1, b_1), (a_2, b_2)))
+        after = after if pair.internal else min(after, b_2 * slope)
         assert pair.recess * pair.base_pitch == pytest.approx(after, rel=1e-11)
+        assert pair.approach * pair.base_pitch == pytest.approx(min(sense * before, b_1 * slope), rel=1e-11)
+        assert pair.contact_ratio == pair.approach + pair.recess
         assert pair.overlap_ratio * 2e-3 * math.pi == pytest.approx(0.03 * abs(math.sin(pair.beta)), abs=1e-18)
+
+
+@pytest.mark.parametrize(("z", "x"), [(7, 0.0), (8, 0.1), (10, 0.0), (12, 0.1), (14, 0.0), (25, 0.0)])
+def test_contact_ends_where_the_corner_of_the_rack_has_cut_the_flank_away(z: int, x: float) -> None:
+    """Points of the involute, each tried against all places of the rack's corner as the gear rolls along it."""
+    alpha, rho, h_fP = math.pi / 9, 0.38, 1.25
+    r, base = z / 2, z / 2 * math.cos(math.pi / 9)
+    turn = np.linspace(-8.0, 8.0, 4001) / z  # of the gear
+    straight = (
+        math.pi / 4 - (h_fP - rho) * math.tan(alpha) - rho / math.cos(alpha)
+    )  # the corner's centre, beside the middle of its tooth
+    y, x_corner = r + x - (h_fP - rho), r * turn - straight
+    centre = np.stack([x_corner * np.cos(turn) - y * np.sin(turn), x_corner * np.sin(turn) + y * np.cos(turn)])
+    kept = []
+    for way in np.linspace(0.0, r * math.sin(alpha), 201):
+        radius = math.hypot(base, way)
+        half = (math.pi / 2 + 2 * x * math.tan(alpha)) / z + math.tan(alpha) - alpha - way / base + math.atan(way / base)
+        from_space = math.pi / z - half  # the flank beside the middle of the space that the rack's tooth cuts
+        gaps = [
+            np.hypot(*(centre - radius * np.array([[side * math.sin(from_space)], [math.cos(from_space)]]))) for side in (-1, 1)
+        ]
+        kept.append(min(gap.min() for gap in gaps) > rho * (1 - 1e-5))
+    begin = r * math.sin(alpha) * (len(kept) - 1 - kept[::-1].index(False)) / 200 if not all(kept) else 0.0
+    pair = gp.GearPair(z, 400, 1.0, 1.0, x_1=x)
+    limited = base * math.tan(pair.alpha_wt) - begin
+    reach = math.sqrt(pair.tip_radii[1] ** 2 - pair.base_radii[1] ** 2) - pair.base_radii[1] * math.tan(pair.alpha_wt)
+    assert pair.approach * pair.base_pitch == pytest.approx(min(limited, reach), abs=r * math.sin(alpha) / 150)
 
 
 def test_loss_factor_is_the_mean_over_the_pairs_in_contact() -> None:
