@@ -52,9 +52,7 @@ MOST_STEPS = 400  # before the search gives up; growing by `LONGER`, the step ta
 ACROSS = 1e-3  # step times the largest rate met so far: a step this short may cross a jump
 MOST_JUMPS = 10  # of these, after which something sticks: the rates push the states back across the same jump
 RUNS = (0.1, 1.0, 10.0, 100.0, 1000.0)  # s
-LONGEST_RUN = (
-    2e4  # times the largest rate: where the steps have found a state that the motion may leave, it is followed no further
-)
+LONGEST_RUN = 2e4  # times the largest rate, from a state that the motion may leave
 STIFF = 1e3  # step times the largest rate at which the fast transients have decayed
 # Relative change of the states in a step at which Newton's method is tried, and bound on the change that it may make.
 NEAR, LOCAL = 1e-4, 0.1
@@ -62,6 +60,7 @@ SETTLED = 1e-9  # last correction of a state relative to its size
 LATER = 1e3  # growth of the fastest angle, in nominal values, after which the motion is checked again
 ROUNDING = 1e3  # unit roundoffs of the terms of an equation that count as zero
 UNSTABLE = 1e-9  # growth rate over the largest rate beyond which a motion is unstable
+LEFT = 1e-6  # the same, beyond which a motion leaves a steady state, and not by the rounding of a repeated eigenvalue
 LARGEST_EXAMINED = 400  # states
 NOTHING = 1e-15  # relative to the largest derivative of a rate: smaller ones are rounding
 NEVER = 1e-18  # 1/s: smaller derivatives of rates count as zero, also where all rates are as small (everything sticks)
@@ -194,7 +193,9 @@ class Search:
 
     def attracts(self, x: Floats) -> bool:
         """Whether motions near a steady state do not leave it exponentially."""
-        return self.longest_stable(self.rates(x)[1]) == np.inf
+        gradient = self.rates(x)[1]
+        longest = self.longest_stable(gradient)
+        return longest == np.inf or longest * self.largest(gradient) > 0.5 / LEFT
 
     def longest_stable(self, gradient: Floats) -> float:
         """Largest stable step: a longer implicit one would follow a growing exponential to the wrong side."""
