@@ -19,9 +19,7 @@ TYPES = ("Real", "Float64")
 
 
 class ImportedFmu:
-    """A co-simulation FMU as a stateful function of time and inputs: each call continues from the previous one.
-
-    A call at a time not later than the last one restarts the FMU, as a new run does.
+    """A co-simulation FMU as a stateful function of time and inputs: each call of a run continues from the previous one.
 
     Parameters
     ----------
@@ -40,8 +38,6 @@ class ImportedFmu:
         The file does not exist, or is not an FMU.
     ArgumentError, NameLookupError
         The FMU does not support co-simulation, lacks the variables, or declares other units for them.
-    MissingPackageError
-        FMPy is not installed.
     """
 
     def __init__(
@@ -70,7 +66,8 @@ class ImportedFmu:
         for name, unit in self.units.items():
             self._check_unit(name, unit)
         self._fmu: Any = None
-        self._t = 0.0
+        self._t: float | None = None  # of the last call
+        self._returned = [0.0] * len(self.outputs)
 
     def _check_unit(self, name: str, expected: str) -> None:
         """Refuse a variable that the FMU declares in another unit; one without a unit, or an unknown one, is taken as it is."""
@@ -99,17 +96,26 @@ class ImportedFmu:
                 )
         return [known[name].valueReference for name in names]
 
+    def begin_run(self, t: float, held: Sequence[float] | None) -> None:
+        """A new run restarts the FMU; one that goes on, with the outputs ``held``, must be the one that it is in."""
+        if held is None:
+            self._t, self._returned = None, [0.0] * len(self.outputs)
+        elif [*held] != self._returned or (self._t is not None and t < self._t):
+            raise ArgumentError(
+                f"a run goes on at {t:g} s, and {self.path.name} is in another run, or later, and cannot be set back"
+            )
+
     def __call__(self, t: float, values: Sequence[float]) -> list[float]:
         """Outputs at a time (s), with the inputs of the previous call held up to now; ``values`` are the inputs from now on."""
-        if self._fmu is None or t <= self._t:
+        if self._t is None:
             self._begin(t, values)
         else:
             done = self._fmu.doStep(currentCommunicationPoint=self._t, communicationStepSize=t - self._t)
             if not self._is_fmi2 and done[1]:
                 raise ArgumentError(f"{self.path.name} ended the simulation at {t:g} s")
             self._put(self._given, values)
-        self._t = t
-        return [float(v) for v in self._get(self._taken)]
+        self._t, self._returned = t, [float(v) for v in self._get(self._taken)]
+        return self._returned
 
     def _put(self, references: Sequence[int], values: Sequence[float]) -> None:
         if references:

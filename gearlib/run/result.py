@@ -742,11 +742,12 @@ class SimulatedResult(Result):
         from gearlib.solvers.inputs.table import Table
 
         # the exact method crosses switches in time and jumps of inputs without events
-        t0, t1 = float(self.time[0]), float(self.time[-1])
+        samples = np.union1d([request.t_start], self.time)
+        t0, t1 = float(samples[0]), float(samples[-1])
         switches = self.translation.energy_scene.time_switches(request.parameters, t0, t1)
         tables = [signal.over(t0, t1) for signal in request.signals if isinstance(signal, Table)]
         jumps = [*(t for t, _ in (*self.events, *switches)), *(t for table in tables for t in table.jumps.tolist())]
-        return energy_balance(self.translation, request, self.time, jumps, self._run)
+        return energy_balance(self.translation, request, samples, jumps, self._run)
 
     def energy_balance(self) -> EnergyBalance:
         return self._energy_balance

@@ -97,6 +97,35 @@ def test_a_second_run_begins_anew_and_copies_do_so_too(engines: dict[str, Path])
     assert np.array_equal(pickle.loads(pickle.dumps(system)).simulate(0.04, samples=3, inputs=given)["load.w"], first)
 
 
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_each_run_has_its_own_state_of_the_fmu_or_is_refused(version: str, engines: dict[str, Path]) -> None:
+    system = gl.compile(Coupled(path=str(engines[version]), period=4e-3), outputs=["load.w"])
+    given: Any = {"engine.signals[0].u": 0.8}
+    whole = system.simulate(0.08, samples=5, inputs=given)
+    later = system.simulate(1.08, t_start=1.0, samples=5, inputs=given)  # after the one before, without a state of it
+    assert later["load.w"] == pytest.approx(whole["load.w"], rel=1e-5, abs=1e-9)
+    half = system.simulate(0.04, samples=3, inputs=given)
+    rest = system.simulate(0.08, samples=3, start=half)
+    assert rest["load.w"] == pytest.approx(whole["load.w"][2:], rel=1e-5)
+    for start in (half, (whole, 0.04)):
+        with pytest.raises(gl.GearlibError, match=r"goes on at 0\.04 s, and engine.*cannot be set back"):
+            system.simulate(0.08, samples=3, start=start)
+    run = system.stepper(inputs=given)
+    run.advance(0.04)
+    here = run.state()
+    run.advance(0.08)
+    assert run["load.w"] == pytest.approx(whole["load.w"][-1], rel=1e-5)
+    run.restore(here)
+    with pytest.raises(gl.GearlibError, match="cannot be set back"):
+        run.advance(0.08)
+    one, other = (system.stepper(inputs=given) for _ in range(2))
+    one.advance(0.04)
+    with pytest.raises(gl.GearlibError, match="cannot be set back"):
+        other.advance(0.04)
+    one.advance(0.08)
+    assert one["load.w"] == pytest.approx(whole["load.w"][-1], rel=1e-5)
+
+
 @pytest.mark.parametrize(
     ("options", "text"),
     [

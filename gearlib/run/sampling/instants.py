@@ -95,6 +95,9 @@ def integrate_sampled(
     }  # fmt: skip
     begins, longest = sorted({t0, *acting, *_cuts(histories, acting, t0, t1)}), first.longest_step
     here = replace(first, signals=_at(first.signals, controllers, t0), max_step=longest if longest < math.inf else None)
+    for controller in controllers:
+        if known is None and isinstance(controller, Controller) and hasattr(controller.part.function, "begin_run"):
+            controller.part.function.begin_run(t0, [here.signals[k] for k in controller.gives] if begun else None)
     done: list[tuple[Run, Solution]] = []
     count = FEWEST
     for n, (t, end) in enumerate(zip(begins, [*begins[1:], t1], strict=True)):

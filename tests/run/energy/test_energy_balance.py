@@ -67,6 +67,19 @@ def test_work_of_a_source_by_hand() -> None:
     assert found.stored["b"][-1] == pytest.approx(0.25 * w**2, rel=1e-7)
 
 
+@pytest.mark.parametrize("times", [[2.0], [1.0, 2.0]])
+def test_it_counts_from_the_start_of_the_run_wherever_the_samples_begin(times: list[float]) -> None:
+    class Drive(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.load = gp.Torque(tau=3.0), gp.Inertia(J=1.0)
+            return [gl.connect(self.torque.flange, self.load.flange_a)]
+
+    found = gl.compile(Drive(), outputs=["load.w"]).simulate(2.0, times=times).energy_balance()
+    assert found.time.tolist() == [0.0, *times]
+    assert found.work["torque"] == pytest.approx(4.5 * found.time**2)
+    assert found.stored["load"] == pytest.approx(4.5 * found.time**2)
+
+
 def test_a_source_between_two_bodies_puts_its_work_into_both() -> None:
     """tau = 3 sin(2 t) on 0.5 and against 1.5: the speeds are 3 (1 - cos(2 t)) and a third of that, the other way."""
     parts = gp.Inertia(J=1.5), gp.Torque2(tau=3 * gl.sin(2 * gl.time)), gp.Inertia(J=0.5)
