@@ -61,26 +61,25 @@ def split_sum(members: SignedSum, new_variable: int) -> tuple[list[SignedSum], i
     return [*sums, members], new_variable
 
 
-def without_common_terms(
+def series_of_parallels(
     groups: Sequence[EquationGroup], aliases: Aliases
 ) -> tuple[list[tuple[int, int, int]], list[EquationGroup]]:
-    """Where two sums share all but one variable, replace the second sum by an equality: ``x + a + b = 0`` and ``y - a - b = 0``.
+    """Simplify parallel parts in series: where two sums share all but one flow, replace the second sum by an equality.
 
-    Otherwise each of the two sums could be matched to a or b, which may leave neither available: a spring in series with two parallel
-    dampers, and no inertia between. And two parallel springs have one twist: with two of them, of which only one can be a state, an
-    absolute angle would have to be another.
+    Of ``x + a + b = 0`` and ``y - a - b = 0`` the second becomes ``x = -y``. Otherwise each of the two sums could be matched to a or b,
+    which may leave neither available: a spring in series with two parallel dampers, and no inertia between.
     """
     known: dict[frozenset[tuple[int, int]], tuple[int, int]] = {}
     equal: list[tuple[int, int, int]] = []
     rest: list[EquationGroup] = []
     for group in groups:
-        weights = group.template.weights or ()
-        if len(weights) < 3 or any(abs(weight) != 1.0 for weight in weights):
+        n = group.variables.shape[1]
+        if not n or group.template is not sum_template(n):
             rest.append(group)
             continue
         kept = []
         variables = aliases.representative[group.variables].tolist()
-        signs = (np.array(weights, np.int64) * group.signs * aliases.sign[group.variables]).tolist()
+        signs = (group.signs * aliases.sign[group.variables]).tolist()
         for row in range(len(group)):
             terms = [(v, sign) for v, sign in zip(variables[row], signs[row], strict=True) if sign]
             if len(terms) < 3 or len({v for v, _ in terms}) < len(terms):

@@ -18,9 +18,9 @@ from gearlib.flatten.connections import (
     MOST_ADDENDS,
     SignedSum,
     connection_sets,
+    series_of_parallels,
     split_sum,
     sum_template,
-    without_common_terms,
     without_opposites,
 )
 from gearlib.flatten.instances import place_of, walk
@@ -126,9 +126,9 @@ def _without_aliases(
                     changed.append(group.take(rows, template))
                 else:
                     kept.append(group if len(rows) == len(group) else group.take(rows, template))
-        equal, rest = without_common_terms(kept, aliases) if not changed else ([], kept)
-        if equal:
-            equalities += equal
+        series, rest = series_of_parallels(kept, aliases) if not changed else ([], kept)
+        if series:
+            equalities += series
             raw = rest
             continue
         if not changed:

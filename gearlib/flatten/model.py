@@ -412,7 +412,7 @@ class FlatModel:
     def name(self, variable: int) -> str:
         """Path of a variable."""
         if variable >= self.auxiliary:
-            return f"flow_sum[{variable - self.auxiliary}]"
+            return f"{'flow_' * bool(self.flow[variable])}sum[{variable - self.auxiliary}]"
         instance = self.instances[bisect_right(self._firsts, variable) - 1]
         local = list(instance.declared.variables)[variable - instance.first_variable]
         return f"{instance.path}.{local}" if instance.path else local

@@ -18,6 +18,7 @@ from gearlib.flatten.model import EquationGroup, FlatModel, Floats, alphabetical
 from gearlib.reduce.coefficients import at_start, partials_at
 from gearlib.reduce.discontinuities import may_jump, with_corners
 from gearlib.reduce.redundancy import balanced, flows_beside, redundant_rows, without
+from gearlib.reduce.rings import with_sums_around_rings
 from gearlib.structure.dependence import Dependence
 from gearlib.structure.incidence import Entry, Node
 from gearlib.structure.pantelides import Differentiation, pantelides
@@ -35,7 +36,7 @@ class Structure(Dependence):
     Attributes
     ----------
     model : FlatModel
-        Without redundant equations.
+        Without redundant equations, and with sums around rings.
     differentiation : Differentiation
     redundant : tuple of str
         Origins of the equations that were removed.
@@ -43,6 +44,8 @@ class Structure(Dependence):
         Flows set to zero.
     complete : FlatModel
         Including the redundant equations.
+    declared : FlatModel
+        Without redundant equations, and with each component's own in place of sums of equations.
     inverses : dict
         Cache: the most recent inverses of the matrices of linear blocks.
     """
@@ -52,6 +55,7 @@ class Structure(Dependence):
     redundant: tuple[str, ...]
     closed: tuple[str, ...]
     complete: FlatModel
+    declared: FlatModel
     inverses: dict[Any, Any] = field(default_factory=dict)
 
     @cached_property
@@ -123,13 +127,17 @@ def analyse(model: FlatModel, parameters: Floats) -> Structure:
     if dropped:
         model = without(model, dropped)
     model, closed = balanced(model, parameters, known, beside, loops)
+    declared, model = model, with_sums_around_rings(model)
     given = frozenset(model.inputs.tolist())
     unknowns = (lambda e, k: [n for n in model.nodes(e, k) if n[0] not in given]) if given else model.nodes
     result = pantelides(len(model.places), unknowns)
     if corners := with_corners(model, result.counts, parameters):
         groups = [g.take(np.arange(len(g)), corners.get(g.template, g.template)) for g in complete.groups]
         return analyse(complete.with_groups(tuple(groups), complete.redundant), parameters)
-    lower, badness = constraints(result, _entries(model, result, parameters, known)), _badness(model, result)
+    lower, badness = (
+        constraints(result, _entries(model, result, parameters, at_start(model, parameters))),
+        _badness(model, result),
+    )
     eliminated, failed = select_columns(lower, badness, _varying(model, result), ranks=model.ranks)
     if failed:
         owners = sorted({model.owner(*model.places[e]) for e, _ in failed})
@@ -140,7 +148,7 @@ def analyse(model: FlatModel, parameters: Floats) -> Structure:
     structure = Structure(
         states=_states(result, eliminated), solved_by=matched(result, lower, eliminated), columns=model.nodes, given=given,
         at_events=decisive_nodes(model), at_reinits=reinit_nodes(model), model=model, differentiation=result, redundant=redundant,
-        closed=closed, complete=complete,
+        closed=closed, complete=complete, declared=declared,
     )  # fmt: skip
     structure = _without_jumps(structure, lower, badness, parameters)
     _refuse_differentiated_inputs(structure)

@@ -42,7 +42,7 @@ def redundant_rows(model: FlatModel, parameters: Floats, known: Floats) -> dict[
         candidates += (model.first_equations[g] + rows).tolist()
         coefficients += [dict(zip(*row, strict=True)) for row in zip(columns.tolist(), factors.tolist(), strict=True)]
         constants += (-rest_at(model, g, parameters, known)[rows]).tolist()
-    order, coefficients, standing = _by_name(model, candidates, coefficients)
+    order, coefficients, standing = rows_by_name(model, candidates, coefficients)
     candidates, constants = [candidates[r] for r in order], [constants[r] for r in order]
     redundant, contradictory = examine(coefficients, constants, frozenset())
     for found in contradictory:
@@ -69,7 +69,7 @@ def redundant_rows(model: FlatModel, parameters: Floats, known: Floats) -> dict[
     return {candidates[found.last]: tuple(candidates[r] for r in found.rows) for found in redundant}
 
 
-def _by_name(
+def rows_by_name(
     model: FlatModel, candidates: Sequence[int], coefficients: list[dict[int, float]]
 ) -> tuple[list[int], list[dict[int, float]], list[int]]:
     """Rows of loops sorted by name, over variables sorted by name; and the original row numbers.

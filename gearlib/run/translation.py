@@ -320,7 +320,11 @@ class Translation:
         if structure.redundant or structure.closed:
             raise LoopError("what is left of equations says nothing new")
         structure = replace(
-            structure, redundant=self.structure.redundant, closed=self.structure.closed, complete=self.structure.complete
+            structure,
+            redundant=self.structure.redundant,
+            closed=self.structure.closed,
+            complete=self.structure.complete,
+            declared=structure.declared if structure.model.n_relations else self.structure.declared,  # which number relations
         )
         decisive = self.decisive | {(p, float(parameters[p])) for each in sums for p in each.decisive}
         scene, before = self.variants.scene(structure), (*self.before, self.structure)

@@ -21,7 +21,7 @@ R. M. Foster, "A reactance theorem", Bell System Technical Journal 3 (1924) 259-
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -63,7 +63,7 @@ class Family:
 
 def families(structure: Structure, prepared: Prepared, slots: Floats, discrete: Floats, t: float) -> list[Family]:
     """Linearised equations of every component with mechanical connectors and no parts, grouped by pattern."""
-    model = structure.model
+    model = structure.declared
     rows = _rows(structure, prepared, slots, discrete, t)
     found: dict[Any, list[tuple[int, list[int], list[int], list[tuple[int, int, int, float]]]]] = defaultdict(list)
     kinds: dict[Any, tuple[tuple[int, int, float], ...]] = {}
@@ -102,9 +102,9 @@ def _rows(
     structure: Structure, prepared: Prepared, slots: Floats, discrete: Floats, t: float
 ) -> dict[int, list[tuple[int, int, int, float]]]:
     """Per instance, the entries (row, variable, order, value) of its linearised equations."""
-    model, program = structure.model, prepared.program
-    builder = Builder(structure, (), program.states)
-    builder.table = np.zeros((1 + max([3, *(k for _, k in program.slots)]), model.n_variables), np.int64)
+    model, program = structure.declared, prepared.program
+    builder = Builder(replace(structure, model=model), (), program.states)
+    builder.table = np.zeros((1 + max([3, *(k for _, k in program.slots)]), structure.model.n_variables), np.int64)
     for (v, k), slot in program.slots.items():
         builder.table[k, v] = slot
     count: dict[int, int] = defaultdict(int)

@@ -600,6 +600,9 @@ def _amplitude_nodes(structure: Structure, states: tuple[Node, ...]) -> dict[int
             if (v, k) in known:
                 result[v] = k
                 break
+        else:  # the speed of an angle that no equation needs follows from the derivative of its own equation
+            if structure.computes((v, 1)) and set(needed_states(structure, [(v, 1)])) <= set(states):
+                result[v] = 1
     return result
 
 

@@ -232,9 +232,9 @@ def test_a_delta_of_dampers_between_nodes_without_inertia() -> None:
     for d in (4.0, 1.0):
         result = system.simulate(2.0, samples=2, rtol=1e-9, parameters={"d": d}, method="ida")
         assert [result[f"bodies[{i}].w"][-1] for i in range(3)] == pytest.approx(delta_by_hand(d), rel=1e-6)
-    one, other = (system.translation.fitted({"d": d})[0] for d in (4.0, 1.0))
-    assert one is other is not system.translation  # what cancels does so whatever the damping
-    assert one.fitted({"d": 2.0})[0] is one
+    assert (
+        system.translation.fitted({"d": 1.0})[0] is system.translation
+    )  # the sum around the ring of dampers is the constraint
     rates = system.simulate(2.0, samples=2, rtol=1e-9, sensitivities=["d"])
     by_differences = (np.array(delta_by_hand(4.0 + 1e-3)) - np.array(delta_by_hand(4.0 - 1e-3))) / 2e-3
     assert rates.sensitivity("bodies[1].w", "d")[-1] == pytest.approx(by_differences[1], rel=1e-4)
