@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 MOST_SHOWN = 30  # outputs in a notebook
+FEWEST = 8  # samples that can show waves
 STEPS_OVER_A_WAVE = ("rk", "ida")  # methods that take several
 
 
@@ -758,9 +759,10 @@ class SimulatedResult(Result):
         steps = self.stats.get("steps") or math.inf
         if str(self.stats.get("method")).startswith(STEPS_OVER_A_WAVE) and steps < len(self.time):
             return
-        inside = (self.time >= (-math.inf if t_start is None else t_start)) & (
-            self.time <= (math.inf if t_end is None else t_end)
-        )
+        low, high = -math.inf if t_start is None else t_start, math.inf if t_end is None else t_end
+        inside = (self.time >= low) & (self.time <= high)
+        if inside.sum() < FEWEST:
+            raise ArgumentError(f"the interval holds {inside.sum()} samples; it takes {FEWEST} to see waves")
         warn_of_folding(
             name, self.unit(name), self.time[inside], self[name][inside], lambda t: self.sampled_at(t)[name], len(self.time)
         )

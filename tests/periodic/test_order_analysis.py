@@ -216,3 +216,10 @@ def test_spectra_of_waves_between_the_samples_warn(method: str) -> None:
 def test_spectra_of_edges_do_not_warn() -> None:
     run = gl.compile(Ripple(square=True, lag=1e-4)).simulate(4.0, samples=8001)
     assert gl.order_spectrum(run, "y", "phi").at(20) == pytest.approx(4 / np.pi, rel=0.01)
+
+
+def test_waves_are_not_seen_in_a_few_samples() -> None:
+    run = gl.compile(Ripple()).simulate(1.0, samples=101)
+    for interval in ({"t_start": 0.99}, {"t_end": 0.05}, {"t_start": 2.0}):
+        with pytest.raises(ArgumentError, match=r"the interval holds \d samples; it takes 8 to see waves"):
+            run.check_sampling("y", **interval)

@@ -155,11 +155,8 @@ def test_values_between_steps_are_a_cubics() -> None:
 @pytest.mark.parametrize(
     ("speed", "leap", "turns", "most"), [(0.2, 0.0, 0, 16), (0.2, 0.5, 0, 18), (2.0, 0.5, 1, 60), (-15.0, 0.5, 0, 250)]
 )
-def test_a_path_is_followed_in_few_steps_that_show_all_of_it(
-    speed: float, leap: float, turns: int, most: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_path_is_followed_in_few_steps_that_show_all_of_it(speed: float, leap: float, turns: int, most: int) -> None:
     """Of sin(b - a) = 0.3 sin(b) the solution next to a is a + atan2(0.3 sin a, 1 - 0.3 cos a); at an event a leaps."""
-    monkeypatch.setattr("gearlib.run.afterwards.branch.POINTS", 256)
     translation = NAMED["z",].translation
     scene, (node,) = translation.scene, iterated_unknowns(translation.scene.program)[1]
     begin, end, event = -1.0, 2.0, 1.0 / 3.0
@@ -177,7 +174,7 @@ def test_a_path_is_followed_in_few_steps_that_show_all_of_it(
         return a + np.arctan2(0.3 * np.sin(a), 1.0 - 0.3 * np.cos(a)) + 2.0 * np.pi * turns
 
     prepared = scene.numbers(translation.parameter_values({}))
-    found = follow(prepared, path, begin, end, events, np.full(scene.program.n_slots, exact(begin)))
+    found = follow(prepared, path, begin, end, events, np.full(scene.program.n_slots, exact(begin)), points=256)
     assert found.nodes == (node,)
     assert (found.times[0], found.times[-1]) == (begin, end)
     assert 0.0 < np.diff(found.times).min() <= np.diff(found.times).max() == pytest.approx(3.0 * 32 / 256) or most > 20
