@@ -42,12 +42,13 @@ class Margins:
     Attributes
     ----------
     phase_crossings : tuple of PhaseCrossing
-        Sorted by frequency, including 0 and infinity if L is real, negative and finite there.
+        Sorted by frequency, including 0 and infinity if L is real, negative and finite there. Of a `real` curve those alone at which
+        closed-loop poles leave the imaginary axis: besides these ends, the extrema of L.
     gain_crossings : tuple of GainCrossing
     modulus_margin : float
         Smallest distance of the curve from -1, at ``modulus_omega`` (rad/s).
     real : bool
-        Whether the whole curve lies on the real axis (a train without damping), so that crossings of that axis are meaningless.
+        Whether the whole curve lies on the real axis (a train without damping), so that it is on that axis everywhere.
     """
 
     phase_crossings: tuple[PhaseCrossing, ...]
@@ -116,7 +117,7 @@ def margins(loop: Loop) -> Margins:
     omega, curve = omega[keep], curve[keep]
     size = np.abs(curve)
     real = bool(np.median(np.abs(curve.imag) / np.maximum(size, 1e-300)) < 1e-11)
-    phase = [] if real else _phase_crossings(loop, omega, curve)
+    phase = _phase_crossings(loop, omega, curve, real)
     gain = [_gain_crossing(loop, w) for w in _unit_gain(loop, omega, size)]
     modulus, at = _nearest(loop, omega, curve)
     return Margins(tuple(phase), tuple(gain), modulus, at, real)
@@ -136,13 +137,22 @@ def _unit_gain(loop: Loop, omega: Floats, size: Floats) -> list[float]:
     return _roots(omega[clear], level[clear], lambda x: float(np.log(abs(loop.response(1j * x)))))
 
 
-def _phase_crossings(loop: Loop, omega: Floats, curve: Complexes) -> list[PhaseCrossing]:
-    """Crossings of the negative real axis, including those at 0 and infinity."""
+def _phase_crossings(loop: Loop, omega: Floats, curve: Complexes, real: bool) -> list[PhaseCrossing]:
+    """Crossings of the negative real axis, including those at 0 and infinity; the extrema of a curve that lies on it."""
     found = []
     if not loop.open_poles.at_zero:
         start = float(loop.response(0.0).real)
         if start < -10 * float(loop.rounding(0.0)):
             found.append(PhaseCrossing(0.0, -1 / start))
+    found += _extrema(loop, omega, curve.real) if real else _crossings_between(loop, omega, curve)
+    if loop.d < 0:
+        found.append(PhaseCrossing(float("inf"), -1 / loop.d))
+    return found
+
+
+def _crossings_between(loop: Loop, omega: Floats, curve: Complexes) -> list[PhaseCrossing]:
+    """Crossings of the negative real axis between 0 and infinity."""
+    found = []
     # The tangent of the phase is well scaled even where L changes by orders of magnitude.
     ratio = curve.imag / np.maximum(np.abs(curve), 1e-300)
     clear = np.abs(ratio) >= 1e-12  # elsewhere rounding decides the sign
@@ -155,8 +165,24 @@ def _phase_crossings(loop: Loop, omega: Floats, curve: Complexes) -> list[PhaseC
         value = loop.response(1j * w)
         if value.real < 0 and abs(value.imag) < 1e-6 * abs(value) and abs(value) > 10 * loop.rounding(1j * w):
             found.append(PhaseCrossing(w, float(-1 / value.real)))
-    if loop.d < 0:
-        found.append(PhaseCrossing(float("inf"), -1 / loop.d))
+    return found
+
+
+def _extrema(loop: Loop, omega: Floats, values: Floats) -> list[PhaseCrossing]:
+    """Negative extrema of a real curve, between its poles: there two closed-loop poles meet on the imaginary axis."""
+    from scipy.optimize import minimize_scalar
+
+    rise = np.diff(values)
+    rise[np.abs(rise) <= loop.rounding(1j * omega[1:])] = 0.0  # where the curve has come to rest, rounding decides the sign
+    found = []
+    for i in np.flatnonzero((rise[1:] * rise[:-1] < 0) & (values[1:-1] < 0)).tolist():
+        ends, sign = (float(omega[i]), float(omega[i + 2])), float(np.sign(rise[i + 1]))
+        if not ((loop.open_poles.on_axis > ends[0]) & (loop.open_poles.on_axis < ends[1])).any():
+            best = minimize_scalar(
+                lambda w, sign: sign * float(loop.response(1j * w).real), args=(sign,), bounds=ends, method="bounded",
+                options={"xatol": 1e-9 * ends[0]},
+            )  # fmt: skip
+            found.append(PhaseCrossing(float(best.x), -sign / float(best.fun)))
     return found
 
 

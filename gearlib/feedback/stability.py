@@ -70,9 +70,9 @@ class LoopReport:
 
     def _margins_in_words(self) -> list[str]:
         m = self.margins
-        if m.real:
-            return ["  margins          none: the curve lies on the real axis, since nothing is damped"]
         lines = [f"  gain             {gains_in_words(self.stable_gains)}"]
+        if m.real:
+            return [*lines, "  other margins    none: the curve lies on the real axis, since nothing is damped"]
         lines += [
             f"  gain margin      {c.gain_margin:.6g} ({c.gain_margin_db:+.3f} dB) at {_rad(c.omega)}" for c in m.phase_crossings
         ]

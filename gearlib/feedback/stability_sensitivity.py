@@ -107,7 +107,7 @@ def _margins(whole: Matrices, change: Matrices, loop: Loop, margins: Margins) ->
     nearest = min(margins.phase_crossings, key=lambda c: abs(np.log(c.gain_margin)), default=None)
     if nearest is not None:
         value, by_parameter, by_frequency = moved(nearest.omega)
-        shift = -by_parameter.imag / by_frequency.imag if by_frequency else 0.0
+        shift = -by_parameter.imag / by_frequency.imag if by_frequency and not margins.real else 0.0
         gain = (by_parameter + by_frequency * shift).real / value.real**2
     crossing = min(margins.gain_crossings, key=lambda c: abs(c.phase_margin), default=None)
     if crossing is not None:

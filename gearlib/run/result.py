@@ -756,16 +756,17 @@ class SimulatedResult(Result):
     def check_sampling(self, name: str, t_start: float | None = None, t_end: float | None = None) -> None:
         from gearlib.run.afterwards.folding import warn_of_folding
 
+        seconds = "a finite number of seconds"
+        low = -math.inf if t_start is None else real("t_start", t_start, seconds)
+        high = math.inf if t_end is None else real("t_end", t_end, seconds)
+        unit = self.unit(one_name("name", name, "load.w"))
         steps = self.stats.get("steps") or math.inf
         if str(self.stats.get("method")).startswith(STEPS_OVER_A_WAVE) and steps < len(self.time):
             return
-        low, high = -math.inf if t_start is None else t_start, math.inf if t_end is None else t_end
         inside = (self.time >= low) & (self.time <= high)
         if inside.sum() < FEWEST:
             raise ArgumentError(f"the interval holds {inside.sum()} samples; it takes {FEWEST} to see waves")
-        warn_of_folding(
-            name, self.unit(name), self.time[inside], self[name][inside], lambda t: self.sampled_at(t)[name], len(self.time)
-        )
+        warn_of_folding(name, unit, self.time[inside], self[name][inside], lambda t: self.sampled_at(t)[name], len(self.time))
 
     def check_energy(self) -> None:
         """Store the residual in ``stats``, and warn if it exceeds what the run's tolerance explains."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gearlib as gl
-from gearlib.arguments import name_list, real
+from gearlib.arguments import name_list, one_name, real
 from gearlib.errors import ArgumentError
 from gearlib.fmi.imported_fmu import ImportedFmu
 from gearparts.blocks.continuous import Gain
@@ -48,7 +48,8 @@ class FMU(gl.Component):
     ) -> None:  # fmt: skip
         super().__init__()
         further, others = name_list("inputs", inputs, "throttle"), name_list("outputs", outputs, "power")
-        self.unit = ImportedFmu(path, [speed, *further], [torque, *others], values, {speed: "rad/s", torque: "N.m"})
+        units = {one_name("speed", speed, "w"): "rad/s", one_name("torque", torque, "tau"): "N.m"}
+        self.unit = ImportedFmu(path, [speed, *further], [torque, *others], values, units)
         self.period = real("period", period, "a positive number of seconds")
         if not self.period > 0.0:
             raise ArgumentError(f"period is {self.period:g}; expected a positive number of seconds")

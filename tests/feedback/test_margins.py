@@ -8,6 +8,7 @@ import control
 import numpy as np
 import pytest
 
+import gearlib as gl
 from gearlib.feedback.feedback_loop import Loop, as_loop
 from gearlib.feedback.gain_range import gains_in_words, stable_gains
 from gearlib.feedback.margins import GainCrossing, Margins, PhaseCrossing, margins
@@ -239,3 +240,42 @@ def test_of_an_all_pass_the_phase_margin_is_that_of_the_point_nearest_to_minus_o
     expected = np.degrees(np.angle(-complex(loop.response(1j * crossing.omega))))
     assert crossing.phase_margin == pytest.approx(expected, abs=1e-9)
     assert abs(expected) < 90
+
+
+def stable_by_roots(a: float, b: float, v: float, w: float) -> list[float]:
+    """Positive gains g at which roots x = s^2 of (x + v)(x + w) + g (a (x + w) + b (x + v)) leave the negative axis, or come back."""
+    c = np.poly1d([a + b, a * w + b * v])  # numerator
+    sums, products = np.poly1d([c[1], v + w]), np.poly1d([c[0], v * w])  # in g: x^2 + sums x + products
+    borders = [g.real for g in (sums**2 - 4 * products).roots if abs(g.imag) < 1e-12]
+    borders += [g.real for g in products.roots] if products.order else []
+
+    def stays(g: float) -> bool:
+        x = np.roots([1.0, sums(g), products(g)])
+        return bool((np.abs(x.imag) < 1e-9).all() and (x.real < 0).all())
+
+    borders = sorted(g for g in borders if g > 0)
+    return [g for g in borders if stays(g * (1 - 1e-6)) != stays(g * (1 + 1e-6))]
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "v", "w"),
+    [
+        (-0.5, 0.0, 1.0, 4.0),
+        (2.0, -1.0, 1.0, 4.0),
+        (-1.0, 2.0, 1.0, 4.0),
+        (1.0, -3.0, 2.0, 9.0),
+        (-1.0, -2.0, 1.0, 30.0),
+        (1.0, 2.0, 1.0, 4.0),
+    ],
+)
+def test_gains_of_a_loop_without_damping(a: float, b: float, v: float, w: float) -> None:
+    """Two modes: the roots of the closed loop, in s^2, are those of a quadratic."""
+    loop = as_loop(control.tf([a + b, 0, a * w + b * v], [1, 0, v + w, 0, v * w]))
+    found = margins(loop)
+    assert found.real
+    expected = stable_by_roots(a, b, v, w)
+    report = gl.stability(control.tf([a + b, 0, a * w + b * v], [1, 0, v + w, 0, v * w]), loop=(0, 0)).loop
+    assert report is not None
+    borders = [g for ends in report.stable_gains for g in ends if 0 < g < np.inf]
+    assert borders == pytest.approx(expected, rel=1e-6)
+    assert found.gain_margin == (pytest.approx(min(expected, key=lambda g: abs(np.log(g))), rel=1e-6) if expected else np.inf)

@@ -52,6 +52,16 @@ class Oscillator(gl.Component):
         ]
 
 
+class Characteristic(gl.Component):
+    """A torque that follows from a speed."""
+
+    d = gl.Parameter("N.m.s/rad", default=2.0)
+    w, tau = gl.Input("rad/s"), gl.Variable("N.m")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.tau, -self.d * self.w)]
+
+
 class Set(gl.Component):
     """A planetary set that a torque drives against a damper."""
 
@@ -363,6 +373,7 @@ def methods() -> list[Call]:
         Call("Result.to_xarray", r.to_xarray, lambda: {"names": ["load.w"]}),
         Call("Result.unit", r.unit, lambda: {"name": "load.w"}),
         Call("Result.check_energy", r.check_energy),
+        Call("Result.check_sampling", r.check_sampling, lambda: {"name": "load.w"}),
         Call("Modes.amplitudes", modes.amplitudes, lambda: {"mode": 0}),
         Call("Modes.animate", animated, lambda: {"mode": 0, "frames": 2}),
         Call("Modes.draw", modes.draw, lambda: {"mode": 0}),
@@ -617,8 +628,8 @@ def components() -> list[Call]:
         kind = getattr(gp, name)
         if isinstance(kind, type) and issubclass(kind, gl.Component) and kind not in (gp.BondGraphPart, gp.FMU):
             calls.append(Call(name, _part(kind), taken=frozenset(kind._bindable) | {"start", "guess", "nominal", "state"}))
-    path = gl.compile(Drive(), outputs=["load.w"]).export_fmu(FOLDER / "part.fmu", kind="cs")
-    calls.append(Call("FMU", gp.FMU, lambda: {"path": path, "speed": "torque.tau", "torque": "load.w", "period": 1e-3}))
+    path = gl.compile(Characteristic(), outputs=["tau"]).export_fmu(FOLDER / "part.fmu", kind="cs")
+    calls.append(Call("FMU", gp.FMU, lambda: {"path": path, "speed": "w", "torque": "tau", "period": 1e-3}))
     return calls
 
 
