@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,20 +171,19 @@ def _crossings_between(loop: Loop, omega: Floats, curve: Complexes) -> list[Phas
 
 def _extrema(loop: Loop, omega: Floats, values: Floats) -> list[PhaseCrossing]:
     """Negative extrema of a real curve, between its poles: there two closed-loop poles meet on the imaginary axis."""
-    from scipy.optimize import minimize_scalar
-
     rise = np.diff(values)
     rise[np.abs(rise) <= loop.rounding(1j * omega[1:])] = 0.0  # where the curve has come to rest, rounding decides the sign
     found = []
     for i in np.flatnonzero((rise[1:] * rise[:-1] < 0) & (values[1:-1] < 0)).tolist():
         ends, sign = (float(omega[i]), float(omega[i + 2])), float(np.sign(rise[i + 1]))
         if not ((loop.open_poles.on_axis > ends[0]) & (loop.open_poles.on_axis < ends[1])).any():
-            best = minimize_scalar(
-                lambda w, sign: sign * float(loop.response(1j * w).real), args=(sign,), bounds=ends, method="bounded",
-                options={"xatol": 1e-9 * ends[0]},
-            )  # fmt: skip
-            found.append(PhaseCrossing(float(best.x), -sign / float(best.fun)))
+            least, at = _least(partial(_real_part, loop, sign), ends)
+            found.append(PhaseCrossing(at, -sign / least))
     return found
+
+
+def _real_part(loop: Loop, sign: float, omega: float) -> float:
+    return sign * float(loop.response(1j * omega).real)
 
 
 def _roots(omega: Floats, values: Floats, f: Callable[[float], float]) -> list[float]:
@@ -210,18 +210,20 @@ def _roots(omega: Floats, values: Floats, f: Callable[[float], float]) -> list[f
 
 def _nearest(loop: Loop, omega: Floats, curve: Complexes) -> tuple[float, float]:
     """Smallest distance from -1, and its frequency."""
-    from scipy.optimize import minimize_scalar
-
     distance = np.abs(1 + curve)
     ends = [(abs(1 + loop.d), float("inf"))]
     if not loop.open_poles.at_zero:
         ends.append((float(abs(1 + loop.response(0.0))), 0.0))
     i = int(np.argmin(distance))
     if 0 < i < len(omega) - 1:
-        best = minimize_scalar(
-            lambda x: float(abs(1 + loop.response(1j * x))), bounds=(omega[i - 1], omega[i + 1]), method="bounded",
-            options={"xatol": 1e-9 * omega[i]},
-        )  # fmt: skip
-        ends.append((float(best.fun), float(best.x)))
+        ends.append(_least(lambda x: float(abs(1 + loop.response(1j * x))), (float(omega[i - 1]), float(omega[i + 1]))))
     ends.append((float(distance[i]), float(omega[i])))
     return min(ends)
+
+
+def _least(f: Callable[[float], float], between: tuple[float, float]) -> tuple[float, float]:
+    """The smallest value of a function between two frequencies, and where it is."""
+    from scipy.optimize import minimize_scalar
+
+    best = minimize_scalar(f, bounds=between, method="bounded", options={"xatol": 1e-9 * between[0]})
+    return float(best.fun), float(best.x)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
@@ -59,6 +60,19 @@ def split_sum(members: SignedSum, new_variable: int) -> tuple[list[SignedSum], i
         members = (*members[head:], (new_variable, 1))
         new_variable += 1
     return [*sums, members], new_variable
+
+
+def sum_groups(owned: Iterable[tuple[SignedSum, int]]) -> list[EquationGroup]:
+    """Equations of sums, each with the component that owns it (-1: a connection), grouped by length."""
+    by_length: dict[int, list[tuple[SignedSum, int]]] = defaultdict(list)
+    for members, owner in owned:
+        by_length[len(members)].append((members, owner))
+    groups = []
+    for length, known in sorted(by_length.items()):
+        terms, owners = np.array([members for members, _ in known], np.int64), np.array([owner for _, owner in known], np.int64)
+        none = np.empty((len(known), 0), np.int64)
+        groups.append(EquationGroup(sum_template(length), terms[:, :, 0], terms[:, :, 1], none, owners, none))
+    return groups
 
 
 def series_of_parallels(

@@ -20,7 +20,7 @@ from gearlib.flatten.connections import (
     connection_sets,
     series_of_parallels,
     split_sum,
-    sum_template,
+    sum_groups,
     without_opposites,
 )
 from gearlib.flatten.instances import place_of, walk
@@ -75,10 +75,7 @@ def flatten(component: Component, substituted: Special = frozenset(), anew: bool
     whole, zeros, n_sets = _connections(tree)
     equalities += zeros
     sums, n_variables = _short_sums(whole, equalities, tree.n_variables)
-    for kind in sorted({len(s) for s in sums} - {0, 2}):
-        members = np.array([s for s in sums if len(s) == kind], np.int64)
-        none = np.empty((len(members), 0), np.int64)
-        raw.append(EquationGroup(sum_template(kind), members[:, :, 0], members[:, :, 1], none, np.full(len(members), -1), none))
+    raw += sum_groups((s, -1) for s in sums if len(s) not in (0, 2))
     equalities += _equal_flows(sums)
     equalities += [(0, 0, 1) for s in sums if not s]  # such as x = x
     classes = places_of_classes(tree)

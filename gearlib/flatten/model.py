@@ -423,6 +423,11 @@ class FlatModel:
         instance = self.instances[bisect_right(self._firsts, variable) - 1]
         return list(instance.declared.variables.values())[variable - instance.first_variable]
 
+    def unit(self, variable: int) -> str:
+        """Declared unit of a variable; empty if it has none."""
+        declared = self.declaration(variable)
+        return "" if declared is None else declared.unit
+
     @cached_property
     def exponents(self) -> Floats:
         """Exponents of the base units in the units of all variables, shape (variables, base units); NaN where the unit is not known."""

@@ -133,8 +133,7 @@ def frozen(linearized: LinearizedProgram, rows: Sequence[int], outputs: Sequence
 
 
 def _is_angle(model: FlatModel, node: Node) -> bool:
-    declared = model.declaration(node[0])
-    return declared is not None and declared.unit == "rad" and not node[1]
+    return model.unit(node[0]) == "rad" and not node[1]
 
 
 def described(structure: Structure, node: Node) -> str:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.linear.kinks import warn_of_corners
 from gearlib.linear.linear_model import full
+from gearlib.linear.one_sided_slopes import warn_of_corners
 from gearlib.linear.operating_point import Point, PointChange, slots_at
 from gearlib.program.derivative_plan import derivative_plan
 from gearlib.program.derivatives import MOST_DENSE, Added, At, derivatives

@@ -128,16 +128,14 @@ def analyse(model: FlatModel, parameters: Floats) -> Structure:
         model = without(model, dropped)
     model, closed = balanced(model, parameters, known, beside, loops)
     declared, model = model, with_sums_around_rings(model)
+    known = known if model is declared else at_start(model, parameters)
     given = frozenset(model.inputs.tolist())
     unknowns = (lambda e, k: [n for n in model.nodes(e, k) if n[0] not in given]) if given else model.nodes
     result = pantelides(len(model.places), unknowns)
     if corners := with_corners(model, result.counts, parameters):
         groups = [g.take(np.arange(len(g)), corners.get(g.template, g.template)) for g in complete.groups]
         return analyse(complete.with_groups(tuple(groups), complete.redundant), parameters)
-    lower, badness = (
-        constraints(result, _entries(model, result, parameters, at_start(model, parameters))),
-        _badness(model, result),
-    )
+    lower, badness = constraints(result, _entries(model, result, parameters, known)), _badness(model, result)
     eliminated, failed = select_columns(lower, badness, _varying(model, result), ranks=model.ranks)
     if failed:
         owners = sorted({model.owner(*model.places[e]) for e, _ in failed})

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.flatten.attributes import PREFERENCE
-from gearlib.flatten.connections import SignedSum, split_sum, sum_template
-from gearlib.flatten.model import EquationGroup, FlatModel
+from gearlib.flatten.connections import SignedSum, split_sum, sum_groups
+from gearlib.flatten.model import FlatModel
 from gearlib.reduce.redundancy import rows_by_name, without
 from gearlib.structure.rigid_loops import examine
 
@@ -73,17 +73,11 @@ def _added(rows: Sequence[Row], multipliers: Sequence[float]) -> SignedSum:
 def _replaced(model: FlatModel, sums: dict[int, SignedSum]) -> FlatModel:
     """The model with sums in place of equations; long ones are split over auxiliary variables."""
     n = model.n_variables
-    split: dict[int, list[tuple[SignedSum, int]]] = defaultdict(list)  # by their length
+    owned: list[tuple[SignedSum, int]] = []
     for e, total in sums.items():
         g, i = model.places[e]
         parts, n = split_sum(total, n)
-        for part in parts:
-            split[len(part)].append((part, int(model.groups[g].owners[i])))
-    groups = []
-    for length, known in sorted(split.items()):
-        members, owners = np.array([part for part, _ in known], np.int64), np.array([owner for _, owner in known], np.int64)
-        none = np.empty((len(known), 0), np.int64)
-        groups.append(EquationGroup(sum_template(length), members[:, :, 0], members[:, :, 1], none, owners, none))
+        owned += [(part, int(model.groups[g].owners[i])) for part in parts]
     added = n - model.n_variables
     model = replace(
         model,
@@ -94,4 +88,4 @@ def _replaced(model: FlatModel, sums: dict[int, SignedSum]) -> FlatModel:
         flow=np.append(model.flow, np.zeros(added, bool)),
         nominal=np.append(model.nominal, np.ones(added)),
     )
-    return model.with_groups((*without(model, sums).groups, *groups), model.redundant)
+    return model.with_groups((*without(model, sums).groups, *sum_groups(owned)), model.redundant)

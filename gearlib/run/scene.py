@@ -127,7 +127,7 @@ class Scene:
             self._computing.update(dict.fromkeys(new, build(self.structure, new, self.states, dynamic=False)))
 
     @cached_property
-    def iterated(self) -> Program | None:
+    def iterating(self) -> Program | None:
         """Program of the variables that nonlinear equations determine, if it solves some of these by iteration."""
         structure, model = self.structure, self.model
         nonlinear = {g for g, group in enumerate(model.groups) if not group.template.linear}

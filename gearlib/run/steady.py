@@ -33,7 +33,7 @@ from gearlib.program.invariance import symmetries
 from gearlib.program.newton import Correction, newton
 from gearlib.program.program import Newton
 from gearlib.program.relations import relations_of
-from gearlib.run.afterwards.branch import guess_beyond, iterated_unknowns
+from gearlib.run.afterwards.branch import slots_on_branch
 from gearlib.run.methods.implicit import Implicit
 from gearlib.run.methods.method_table import integrate
 from gearlib.run.methods.run import Run
@@ -145,7 +145,7 @@ class Search:
         """The program linearised at x."""
         scene, now, column, inputs = self.scene, np.array([self.t]), x[:, None], self.inputs[:, None]
         discrete = self.discrete(x)
-        guess = guess_beyond(scene, self.numbers, self.begin, self.inputs, self.t, x)
+        guess = slots_on_branch(scene, self.numbers, self.begin, self.inputs, self.t, x)
         return At(self.numbers, now, evaluate(self.numbers, now, column, inputs, discrete, guess), discrete)
 
     def equations(self, x: Floats) -> tuple[Floats, Floats, Floats]:
@@ -241,17 +241,6 @@ def search_steady(scene: Scene, numbers: Prepared, start: Start, inputs: Floats,
     if not end.steady:
         raise StartError(f"no steady state was found: {_reason(search, end)}")
     return end.x
-
-
-def guess_at(scene: Scene, parameters: Floats, start: Start, inputs: Floats, t: float, x: Floats) -> Floats:
-    """Start of iterations at some states, of every variable: on the solution branch that leads there from the start values."""
-    program, guess = scene.iterated, start.guess.copy()
-    if program is not None:
-        found = guess_beyond(scene, prepare(program, scene.structure, parameters), start, inputs, t, x)
-        for slot, (v, k) in zip(*iterated_unknowns(program), strict=True):
-            if not k:
-                guess[v] = found[slot]
-    return guess
 
 
 def steady_changes(
@@ -591,8 +580,7 @@ def _cyclic(search: Search, x: Floats) -> list[int]:
     scene, model = search.scene, search.scene.model
     found = []
     for i, (v, k) in enumerate(scene.states):
-        declared = model.declaration(v)
-        if k or declared is None or declared.unit != "rad" or not (search.grows[i] == 0).all():
+        if k or model.unit(v) != "rad" or not (search.grows[i] == 0).all():
             continue
         turn = np.zeros(len(x))
         turn[i] = 2 * np.pi

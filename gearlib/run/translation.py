@@ -335,8 +335,8 @@ class Translation:
         if name in self.model.discretes:
             return ""
         base, order = self.model.column(name)
-        declared = self.model.declaration(self.model.variable(base))
-        return "" if declared is None else declared.unit + "/s" * order
+        unit = self.model.unit(self.model.variable(base))
+        return unit and unit + "/s" * order
 
     @cached_property
     def parameter_units(self) -> dict[str, str]:
@@ -551,14 +551,15 @@ class Translation:
         inputs = values(signals, np.array([t]))[:, 0]
         begin = start_values(scene, parameters, inputs, t, overrides, discretes, seeds, own_seeds)
         if start == "steady":
-            from gearlib.run.steady import guess_at, search_steady, steady_changes
+            from gearlib.run.afterwards.branch import variables_on_branch
+            from gearlib.run.steady import search_steady, steady_changes
 
             numbers = scene.prepared(parameters)
             refuse_programs(self.component, "a steady state")
             refuse_instants(self.structure, scene.states, "a steady state")
             steady = search_steady(scene, numbers, begin, inputs, t)
             changes = None if seeds is None else steady_changes(scene, numbers, begin, inputs, t, steady, seeds)
-            guess = guess_at(scene, parameters, begin, inputs, t, steady)
+            guess = variables_on_branch(scene, parameters, begin, inputs, t, steady)
             return Start(steady, guess, (), steady=True, changes=changes)
         if discretes is None:
             return begin

@@ -125,5 +125,5 @@ def _kind(model: FlatModel, variable: int, order: int) -> str:
     """Unit of a deflection or a force; empty for anything else."""
     if order:
         return ""
-    units = {d.unit for v in np.flatnonzero(model.representative == variable) if (d := model.declaration(int(v))) is not None}
+    units = {model.unit(int(v)) for v in np.flatnonzero(model.representative == variable)}
     return next((u for u in ("N", "N.m", "m", "rad") if u in units), "")

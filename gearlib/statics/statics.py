@@ -172,8 +172,7 @@ def _steady_state(translation: Translation, numbers: Floats, inputs: Sequence[fl
     begin = translation.start(scene, numbers, 0.0, "steady", list(inputs))
     speeds, deflections = [], []
     for (v, k), value in zip(scene.states, begin.states.tolist(), strict=True):
-        declared = model.declaration(v)
-        if (k == 0 and declared is not None and declared.unit in ("rad/s", "m/s")) or (k == 1 and model.potential[v]):
+        if (k == 0 and model.unit(v) in ("rad/s", "m/s")) or (k == 1 and model.potential[v]):
             speeds.append(Given("speed", v, k, value))
         elif k == 0 and not model.potential[v]:
             deflections.append(Given("deflection", v, k, value))
@@ -307,8 +306,7 @@ def _speed(model: FlatModel, name: str) -> tuple[int, int, int]:
         variable = paths.get(base)
     if variable is None:
         variable = model.variable(base, "speed or flange")
-    declared = model.declaration(variable)
-    if order == 0 and (model.potential[model.representative[variable]] or (declared is not None and declared.unit == "rad")):
+    if order == 0 and (model.potential[model.representative[variable]] or model.unit(variable) == "rad"):
         order = 1
     if order > 1:
         raise ArgumentError(f"{name} is no speed")
@@ -349,9 +347,10 @@ def _warn_of_time(translation: Translation, numbers: Floats, given: Sequence[Giv
             for v, declared in enumerate(instance.declared.variables.values(), instance.first_variable)
             if isinstance(declared, Input) and int(model.representative[v]) in moving
         ]
-        names = list({v: name for v, name in sorted(inputs, key=lambda each: alphabetical(each[1]), reverse=True)}.values())[
-            ::-1
-        ]
+        first: dict[int, str] = {}
+        for v, name in sorted(inputs, key=lambda each: alphabetical(each[1])):
+            first.setdefault(v, name)
+        names = list(first.values())
         many = "they are functions of time, and count" if len(names) > 1 else "it is a function of time, and counts"
         warn(
             f"{translation.name}: no value was given for {some(names, ', ')}: {many} as 0 in the power flow. Pass "
@@ -409,7 +408,7 @@ def _flanges(model: FlatModel, motion: Motion) -> list[FlangePower]:
         speed = float(motion.rates[p]) * int(model.sign[potential]) + 0.0  # no -0
         torque = float(motion.constants[f]) * int(model.sign[flow]) + 0.0
         shaft = p if model.sign[potential] else -1
-        sliding = (declared := model.declaration(potential)) is not None and declared.unit == "m"
+        sliding = model.unit(potential) == "m"
         rows.append(FlangePower(path, flange, speed, torque, speed * torque + 0.0, shaft, path not in composite, sliding))
     return rows
 

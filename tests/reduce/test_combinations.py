@@ -337,13 +337,16 @@ def test_rows_are_dependent_up_to_rounding(difference: float, count: int) -> Non
 
 def test_rows_that_no_sum_needs_have_no_weight() -> None:
     rows = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [2.0, 0.0, 0.0], [0.0, -4.0, 0.0]])
-    assert [w.tolist() for w in dependent_rows(rows)] == [[0.0, 1.0, 0.0, -0.5, 0.0], [0.0, 0.0, 1.0, 0.0, 0.25]]
+    assert dependent_rows(rows) == [
+        pytest.approx([0.0, 1.0, 0.0, -0.5, 0.0], rel=1e-14, abs=0),
+        pytest.approx([0.0, 0.0, 1.0, 0.0, 0.25], rel=1e-14, abs=0),
+    ]
 
 
 def test_a_row_without_coefficients_and_a_column_without() -> None:
     assert dependent_rows(np.array([[1.0, 1.0], [0.0, 0.0]])) == [], "nothing is left of such an equation"
-    assert [w.tolist() for w in dependent_rows(np.array([[1.0, 0.0], [2.0, 0.0]]))] == [[1.0, -0.5]]
-    assert [w.tolist() for w in dependent_rows(np.array([[3.0, 0.0], [1.0, 0.0]]))] == [[1.0, -3.0]]
+    assert dependent_rows(np.array([[1.0, 0.0], [2.0, 0.0]])) == [pytest.approx([1.0, -0.5], rel=1e-14)]
+    assert dependent_rows(np.array([[3.0, 0.0], [1.0, 0.0]])) == [pytest.approx([1.0, -3.0], rel=1e-14)]
 
 
 def test_what_cancels_is_found_again_for_a_share_that_was_zero() -> None:

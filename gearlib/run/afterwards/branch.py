@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
-from gearlib.program.interpret import Prepared, evaluate
+from gearlib.program.interpret import Prepared, evaluate, prepare
 from gearlib.program.program import Program
 from gearlib.run.scene import Scene, guess_of
 from gearlib.run.start_values import Start
@@ -100,7 +100,7 @@ def follow(
     return _Tracking(prepared, path, begin, end, events, guess, settle, points).whole()
 
 
-def guess_beyond(scene: Scene, prepared: Prepared, start: Start, inputs: Floats, t: float, x: Floats) -> Floats:
+def slots_on_branch(scene: Scene, prepared: Prepared, start: Start, inputs: Floats, t: float, x: Floats) -> Floats:
     """Start of a program's iterations at some states, on the branch that leads there from the start of a run, shape (slots,).
 
     The states go there on a straight line.
@@ -118,6 +118,17 @@ def guess_beyond(scene: Scene, prepared: Prepared, start: Start, inputs: Floats,
 
     branch = follow(prepared, path, 0.0, 1.0, np.empty(0), guess, points=BESIDE)
     guess[iterated_unknowns(program)[0]] = branch.values[-1]
+    return guess
+
+
+def variables_on_branch(scene: Scene, parameters: Floats, start: Start, inputs: Floats, t: float, x: Floats) -> Floats:
+    """Start of iterations at some states, on the branch that leads there from the start of a run, shape (variables,)."""
+    program, guess = scene.iterating, start.guess.copy()
+    if program is not None:
+        found = slots_on_branch(scene, prepare(program, scene.structure, parameters), start, inputs, t, x)
+        for slot, (v, k) in zip(*iterated_unknowns(program), strict=True):
+            if not k:
+                guess[v] = found[slot]
     return guess
 
 

@@ -166,7 +166,9 @@ def check(scene: Scene, rel: float = 1e-5) -> list[Found]:
     assert runs.rejected.tolist() == [one.rejected for one in expected]
     for run, one in enumerate(expected):
         ways = np.reshape(one.went[:-1], (-1, 2))  # after the last step the lane has taken the next run
-        assert np.reshape(went[run], (-1, 2)) == pytest.approx(ways, rel=rel, nan_ok=True)
+        assert np.reshape(went[run], (-1, 2)) == pytest.approx(
+            ways, rel=rel, abs=1e-10, nan_ok=True
+        )  # at a pole, rounding decides
         samples = np.array(one.samples)[:, scene.columns]
         assert runs.out[run, : len(samples)] == pytest.approx(samples, rel=rel, abs=1e-9)
     return expected
