@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import finite, is_real, name_list, shown
 from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
-from gearlib.periodic.fourier_balance import HarmonicEquations, rigid_motions
-from gearlib.periodic.periods import Driven, fourier
+from gearlib.periodic.fourier_balance import HarmonicEquations, rigid_motions, terms
+from gearlib.periodic.periods import Driven, fourier, moments
 from gearlib.program.newton import Correction, newton
 from gearlib.run.request import Request
 from gearlib.run.scene import Scene, needed_states, node_name
@@ -23,6 +23,8 @@ from gearlib.run.translation import Translation
 Floats = NDArray[np.float64]
 SINGULAR = 1e-14  # relative to the largest singular value: a smaller one is rounding
 ROUNDING = 1e-12  # relative to the terms of a rate
+EXACT, REFINED = 1e-11, 1e-9  # last correction of Newton's method, in nominal values and relative to each vibration
+CANCELLED = 1e-9  # relative to the terms of its rate: a smaller vibration may be what rounding leaves of them
 SETTLE = 100  # periods of a run from which the initial solution is taken
 
 
@@ -252,15 +254,15 @@ def _refuse_undetermined(balance: HarmonicEquations, z: Floats, omega: float) ->
     )
 
 
-def _solved(balance: HarmonicEquations, z: Floats, omega: float) -> Floats | None:
-    """Newton's method at a fixed frequency; steps that do not help are halved."""
+def _solved(balance: HarmonicEquations, z: Floats, omega: float, exact: float = EXACT) -> Floats | None:
+    """Newton's method at a fixed frequency; steps that do not help are halved. ``exact``: last correction relative to the unknowns."""
 
     def equations(z: Floats) -> tuple[Floats, Correction]:
         rest, matrix, _ = balance.equations(z, omega)
         return rest, partial(np.linalg.solve, matrix)
 
     def settled(z: Floats, step: Floats, rest: Floats) -> bool:
-        small = np.abs(step).max() <= 1e-11 * np.abs(z).max() + 1e-300
+        small = np.abs(step).max() <= exact * np.abs(z).max() + 1e-300
         return bool(small or np.linalg.norm(rest) <= 1e-13 * max(float(np.linalg.norm(z)), 1e-300))
 
     found = newton(equations, z, settled, 60, (1.0, 0.5, 0.25, 0.1))
@@ -274,7 +276,15 @@ def _rescaled(balance: HarmonicEquations, z: Floats, driven: Driven, nominal: Fl
     largest = float((spread / nominal).max())
     if largest == 0.0:
         raise SolverError("the forcing moves nothing: no state vibrates at the first frequency")
-    scale = np.where(spread > 1e-9 * largest * nominal, spread, largest * nominal)
+    found = moments(driven, c, balance.samples)
+    _, slopes = driven.linear_rates(found.phase, driven.states(found.phase, c), found.discrete)
+    cancelling = terms(driven, found, slopes, spread + np.abs(c[0]))
+    others = terms(driven, found, slopes, spread)
+    scale = np.where(spread > CANCELLED * cancelling, spread, np.where(others > 0, others, largest * nominal))
     rigid = rigid_motions(driven, balance.rigid.means, scale, nominal)
     new = HarmonicEquations(balance.driven, balance.harmonics, balance.samples, scale, rigid, balance.varies)
-    return First(new, new.unknowns(c))
+    z = new.unknowns(c)
+    better = _solved(
+        new, z, driven.omega, REFINED
+    )  # which Newton's method in other scales may have found for large states only
+    return First(new, z if better is None else better)

@@ -42,10 +42,10 @@ def monodromy(driven: Driven, coefficients: Floats, found: Moments, cuts: Cuts |
     exponent = h / 2 * (first + second) - np.sqrt(3) / 12 * h**2 * (first @ second - second @ first)
     even = np.eye(n) + exponent @ exponent / 12
     steps = np.linalg.solve(even - exponent / 2, even + exponent / 2)
-    jumped = {} if cuts is None else {float(p): i for i, p in enumerate(cuts.phase)}
+    jumped = {} if cuts is None else {int(piece): i for i, piece in enumerate(cuts.piece)}
     whole, at = np.eye(n), 0
-    for (start, _, _), panels in zip(found.pieces, last, strict=True):
-        i = jumped.get(start)
+    for piece, panels in enumerate(last):
+        i = jumped.get(piece)
         if cuts is not None and i is not None:
             whole = whole + np.outer(cuts.jump[i], cuts.gradient[i] @ whole) / cuts.rate[i]
         whole = _product(steps[at : at + panels]) @ whole

@@ -14,7 +14,7 @@ from gearlib.periodic.periods import Cuts, Driven, Moments, fourier, jumps, mome
 
 Floats = NDArray[np.float64]
 RIGID = 1e-9  # relative singular value of an unrestrained motion
-SMALL = 1e-3  # relative to its scale: lower limit of a state's vibration amplitude
+BLURRED = 1e-8  # relative to the terms of its rate: lower limit of a state's vibration, below which rounding may be all of it
 KEPT = 1e-6  # of a unit direction: a conserved quantity with a smaller component does not determine it
 UNBALANCED = 1e-7  # relative to the rates: a mean that nothing can balance
 
@@ -182,8 +182,9 @@ class HarmonicEquations:
         wave = np.exp(1j * np.outer(2 * np.pi * np.arange(4 * many) / (4 * many), k))
         low = (wave[:, : self.harmonics] @ missing[: self.harmonics]).real - constant
         high = (wave[:, self.harmonics :] @ missing[self.harmonics :]).real
-        x = fourier(found.phase, self.harmonics) @ (c / self.scale)
-        size = np.maximum(np.ptp(x, axis=0) / 2, SMALL)
+        swing = np.ptp(fourier(found.phase, self.harmonics) @ c, axis=0) / 2
+        blurred = BLURRED * terms(driven, found, slopes, swing + np.abs(c[0]))
+        size = np.maximum(np.maximum(swing, blurred) / self.scale, 1e-300)
         return float((np.abs(low) / size).max()), float((np.abs(low + high) / size).max())
 
     def multipliers(self, z: Floats, omega: float) -> NDArray[np.complex128]:
@@ -193,6 +194,12 @@ class HarmonicEquations:
         cuts = jumps(driven, c, found, self._step(c))
         over_period = monodromy(driven, c, found, cuts, self.samples) * self.scale / self.scale[:, None]
         return vibration_multipliers(over_period, self.rigid.sums, self.rigid.idle, driven.growth / self.scale)
+
+
+def terms(driven: Driven, found: Moments, slopes: Floats, sizes: Floats) -> Floats:
+    """Size of the motion of each state that the terms of its rate make, before they cancel; ``sizes`` are those of all states."""
+    result: Floats = np.tensordot(found.weights, np.abs(slopes), 1) @ sizes / driven.omega + np.abs(driven.growth)
+    return result
 
 
 def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats) -> Rigid:

@@ -22,6 +22,8 @@ Integers = NDArray[np.int64]
 GAUSS = 8  # points per panel
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(GAUSS)
 JUMP = 1e-9  # relative to the largest rate: a smaller jump is rounding
+APART = 1e-9  # of a step: switches that are nearer to each other are simultaneous
+ROUGH = 0.5  # third difference relative to the first: an expression that jumps has 2, since another relation on which it depends switched
 
 
 def fourier(phase: Floats, harmonics: int) -> Floats:
@@ -128,46 +130,91 @@ def moments(driven: Driven, coefficients: Floats, samples: int) -> Moments:
     if not len(switches):
         none = np.empty((len(discrete), 0))
         return Moments(grid, np.full(samples, 1 / samples), discrete, np.empty(0), none, none, np.empty(0, np.int64))
-    values = driven.roots(grid, x, discrete)
-    found = [_crossing(values, np.flatnonzero(discrete[:, k] != following[:, k]), int(k)) for k in switches]
+    cuts, before, after, relation = _cuts(driven, coefficients, discrete, driven.roots(grid, x, discrete), switches)
     step = 2 * np.pi / samples
-    cuts = np.array([(k + share) * step for k, (share, _) in zip(switches, found, strict=True)])
     phases, weights, pieces = [], [], []
-    for i, k in enumerate(switches):
-        begin, end = cuts[i], cuts[i + 1] if i + 1 < len(cuts) else cuts[0] + 2 * np.pi
-        panels = max(1, int(np.ceil((end - begin) / (GAUSS * step))))
-        width = (end - begin) / panels
+    for begin, end, flags in zip(cuts, [*cuts[1:], cuts[0] + 2 * np.pi], after.T, strict=True):
+        panels = int(np.ceil((end - begin) / (GAUSS * step)))
+        width = (end - begin) / max(panels, 1)
         middle = begin + width * (np.arange(panels) + 0.5)
         phases.append((middle[:, None] + width / 2 * GAUSS_NODES).ravel())
         weights.append(np.tile(GAUSS_WEIGHTS * width / (4 * np.pi), panels))
-        pieces.append(np.repeat(following[:, [k]], panels * GAUSS, axis=1))
-    relation = np.array([r for _, r in found], np.int64)
-    return Moments(np.concatenate(phases), np.concatenate(weights), np.concatenate(pieces, axis=1), cuts, discrete[:, switches],
-                   following[:, switches], relation)  # fmt: skip
+        pieces.append(np.repeat(flags[:, None], panels * GAUSS, axis=1))
+    return Moments(
+        np.concatenate(phases), np.concatenate(weights), np.concatenate(pieces, axis=1), cuts, before, after, relation
+    )
 
 
-def _crossing(values: Floats, changed: Integers, k: int) -> tuple[float, int]:
-    """Position (fraction of the step) of the switch between samples k and k + 1, by a cubic through four samples; and its relation."""
+def _cuts(
+    driven: Driven, coefficients: Floats, discrete: Floats, values: Floats, switches: Integers
+) -> tuple[Floats, Floats, Floats, Integers]:
+    """Phases at which relations switch, in order; the flags before and after each, one column per cut; and the relation that switches.
+
+    Relations that switch between the same two samples have a cut each, if they are not a consequence of one another: the flags between
+    them tell. Those that switch at the same time follow each other in cuts of the same phase.
+    """
+    samples = discrete.shape[1]
+    following = np.roll(discrete, -1, axis=1)
+    found = [_crossings(values, np.flatnonzero(discrete[:, k] != following[:, k]), int(k)) for k in switches]
+    middles = [[(a.share + b.share) / 2 for a, b in zip(near, near[1:]) if b.share - a.share > APART] for near in found]
+    at = np.array([(k + share) * 2 * np.pi / samples for k, shares in zip(switches, middles, strict=True) for share in shares])
+    between = iter(driven.discrete(at, driven.states(at, coefficients)).T if len(at) else ())
+    cuts = list[tuple[float, Floats, Floats, int]]()
+    for k, near, shares in zip(switches, found, middles, strict=True):
+        edges, flags = [0.0, *shares, 1.0], [discrete[:, k], *(next(between) for _ in shares), following[:, k]]
+        for low, high, before, after in zip(edges, edges[1:], flags, flags[1:], strict=False):
+            changed = np.flatnonzero(before != after)
+            if not len(changed):
+                continue
+            share, relations = (low + high) / 2, [int(changed[0])]
+            own = [c for c in near if c.relation in changed]
+            if own:
+                smoothest = min(own, key=lambda c: c.roughness)
+                share = min(max(smoothest.share, low), high)
+                relations = [c.relation for c in own if c is smoothest or c.roughness < ROUGH]
+            for r in relations[:-1]:
+                partly = before.copy()
+                partly[r] = after[r]
+                cuts.append(((k + share) * 2 * np.pi / samples, before, partly, r))
+                before = partly
+            cuts.append(((k + share) * 2 * np.pi / samples, before, after, relations[-1]))
+    phases, befores, afters, relation = zip(*cuts, strict=True)
+    return np.array(phases), np.column_stack(befores), np.column_stack(afters), np.array(relation, np.int64)
+
+
+@dataclass(frozen=True)
+class _Crossing:
+    """Where a relation switches between two samples: the fraction of the step, and how far its expression is from smooth."""
+
+    share: float
+    relation: int
+    roughness: float
+
+
+def _crossings(values: Floats, changed: Integers, k: int) -> list[_Crossing]:
+    """Where the expressions of relations pass zero between samples k and k + 1, in order; nowhere, if none does."""
     around = values[np.ix_(changed, (k + np.arange(-1, 3)) % values.shape[1])]
-    crosses = np.flatnonzero(around[:, 1] * around[:, 2] <= 0)
     rise = np.abs(around[:, 2] - around[:, 1])
-    crosses = crosses[rise[crosses] > 0]
-    if not len(crosses):
-        return 0.5, int(changed[0])
-    rough = np.abs(around @ np.array([1.0, -3.0, 3.0, -1.0]))[crosses] / rise[crosses]
-    i = int(crosses[np.argmin(rough)])  # the smoothest of those that switch simultaneously
-    a, b, c, d = np.linalg.solve(np.vander([-1.0, 0.0, 1.0, 2.0]), around[i]).tolist()
+    crosses = np.flatnonzero((around[:, 1] * around[:, 2] <= 0) & (rise > 0))
+    rough = np.abs(around[crosses] @ np.array([1.0, -3.0, 3.0, -1.0])) / rise[crosses]
+    found = [_Crossing(_zero(around[i]), int(changed[i]), float(r)) for i, r in zip(crosses, rough, strict=True)]
+    return sorted(found, key=lambda c: c.share)
+
+
+def _zero(around: Floats) -> float:
+    """Zero between 0 and 1 of the cubic through values at -1, 0, 1 and 2."""
+    a, b, c, d = np.linalg.solve(np.vander([-1.0, 0.0, 1.0, 2.0]), around).tolist()
     low, high = 0.0, 1.0
-    share = float(around[i, 1] / (around[i, 1] - around[i, 2]))
+    new = share = float(around[1] / (around[1] - around[2]))
     for _ in range(40):
         value, slope = ((a * share + b) * share + c) * share + d, (3 * a * share + 2 * b) * share + c
-        low, high = (share, high) if value * around[i, 2] < 0 else (low, share)
+        low, high = (share, high) if value * around[2] < 0 else (low, share)
         new = share - value / slope if slope else 0.5 * (low + high)
         new = new if low <= new <= high else 0.5 * (low + high)
         if abs(new - share) < 1e-14:
             break
         share = new
-    return new, int(changed[i])
+    return new
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,6 +224,8 @@ class Cuts:
     Attributes
     ----------
     phase : array (jumps,)
+    piece : array (jumps,)
+        Number of the piece that begins there.
     jump : array (jumps, states)
         Rates after it minus rates before it.
     gradient : array (jumps, states)
@@ -188,6 +237,7 @@ class Cuts:
     """
 
     phase: Floats
+    piece: Integers
     jump: Floats
     gradient: Floats
     slope: Floats
@@ -227,4 +277,4 @@ def jumps(driven: Driven, coefficients: Floats, found: Moments, scale: Floats) -
     fixed = crossing(np.concatenate([phase + h, phase - h]), np.tile(here, (1, 2)))
     rate = (gradient * before[:, some].T).sum(axis=1) + (fixed[0] - fixed[1]) / (2 * h) * driven.omega
     kept = rows[(slope != 0) & (rate != 0)]
-    return Cuts(phase[kept], jump[some][kept], gradient[kept], slope[kept], rate[kept])
+    return Cuts(phase[kept], some[kept], jump[some][kept], gradient[kept], slope[kept], rate[kept])

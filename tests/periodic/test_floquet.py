@@ -111,6 +111,49 @@ def test_disturbances_pass_corners_and_jumps_as_linear_pieces_do() -> None:
     assert np.abs(without - expected).max() > 0.1
 
 
+class Twins(gl.Component):
+    """Two oscillators side by side whose dampers act beyond a place only; the second one's is farther away."""
+
+    F = gl.Input("1")
+    apart = gl.Parameter("1", default=0.0)
+    x, v = gl.Variable("1"), gl.Variable("1")
+    y, u = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        damped = [
+            gl.Piecewise((0.6 * self.v, self.x > 0.3), (0.0, True)),
+            gl.Piecewise((0.6 * self.u, self.y > 0.3 + self.apart), (0.0, True)),
+        ]
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), self.F - self.x - 0.01 * self.v - damped[0]),
+            gl.Eq(gl.der(self.y), self.u),
+            gl.Eq(gl.der(self.u), self.F - self.y - 0.01 * self.u - damped[1]),
+        ]
+
+
+@cache
+def twins() -> gl.System:
+    return gl.compile(Twins(), outputs=["x", "v", "y", "u"])
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-3, 0.02])
+def test_disturbances_of_what_switches_together_are_those_of_each(apart: float) -> None:
+    """Between the same two samples: the first oscillator does not know of the second one, which a single one is as well."""
+    drive = {"F": lambda phase, w: 0.3 + np.cos(phase)}
+
+    def pairs(apart: float) -> np.ndarray:
+        given = {"apart": apart}
+        found = gl.harmonic_balance(twins(), 0.5, 0.501, inputs=drive, parameters=given, harmonics=6, points=2)
+        upper = found.multipliers[0][found.multipliers[0].imag > 0]
+        return upper[np.argsort(-upper.imag)]
+
+    alone = pairs(0.5)  # switching far from each other
+    assert np.abs(pairs(apart) - alone[1]).min() < 1e-7
+    if not apart:
+        assert pairs(0.0) == pytest.approx([alone[1], alone[1]], rel=1e-6)
+
+
 class Pumped(gl.Component):
     """An oscillator whose stiffness a motion of its own varies: ``x'' + 0.1 x' + x + x**3 = 0``."""
 

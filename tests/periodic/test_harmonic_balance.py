@@ -196,6 +196,43 @@ def test_duffing_is_its_closed_form() -> None:
     assert len(found) == 2
 
 
+class BesideLarge(Duffing):
+    """With a state beside it that is forced as well, and vibrates as much as its gain says."""
+
+    gain = gl.Parameter("1", default=1.0)
+    y = gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.y), self.gain * self.F - self.y)]
+
+
+@cache
+def beside_large() -> gl.System:
+    return gl.compile(BesideLarge(), outputs=["x", "v", "y"])
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-6, 1e-12])
+@pytest.mark.parametrize("large", [1.0, 1e6])
+def test_a_small_state_beside_a_large_one_is_as_accurate(size: float, large: float) -> None:
+    F = {"F": lambda phase, w: 0.5 * size * np.cos(phase)}
+    values = {"alpha": size**-2, "gain": large / size}
+    found = gl.harmonic_balance(beside_large(), 0.5, 0.501, inputs=F, parameters=values, harmonics=1, points=2)
+    A, w = found.amplitude("x") / size, found.omega
+    assert np.hypot(1 + 0.75 * A**2 - w**2, 2 * ZETA * w) * A == pytest.approx(0.5, rel=1e-7)
+    several = gl.harmonic_balance(beside_large(), 0.5, 0.501, inputs=F, parameters=values, points=2)
+    assert (several.harmonics, several.amplitude("x", 3)[0] / size) == (8, pytest.approx(0.040287, rel=1e-4))
+
+
+@pytest.mark.parametrize("end", [3.0, 1e3, 1e4])
+def test_the_error_of_a_motion_is_relative_to_it_where_it_has_become_small(end: float) -> None:
+    """Far above its resonance, the speed follows the force: a fifth harmonic that is missing is a fifth of it."""
+    drive = {"F": lambda phase, w: np.cos(phase) + np.cos(5 * phase)}
+    linear = {"alpha": 0.0}
+    found = gl.harmonic_balance(beside_large(), 1.0, end, inputs=drive, outputs=["x"], parameters=linear, harmonics=3)
+    one, fifth = (k * end / abs(1 - (k * end) ** 2 + 2j * ZETA * k * end) for k in (1, 5))
+    assert found.error[-1] == pytest.approx(fifth / one, rel=1e-3)
+
+
 def at_frequency(response: gl.HarmonicBalance, w: float) -> list[int]:
     """Points next to a frequency, in the order of the branch."""
     passed = (response.omega[:-1] - w) * (response.omega[1:] - w) <= 0

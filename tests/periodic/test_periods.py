@@ -168,6 +168,24 @@ def test_of_relations_that_switch_together_the_smoothest_says_when(smooth: int, 
     assert (found.before != found.after).all()
 
 
+@pytest.mark.parametrize("late", [0.0, 1e-7, 0.01])
+def test_relations_that_switch_by_themselves_have_a_cut_each(late: float) -> None:
+    """Between the same two samples or at the same time, whichever comes first; a third is a consequence of the second."""
+    second: Any = lambda p: 3 * np.sin(p - 0.31 - late)  # noqa: E731
+    found = cuts_of(Known(second, lambda p: np.sin(p - 0.31), lambda p: np.where(second(p) > 0, 0.1, -7.0)))
+    assert found.cuts == pytest.approx([0.31, 0.31 + late, 0.31 + np.pi, 0.31 + np.pi + late], abs=1e-7)
+    assert (np.diff(found.cuts) >= 0).all()
+    first, both = [0.0, 1.0, 0.0], [1.0, 1.0, 1.0]
+    assert sorted(found.relation[:2]) == sorted(found.relation[2:]) == [0, 1]
+    assert found.after[:, 1].tolist() == both
+    assert found.after[:, 3].tolist() == [0.0, 0.0, 0.0]
+    if late:
+        assert found.relation.tolist() == [1, 0, 1, 0]
+        assert found.after[:, 0].tolist() == first
+    assert (found.before[:, 1:] == found.after[:, :-1]).all()
+    assert found.weights.sum() == pytest.approx(1.0, rel=1e-12)
+
+
 def test_a_zero_at_a_sample_is_found_once() -> None:
     found = cuts_of(Known(np.sin))
     assert np.cos(found.cuts) == pytest.approx([1.0, -1.0], abs=1e-12)
