@@ -22,7 +22,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 1 << 20  # bytes: 1 MB
-ENGINE = tuple(f"gearlib/{name}/" for name in ("compiler", "equations", "flatten", "native", "program", "reduce", "structure"))
+METHODS = tuple(f"solvers/{name}" for name in ("exponential", "ida", "lanes", "rungekutta", "taylor"))
+ENGINE = tuple(
+    f"gearlib/{name}/" for name in ("compiler", "equations", "flatten", "native", "program", "reduce", "structure", *METHODS)
+)
 LOCAL, CENTRAL, END = "<4s5H3L2H", "<4s6H3L5H2L", "<4s4H2LH"  # records of a zip archive
 
 

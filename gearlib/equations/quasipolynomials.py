@@ -89,6 +89,17 @@ def value(signal: Signal, s: float) -> float:
     return total.real
 
 
+def mean_value(signal: Signal) -> float | None:
+    """The mean of a constant with sinusoids; None for all other signals, which have none.
+
+    >>> mean_value({0j: [2.0], 1j: [0.5], -1j: [0.5]}), mean_value({0j: [2.0, 1.0]})
+    (2.0, None)
+    """
+    if any(rate.real != 0 or len(c) > 1 for rate, c in signal.items()):
+        return None
+    return signal.get(0j, [0j])[0].real
+
+
 def _checked(signal: Signal) -> Signal:
     """``signal`` without zero terms; refused if it is too long or not finite."""
     tidy: Signal = {}

@@ -112,6 +112,11 @@ class Template:
         return time in self.residual.free_symbols
 
     @cached_property
+    def timed(self) -> bool:
+        """Whether it depends on time itself, or on a condition of time."""
+        return self.on_time or any(time in relation.g.free_symbols for relation in self.relations)
+
+    @cached_property
     def slopes(self) -> tuple[Any, ...]:
         """Partial derivatives of the residual with respect to the columns."""
         return tuple(sympy.diff(self.residual, symbol) for symbol in self.symbols)

@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from gearlib.errors import GearlibError
 from gearlib.flatten.model import FlatModel
+from gearlib.flatten.time_means import held_in_time
 from gearlib.language.declarations import Variable
 from gearlib.linear.linearized_program import LinearizedProgram
 from gearlib.linear.operating_point import Point, slots_at
 from gearlib.program.build import build
 from gearlib.program.interpret import prepare
+from gearlib.reduce.coefficients import some
 from gearlib.reduce.reduction import Structure
 from gearlib.run.scene import Scene, needed_states
 from gearlib.structure.incidence import Node
@@ -102,6 +104,8 @@ def frozen(linearized: LinearizedProgram, rows: Sequence[int], outputs: Sequence
     structure, program = scene.structure, linearized.prepared.program
     if program.is_linear or not scene.states:
         return []
+    held = held_in_time(structure.complete, linearized.prepared.parameters, lambda off: off != 0.0) if point.steady else []
+    steady = [f"steady with the values at t = 0 of what changes with time: {some(held, ', ')}"] if held else []
 
     def slopes(states: Sequence[Node], angle: float, later: float = 0.0) -> Any:
         moved = {**point.states, **{state: point.states[state] + angle for state in states}}
@@ -121,7 +125,7 @@ def frozen(linearized: LinearizedProgram, rows: Sequence[int], outputs: Sequence
     angles = [angle for angle in angles if angle in others][:MOST_FROZEN]
     found: list[str] = []
     if not angles and not program.on_time:
-        return found
+        return steady
     with suppress(GearlibError):  # an angle or a time at which the train cannot be
         here = slopes((), 0.0)
         if angles and vary(angles):
@@ -129,7 +133,7 @@ def frozen(linearized: LinearizedProgram, rows: Sequence[int], outputs: Sequence
             found += [f"{structure.model.name(v)} = {point.states[v, k]:g} rad" for v, k in turning]
         if program.on_time and any(differ(here, slopes((), 0.0, 10 * step)) for step in STEPS):
             found.append(f"t = {point.t:g} s")
-    return [f"frozen at {', '.join(sorted(found))}, with which the coefficients vary"] if found else []
+    return [*steady, f"frozen at {', '.join(sorted(found))}, with which the coefficients vary"] if found else steady
 
 
 def _is_angle(model: FlatModel, node: Node) -> bool:

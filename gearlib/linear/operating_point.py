@@ -33,7 +33,7 @@ class Point:
     ``discrete`` holds the relations and discrete variables of a program where a run determines them; otherwise they are those of a start.
     ``history`` returns the value of a node in that run, near which what is solved by iteration is searched for: the run's solution branch.
     ``change`` returns the derivatives of parameters and states with respect to some parameters, by path: (parameter, seed, weight), and
-    a function that returns the derivative of each state of the structure, shape (seeds,).
+    a function that returns the derivative of each state of the structure, shape (seeds,). ``steady``: a steady state was searched for.
     """
 
     t: float
@@ -43,6 +43,7 @@ class Point:
     discrete: Callable[[Program], Floats] | None = None
     change: Callable[[Sequence[str]], PointChange] | None = None
     history: Callable[[Node], float] | None = None
+    steady: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +90,7 @@ def operating_point(
 
         return PointChange(rows, find_states)
 
-    return scene, numbers, Point(0.0, known, now, begin.guess, change=change)
+    return scene, numbers, Point(0.0, known, now, begin.guess, change=change, steady=isinstance(at, str))
 
 
 def _moment(

@@ -10,16 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import by_name, name_list, one_name
-from gearlib.errors import GearlibWarning, NameLookupError, nearest, warn
+from gearlib.errors import GearlibWarning, InputWarning, NameLookupError, nearest, warn
+from gearlib.flatten.time_means import held_in_time
 from gearlib.linear.linearized_program import LinearizedProgram
 from gearlib.linear.operating_point import operating_point
 from gearlib.linear.poles import poles
 from gearlib.program.build import build
 from gearlib.program.interpret import prepare
+from gearlib.reduce.coefficients import some
 from gearlib.run.scene import needed_states
 from gearlib.run.simulate import warn_of_zero_inputs
 from gearlib.run.subject import translation_of
-from gearlib.run.translation import Compiled
+from gearlib.run.translation import Compiled, Translation
 
 Floats = NDArray[np.float64]
 MOST_EXAMINED = 500  # states
@@ -98,7 +100,8 @@ def steady_state(
     parameters : mapping, optional
         Values by path.
     inputs : mapping, optional
-        Values of unbound inputs, at time 0.
+        Values of unbound inputs, at time 0. What is bound to a function of time also counts with its value then, with a warning
+        (`InputWarning`) unless that is its mean.
 
     Returns
     -------
@@ -138,6 +141,7 @@ def steady_state(
     warn_of_zero_inputs(
         translation, tuple(n for n in translation.needed_inputs if n not in given), "this state", "steady_state"
     )
+    _warn_of_time(translation, numbers)
     program = build(translation.structure, [*dict.fromkeys(nodes)], states, dynamic=True)
     at = LinearizedProgram(scene, prepare(program, translation.structure, numbers), point, tuple(range(len(states))))
 
@@ -149,6 +153,17 @@ def steady_state(
     return SteadyState(
         names, of(at.slots), tuple(translation.unit(n) for n in names), lambda name: of(at.slot_changes([name])[:, 0])
     )
+
+
+def _warn_of_time(translation: Translation, numbers: Floats) -> None:
+    """Warn of what changes with time, and is off its mean at time 0."""
+    if names := held_in_time(translation.structure.model, numbers, lambda off: off != 0.0):  # NaN: no mean
+        many = (
+            "change with time, and count with their values"
+            if len(names) > 1
+            else "changes with time, and counts with its value"
+        )
+        warn(f"{translation.name}: {some(names, ', ')} {many} at t = 0 in the steady state", InputWarning)
 
 
 def _warn_of_instability(name: str, at: LinearizedProgram) -> None:

@@ -6,16 +6,13 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import sympy
 from numpy.typing import NDArray
 
 from gearlib.arguments import by_name, name_list, one_name, real
-from gearlib.equations.quasipolynomials import OutsideClassError, parse
-from gearlib.equations.template import Template
 from gearlib.errors import ArgumentError, InputWarning, ModelError, SolverError, StartError, warn
-from gearlib.flatten.model import FlatModel, alphabetical
-from gearlib.language.declarations import Flow, Input, Potential
-from gearlib.language.expressions import real_symbol
+from gearlib.flatten.model import FlatModel
+from gearlib.flatten.time_means import held_in_time
+from gearlib.language.declarations import Flow, Potential
 from gearlib.reduce.coefficients import some
 from gearlib.run.sampling.controllers import refuse_instants
 from gearlib.run.subject import translation_of
@@ -50,12 +47,12 @@ def power_flow(
 
     Nothing accelerates, so inertias take no torque; springs and meshes turn with constant deflections, as if rigid. Unbound inputs that
     are not given are solved for: given the speed of the drive and the torque of the load, the drive's torque follows. A bound input that
-    is a function of time counts as zero unless it is given, with a warning (`InputWarning`) unless it varies around zero. Quantities that
-    vary with the mesh phase are averaged over its period. Where speed-dependent loads allow several motions, the result is the one that
-    the train reaches from its start values, or the one closest to these. Parallel paths that could be preloaded against each other, such
-    as planets with separate meshes, share the load by stiffness, equal planets equally (`PowerFlow.shared`). If all torques are given,
-    gaps are closed or open as in the steady state that the train reaches; if a speed is given, they are closed on the side that the
-    torques press together.
+    is a function of time counts with its mean where it is a constant with sinusoids, and otherwise with its value at t = 0 and a warning
+    (`InputWarning`). Quantities that vary with the mesh phase are averaged over its period. Where speed-dependent loads allow several
+    motions, the result is the one that the train reaches from its start values, or the one closest to these. Parallel paths that could
+    be preloaded against each other, such as planets with separate meshes, share the load by stiffness, equal planets equally
+    (`PowerFlow.shared`). If all torques are given, gaps are closed or open as in the steady state that the train reaches; if a speed is
+    given, they are closed on the side that the torques press together.
 
     Parameters
     ----------
@@ -331,42 +328,19 @@ def _given(model: FlatModel, speeds: Mapping[str, float] | None, torques: Mappin
 
 
 def _warn_of_time(translation: Translation, numbers: Floats, given: Sequence[Given]) -> None:
-    """Warn of bound inputs that count as zero, since they are functions of time, except sinusoids around zero."""
+    """Warn of what changes with time without a mean, and counts with its value at time 0."""
     model, known = translation.model, {g.variable for g in given}
-    moving = {
-        int(v)
-        for group in model.groups
-        if group.template.binds and group.template.on_time
-        for v, own in zip(group.variables[:, group.template.locals.index("bound")], group.parameters, strict=True)
-        if int(v) not in known and not _around_zero(group.template, numbers[own])
-    }
-    if moving:
-        inputs = [
-            (int(model.representative[v]), model.name(v))
-            for instance in model.instances
-            for v, declared in enumerate(instance.declared.variables.values(), instance.first_variable)
-            if isinstance(declared, Input) and int(model.representative[v]) in moving
-        ]
-        first: dict[int, str] = {}
-        for v, name in sorted(inputs, key=lambda each: alphabetical(each[1])):
-            first.setdefault(v, name)
-        names = list(first.values())
-        many = "they are functions of time, and count" if len(names) > 1 else "it is a function of time, and counts"
-        warn(
-            f"{translation.name}: no value was given for {some(names, ', ')}: {many} as 0 in the power flow. Pass "
-            f"power_flow(torques={{{names[0]!r}: ...}})",
-            InputWarning,
+    found = {name: model.find(name) for name in held_in_time(model, numbers, np.isnan)}
+    names = [name for name, v in found.items() if v is None or int(model.representative[v]) not in known]
+    if names:
+        many = (
+            "change with time, and count with their values"
+            if len(names) > 1
+            else "changes with time, and counts with its value"
         )
-
-
-def _around_zero(template: Template, numbers: Floats) -> bool:
-    """Whether the value of a binding is a sum of sinusoids of time, without a constant part."""
-    given = {real_symbol(name): sympy.Float(x, 17) for name, x in zip(template.parameters, numbers.tolist(), strict=True)}
-    try:
-        signal = parse((real_symbol("bound") - template.residual).xreplace(given), 0.0)
-    except OutsideClassError:
-        return False
-    return all(rate != 0 and rate.real == 0 and len(powers) == 1 for rate, powers in signal.items())
+        inputs = [name for name in names if found[name] is not None]
+        remedy = f"; pass power_flow(torques={{{inputs[0]!r}: ...}})" if inputs else ""
+        warn(f"{translation.name}: {some(names, ', ')} {many} at t = 0 in the power flow{remedy}", InputWarning)
 
 
 def _refuse_open(model: FlatModel, motion: Motion) -> None:

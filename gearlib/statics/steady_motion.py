@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_kernel
 from gearlib.errors import ArgumentError
 from gearlib.flatten.model import FlatModel
+from gearlib.flatten.time_means import off_mean
 from gearlib.language.declarations import Flow
 from gearlib.language.units import SECOND
 from gearlib.program.newton import Correction, newton
-from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, nonlinear_columns, repeating_columns, turn
+from gearlib.statics.mesh_turn import Turn, apply, generic, mean, nonlinear_columns, repeating_columns, turn
 from gearlib.structure.sparse_elimination import Factors, factorise
 
 Floats = NDArray[np.float64]
@@ -85,7 +86,10 @@ class MatrixAssembly:
 def assemble(
     model: FlatModel, parameters: Floats, given: Sequence[Given], a: Floats, b: Floats, discrete: Floats
 ) -> MotionEquations:
-    """Equations of a steady motion, linearised about ``a + b t``. Bindings to functions of time count as zero."""
+    """Equations of a steady motion, linearised about ``a + b t``.
+
+    Sinusoids of time count with their mean, other functions of time with their value at 0.
+    """
     n = model.n_variables
     entries = MatrixAssembly()
     rest: list[Floats] = []
@@ -161,7 +165,6 @@ def _group(
     group, n, count = model.groups[g], model.n_variables, len(keep)
     template = group.template
     torques, growth, rows = np.zeros(len(group), bool), np.zeros(len(group)), np.arange(count)
-    on_time = template.binds and template.on_time
     own = {c: group.variables[:, template.locals.index(name)] for c, (name, _) in enumerate(template.columns)}
     angles = [c for c in nonlinear_columns(template) if model.potential[own[c]].any()]
     turns = template.linear or (repeating and all(c in repeating for c in angles))
@@ -173,7 +176,7 @@ def _group(
             p = np.where(model.potential[v] & (order == 0), 0.0, p)  # frozen at the angle
         if c in repeating:
             p = np.where(repeating[c], p, 0.0)  # periodic terms do not grow
-        if order < 2 and not on_time:
+        if order < 2:
             entries.put(rows, v[keep] + order * n, p[keep])
         if order == 0:
             if c in partial_kernel(template, c).columns and c not in repeating and not p.all():
@@ -190,12 +193,9 @@ def _group(
             absent = (group.signs[:, j] == 0) & (slope != 0)
             if absent.any():
                 torques |= absent & _forces(model, g, name)
-    if on_time:
-        j = template.locals.index("bound")
-        value = argument(group, "bound", 0, a, b)
-        entries.put(rows, group.variables[keep, j], group.signs[keep, j])
-    else:
-        value = mean(model, residual_kernel(template), g, group, parameters, a, b, discrete, over)
+    value = mean(model, residual_kernel(template), g, group, parameters, a, b, discrete, over)
+    if template.timed:
+        value = value - np.nan_to_num(off_mean(group, parameters))
     entries.count += 2 * count
     return np.concatenate([value[keep], growth[keep]]), torques[keep]
 

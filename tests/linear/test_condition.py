@@ -254,6 +254,22 @@ def test_only_what_the_outputs_need_is_said(outputs: list[str], said: tuple[str,
     assert gl.compile(Plant()).linearize([], outputs, sparse=True).conditions == said
 
 
+def test_steady_states_are_those_of_the_first_values_of_what_changes_with_time() -> None:
+    class Loaded(gl.Component):
+        amplitude = gl.Parameter("1", default=0.0)
+        x, v = gl.Variable("1"), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            force = gl.Piecewise((3.0, gl.time < 1.0), (5.0, True)) + self.amplitude * gl.cos(gl.time)
+            return [gl.Eq(gl.der(self.x), self.v), gl.Eq(gl.der(self.v), force - self.x - self.x**3 - self.v)]
+
+    system = gl.compile(Loaded())
+    said = ("steady with the values at t = 0 of what changes with time: Loaded",)
+    assert gl.modes(system, at="steady").conditions == said
+    assert gl.modes(system, at={"x": 1.0}).conditions == ()
+    assert system.linearize([], ["x"], at="steady", sparse=True).conditions == said
+
+
 def test_a_state_is_named_with_its_description_if_it_has_one() -> None:
     class Described(gl.Component):
         x, y = gl.Variable("1", "position of the slide", start=1.0), gl.Variable("1", start=1.0)

@@ -210,27 +210,71 @@ class Varying(gl.Component):
 
 
 @pytest.mark.parametrize(
-    "tau",
+    ("tau", "first"),
     [
-        lambda m: 10 + gl.sin(5 * gl.time),
-        lambda m: m + 10 * gl.sin(gl.time) ** 2,
-        lambda m: gl.Table([0, 1], [10, 20])(gl.time),
+        (lambda m: 10 + 5 * gl.time, 10.0),
+        (lambda m: m + 10 * gl.exp(-gl.time), 10.0),
+        (lambda m: gl.Table([0, 1], [10, 20])(gl.time), 10.0),
+        (lambda m: gl.Piecewise((10, gl.time < 1), (20, True)), 10.0),
+        (lambda m: 10 + abs(gl.sin(gl.time)), 10.0),
     ],
 )
-def test_a_torque_over_time_that_counts_as_zero_is_told(tau: Any) -> None:
+def test_a_torque_over_time_without_a_mean_counts_as_at_first_and_is_told(tau: Any, first: float) -> None:
     system = gl.compile(Varying(tau=tau))
-    with pytest.warns(
-        InputWarning, match=r"Varying: no value was given for torque\.tau: it is a function of time, and counts as 0"
-    ):
-        assert gl.power_flow(system)["shaft.flange_a"].power == 0.0
-    assert gl.power_flow(system, torques={"torque.tau": 10.0})["shaft.flange_a"].speed == pytest.approx(20.0)
+    told = r"Varying: torque\.tau changes with time, and counts with its value at t = 0 in the power flow; pass power_flow\(torques="
+    with pytest.warns(InputWarning, match=told):
+        assert gl.power_flow(system)["shaft.flange_a"].speed == pytest.approx(2 * first)
+    with pytest.warns(InputWarning, match=r"Varying: torque\.tau changes .* in the steady state"):
+        assert gl.steady_state(system, ["shaft.w"])["shaft.w"] == pytest.approx(2 * first)
+    assert gl.power_flow(system, torques={"torque.tau": 3.0})["shaft.flange_a"].speed == pytest.approx(6.0)
 
 
-def test_a_torque_that_swings_around_zero_counts_as_its_mean() -> None:
-    system = gl.compile(Varying(tau=lambda m: m + 10 * gl.sin(5 * gl.time + 0.3) * gl.cos(2 * gl.time)))
-    assert gl.power_flow(system)["shaft.flange_a"].power == 0.0
-    with pytest.warns(InputWarning, match="counts as 0"):
-        gl.power_flow(system, parameters={"mean": 1.0})
+@pytest.mark.parametrize(
+    ("tau", "mean"),
+    [
+        (lambda m: m + 10 * gl.sin(5 * gl.time + 0.3) * gl.cos(2 * gl.time), 4.0),
+        (lambda m: m + 10 * gl.cos(gl.time) ** 2, 9.0),
+        (lambda m: gl.Piecewise((m, gl.time >= -1), (20, True)), 4.0),
+    ],
+)
+def test_a_torque_that_swings_counts_as_its_mean(tau: Any, mean: float) -> None:
+    system = gl.compile(Varying(tau=tau))
+    assert gl.power_flow(system, parameters={"mean": 4.0})["shaft.flange_a"].speed == pytest.approx(2 * mean)
+
+
+def test_the_steady_state_is_that_of_the_mean_or_says_so() -> None:
+    """Of a run over whole periods, begun in the steady state of a torque that swings around its first value, the mean speed is that."""
+    swinging, off = (gl.compile(Varying(tau=lambda m, f=f: 10 + f(2 * np.pi * gl.time))) for f in (gl.sin, gl.cos))
+    assert gl.steady_state(swinging, ["shaft.w"])["shaft.w"] == pytest.approx(20.0)
+    with pytest.warns(InputWarning, match=r"torque\.tau changes with time"):
+        assert gl.steady_state(off, ["shaft.w"])["shaft.w"] == pytest.approx(22.0)
+    for system in (swinging, off):
+        speeds = system.simulate(30.0, samples=3001)["shaft.w"]
+        assert speeds[-1000:].mean() == pytest.approx(gl.power_flow(system)["shaft.flange_a"].speed, rel=1e-5)
+
+
+def test_a_step_of_torque_that_comes_later_is_told_and_one_that_was_there_is_not() -> None:
+    class Stepped(gl.Component):
+        begin = gl.Parameter("s", default=0.0)
+
+        def assemble(self) -> Any:
+            self.torque, self.shaft = (
+                gp.TorqueStep(step_torque=3.0, offset_torque=1.0, start_time=self.begin),
+                gp.Inertia(J=1.0),
+            )
+            self.drag, self.ground = gp.Damper(d=0.5), gp.Fixed()
+            return [
+                gl.connect(self.torque.flange, self.shaft.flange_a, self.drag.flange_a),
+                gl.connect(self.drag.flange_b, self.ground.flange),
+            ]
+
+    system = gl.compile(Stepped())
+    assert (
+        gl.power_flow(system)["shaft.flange_a"].speed == gl.steady_state(system, ["shaft.w"])["shaft.w"] == pytest.approx(8.0)
+    )
+    for analysis in (gl.power_flow, gl.steady_state):
+        with pytest.warns(InputWarning, match="Stepped: torque changes with time, and counts with its value at t = 0"):
+            analysis(system, parameters={"begin": 0.5})
 
 
 class BetweenShafts(gl.Component):

@@ -1,0 +1,87 @@
+"""Equations in which time occurs, and the mean over time of what they add to a motion that is otherwise steady."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from gearlib.equations.quasipolynomials import OutsideClassError, mean_value, parse, value
+from gearlib.equations.switch_times import switch_times
+from gearlib.equations.template import Template, relation_symbol
+from gearlib.flatten.model import EquationGroup, FlatModel, alphabetical
+from gearlib.language.declarations import Input
+from gearlib.language.expressions import real_symbol, time
+
+Floats = NDArray[np.float64]
+FOREVER = 1e12  # s
+SMALL = 1e-12  # of its sinusoids: what a signal is off its mean by rounding
+
+
+def off_mean(group: EquationGroup, parameters: Floats) -> Floats:
+    """How far the residuals of equations are off their mean over time, at time 0 and with constant variables.
+
+    NaN where there is no mean: a step, a ramp, a table, a coefficient that varies.
+    """
+    template = group.template
+    if not template.timed:
+        return np.zeros(len(group))
+    symbols, numbers = [real_symbol(name) for name in template.parameters], parameters[group.parameters].tolist()
+    return np.array([_off_mean(template, dict(zip(symbols, map(sympy.Float, own), strict=True))) for own in numbers])
+
+
+def _off_mean(template: Template, given: dict[Any, Any]) -> float:
+    if any(time in slope.free_symbols for slope in template.slopes):
+        return np.nan
+    try:
+        states = {
+            relation_symbol(k): _state(r.g.xreplace(given))
+            for k, r in enumerate(template.relations)
+            if time in r.g.free_symbols
+        }
+        alone = template.rest.xreplace({**given, **states}).as_independent(time, as_Add=True)[1]
+        signal = parse(alone, 0.0)
+    except OutsideClassError:
+        return np.nan
+    mean = mean_value(signal)
+    if mean is None:
+        return np.nan
+    off = value(signal, 0.0) - mean
+    return off if abs(off) > SMALL * sum(abs(c) for powers in signal.values() for c in powers) else 0.0
+
+
+def _state(g: Any) -> Any:
+    """Whether a comparison of time holds from time 0 on for ever."""
+    if len(switch_times(g > 0, 0.0, FOREVER)):
+        raise OutsideClassError(f"{g} changes its sign")
+    return sympy.Integer(bool(g.subs(time, 1.0) > 0))
+
+
+def held_in_time(model: FlatModel, parameters: Floats, counts: Callable[[Floats], NDArray[np.bool_]]) -> list[str]:
+    """Inputs bound to functions of time, and components with equations in which time occurs, by path.
+
+    ``counts`` tells from `off_mean` which.
+    """
+    bound: set[int] = set()
+    found: set[str] = set()
+    for g, group in enumerate(model.groups):
+        template = group.template
+        if template.timed:
+            rows = np.flatnonzero(counts(off_mean(group, parameters))).tolist()
+            if template.binds:
+                bound.update(group.variables[rows, template.locals.index("bound")].tolist())
+            else:
+                found.update(model.owner(g, i) for i in rows)
+    inputs = [
+        (model.name(v), int(model.representative[v]))
+        for instance in model.instances if bound
+        for v, declared in enumerate(instance.declared.variables.values(), instance.first_variable)
+        if isinstance(declared, Input) and int(model.representative[v]) in bound
+    ]  # fmt: skip
+    first: dict[int, str] = {}
+    for name, v in sorted(inputs, key=lambda each: alphabetical(each[0])):
+        first.setdefault(v, name)
+    return sorted({*found, *first.values()}, key=alphabetical)
