@@ -78,7 +78,7 @@ def test_mixed_train_has_the_explicit_equations(mixed: gl.System) -> None:
     for w in np.logspace(-2, 5, 71):
         one = model.C @ np.linalg.solve(1j * w * np.eye(8) - model.A, model.B)
         two = rows @ np.linalg.solve(1j * w * np.eye(8) - A, B[:, :1])
-        assert np.all(np.abs(one - two) <= 1e-9 * np.abs(two))
+        assert np.all(np.abs(one - two) <= 3e-9 * np.abs(two))  # 1.0e-9 where numpy has only SSE3
 
 
 def test_mixed_train_moves_as_the_one_of_components(mixed: gl.System) -> None:
