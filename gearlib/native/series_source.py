@@ -52,6 +52,9 @@ class TaylorSeries:
         Whether there is an exponential such as a bell curve of time, a pulse that coefficients at an earlier time do not show.
     branches : bool
         Whether values at the start of a step choose between expressions, so that a short visit to another branch may be missed.
+    hides : bool
+        Whether the coefficients may not show what happens within a step: there are branches, or functions that are constant to rounding
+        far from where they change, such as tanh.
     """
 
     machine_code: CompiledFunction
@@ -61,6 +64,7 @@ class TaylorSeries:
     guarded: bool
     pulses: bool
     branches: bool
+    hides: bool
 
     @property
     def address(self) -> int:
@@ -89,6 +93,7 @@ class _Writer:
     products: int = 0
     pulses: bool = False
     branches: bool = False
+    hides: bool = False
     _known: dict[tuple[object, ...], PowerSeries] = field(default_factory=dict)
     _rows: dict[tuple[str, str], int] = field(default_factory=dict)
 
@@ -216,6 +221,7 @@ class _Writer:
         """Sine and cosine, or the hyperbolic ones, which are each other's derivatives."""
         one, other, sign = ("sin", "cos", "-") if kind == "circular" else ("sinh", "cosh", "")
         key = kind, a
+        self.hides = self.hides or kind == "hyperbolic"
         if (*key, True) not in self._known:
             names = f"q{len(self._known)}", f"q{len(self._known) + 1}"
             rows = [self.reserved(name) for name in names]
@@ -229,6 +235,7 @@ class _Writer:
     def exponential(self, a: PowerSeries) -> PowerSeries:
         key = "exp", a
         self.pulses = self.pulses or not a.straight
+        self.hides = self.hides or not a.straight
         if key not in self._known:
             self.slope_row(a)
             name = f"q{len(self._known)}"
@@ -240,6 +247,7 @@ class _Writer:
     def tangent(self, name: str, a: PowerSeries) -> PowerSeries:
         """tan or tanh: the derivative is 1 plus or minus its square."""
         key, sign = (name, a), "" if name == "tan" else "-"
+        self.hides = self.hides or name == "tanh"
         if key not in self._known:
             self.slope_row(a)
             slope = f"d{self.rows}"
@@ -264,6 +272,7 @@ class _Writer:
                 return self.exponential(a)
             case "sqrt":
                 return self.root(a)
+        self.hides = self.hides or name == "atan"
         square = a if name == "log" else self.times(a, a)
         inner: dict[str, Callable[[], PowerSeries]] = {
             "log": lambda: self.over(one, a),
@@ -286,6 +295,7 @@ class _Writer:
         return self.integral(("atan2", y, x), f"atan2({y.name}, {x.name})", slopes)
 
     def root(self, a: PowerSeries) -> PowerSeries:
+        self.hides = True
         key = "sqrt", a
         if key not in self._known:
             name = f"q{len(self._known)}"
@@ -304,6 +314,7 @@ class _Writer:
         if number is not None and number == int(number) and abs(number) <= INTEGER_POWERS:
             found = self._multiplied(a, abs(int(number)))
             return found if number >= 0 else self.over(self.constant("1.0"), found)
+        self.hides = True
         key = ("**", a, exponent)
         if key not in self._known:  # n' a = exponent a' n
             below, slope, inverse = self.row(a), self.slope_row(a), self._inverse(a)
@@ -411,6 +422,7 @@ class _Reader:
             case ast.Compare(left, operators, comparators):
                 parts = [self.read(left).name]
                 self.write.branches |= any(self.read(side).varies for side in (left, *comparators))
+                self.write.hides |= self.write.branches
                 for operator, right in zip(operators, comparators, strict=True):
                     parts += [ast.unparse(ast.Compare(ast.Name("a"), [operator], [ast.Name("b")]))[2:-2], self.read(right).name]
                 return f"({' '.join(parts)})"
@@ -473,4 +485,6 @@ def taylor_series(program: Program, layout: Layout) -> TaylorSeries | str:
     except NoSeriesError as reason:
         return str(reason)
     code = compiled(HEADER + text, "series")
-    return TaylorSeries(code, write.rows, len(write.later), write.products, bool(program.guards), write.pulses, write.branches)
+    return TaylorSeries(
+        code, write.rows, len(write.later), write.products, bool(program.guards), write.pulses, write.branches, write.hides
+    )

@@ -168,7 +168,12 @@ STEADY: dict[str, Any] = {
     "constant base": lambda x, t: 2**t,
     "oscillation": lambda x, t: gl.sin(t**2) + gl.tanh(x),
     "power": lambda x, t: x**2.5,
+    "root": lambda x, t: gl.sqrt(x),
+    "arc": lambda x, t: gl.atan(x),
+    "hyperbola": lambda x, t: gl.sinh(x),
+    "tangent": lambda x, t: gl.tan(x) / (1 + x),
 }
+HIDING = {*KINKS, *PULSES, "oscillation", "power", "root", "arc", "hyperbola"} - {"none"}
 
 
 def written(right: Any) -> tuple[str, Any]:
@@ -187,10 +192,11 @@ def written(right: Any) -> tuple[str, Any]:
 
 @pytest.mark.parametrize("kind", [*KINKS, *PULSES, *STEADY])
 def test_what_a_series_does_not_show_is_known(kind: str) -> None:
-    """Kinks that no event marks, and exponentials of what is not affine in time."""
+    """Kinks that no event marks, exponentials of what is not affine in time, and what is constant to rounding far from where it changes."""
     text, write = written((KINKS | PULSES | STEADY)[kind])
     assert write.branches == (kind in KINKS and kind != "none")
     assert write.pulses == (kind in PULSES)
+    assert write.hides == (kind in HIDING)
     assert write.products == text.count("for j in range(")
     assert len({int(at) for at in re.findall(r"work\[(\d+)", text)} - {1 + k * ROW for k in range(write.rows)}) == write.rows
 

@@ -144,6 +144,19 @@ def _look_ahead(s: SeriesRecord, t: float, h: float) -> int:
 
 
 @native
+def _departs(s: SeriesRecord, t: float, h: float) -> float:
+    """How far the series holds within a step whose end agrees: to where the right-hand side first differs, as in a short visit."""
+    count = s.looks * max(s.order, SEARCHED)
+    for i in range(1, count):
+        u = i * h / count
+        evaluate(s, u, s.within, s.y)
+        s.evaluations += 1
+        if MODEL(s.rhs, s.origin + t + u, s.within, s.k, s.data, s.index) != 0 or not defect(s, h, s.k) <= 1.0:
+            return u
+    return h
+
+
+@native
 def taylor_motion(address: int, t: float) -> int32:
     """States at a time within the step, and their derivatives."""
     s = SeriesRecord(address)
@@ -188,10 +201,16 @@ def taylor_step(address: int, stop: float) -> int32:
         if code < 0:
             return RHS_FAILED
         error = defect(s, h, s.ahead + 8 * s.size) if code == 0 else math.inf
+        until = h
         if error <= 1.0:
-            break
+            until = _departs(s, t, h)
+            if until == h:
+                break
         s.rejected += 1
         last_of_span = False
+        if until < h:
+            h = until
+            continue
         h = h * (max(0.2, min(0.8, CAUTION * error ** (-1.0 / (s.order + 1)))) if error < math.inf else 0.25)
         if error == math.inf:
             s.patience -= 1

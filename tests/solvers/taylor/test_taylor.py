@@ -225,6 +225,40 @@ def test_a_short_visit_within_a_step_is_not_missed(rtol: float) -> None:
     assert result["n"][-1] == 47.0  # 300 rad
 
 
+class Visits(gl.Component):
+    """cos(t), and the integral of a function of it, which acts on nothing."""
+
+    of = gl.Structural(0)
+    rate = gl.Parameter("1/s", "makes speeds numbers", default=1.0)
+    x = gl.Variable("1", "deflection", start=1.0)
+    v = gl.Variable("1", "speed", start=0.0)
+    y = gl.Variable("1", "integral", start=0.0)
+
+    def equations(self) -> list[Any]:
+        above = self.x - 0.96
+        function = (
+            gl.tanh(1e4 * above),
+            above / gl.sqrt(above**2 + 1e-8),
+            gl.no_event(gl.Max(above, 0)),
+            gl.Table([-2, 0.96, 2], [0, 0, 1.04])(self.x),
+        )[self.of]
+        return [
+            gl.Eq(gl.der(self.x), self.rate * self.v), gl.Eq(gl.der(self.v), -self.rate * self.x),
+            gl.Eq(gl.der(self.y), self.rate * function),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("of", range(4))
+@pytest.mark.parametrize("method", ["taylor", "auto"])
+def test_what_a_function_does_within_a_step_is_seen(method: str, of: int) -> None:
+    """It changes for a twelfth of each period, where the coefficients at the ends of the steps do not show it."""
+    a, periods = math.acos(0.96), 5
+    right = 4 * a - math.tau if of < 2 else 2 * (math.sin(a) - 0.96 * a)
+    for rtol in (1e-3, 1e-6):
+        run = gl.simulate(Visits(of=of), periods * math.tau, samples=2, method=method, rtol=rtol)
+        assert run["y"][-1] == pytest.approx(periods * right, abs=50 * rtol * (1 + periods * abs(right))), run.stats
+
+
 def test_a_decay_of_any_rate_has_its_series() -> None:
     """Coefficients of order 30 overflow for a rate of 1e12 /s: fewer are used."""
 

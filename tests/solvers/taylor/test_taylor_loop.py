@@ -119,7 +119,7 @@ def taylor(
 ) -> Driver:
     """A run with these coefficients; ``more`` holds functions and numbers of the problem."""
     n, begin, rhs = len(x0), more.pop("begin", 0.0), more.pop("rhs", lambda *_: 0)
-    flags = {name: more.pop(name, False) for name in ("guarded", "pulses", "branches")}
+    flags = {name: more.pop(name, False) for name in ("guarded", "pulses", "branches", "hides")}
 
     def function(t: float, c: Any, work: Any, data: Any, index: Any, order: int, size: int) -> int:
         rows = np.ctypeslib.as_array(c, (order + 1, size))
@@ -308,6 +308,24 @@ def test_the_right_hand_side_is_asked_only_where_it_knows_more(guarded: bool) ->
     special = {"guarded": guarded, "rhs": lambda t, *_: patchy(t)}
     own = compared(whole, [1.0, 0.0], special, 1e-6, 0.3, undefined(whole) if guarded else whole)
     assert (own.rejected > 0) == guarded
+
+
+@pytest.mark.parametrize("hides", [True, False])
+def test_a_right_hand_side_that_the_series_does_not_show_is_looked_for(hides: bool) -> None:
+    """x' = 2, but 7 for a tenth of the step; a step that met it ends there, and what refuses it for good ends the run."""
+
+    def visits(t: float, x: Floats, order: int) -> Floats:
+        return np.vstack([x, [2.0 + 5.0 * (0.31 < t < 0.41)], np.zeros((order - 1, 1))])
+
+    own: dict[str, Any] = {"hides": hides, "rhs": lambda t, x, dx, data: dx.__setitem__(0, visits(t, np.zeros(1), 2)[1, 0])}
+    run = taylor(visits, [0.0], 1.0, **own)
+    assert integrate(run).x[-1, 0] == pytest.approx(2.5 if hides else 2.0, abs=3e-5)
+    assert (run.record.rejected > 0) == (run.record.evaluations > 1) == hides
+    if hides:
+        stepper: Any = run.stepper
+        assert stepper._work(1, 20, 0) > 20 * (100.0 + 20 * COEFFICIENT)
+        with pytest.raises(SolverError, match=r"the step became too small at t = 0\.4"):
+            integrate(taylor(lines, [0.0], 1.0, hides=True, rhs=lambda t, x, dx, data: dx.__setitem__(0, 2.0) or int(t > 0.4)))
 
 
 @pytest.mark.parametrize("slow", [0.0, 4e4, 1e9])
