@@ -232,6 +232,12 @@ def terms_of_parameters(kernel: Kernel) -> tuple[Kernel, Kernel]:
     return _part(kernel, fixed), _part(kernel, others)
 
 
+@memoised
+def vanishes(kernel: Kernel, zeros: tuple[int, ...]) -> bool:
+    """Whether a kernel is zero everywhere where some of its parameters are zero: the bend of a joint that is straight."""
+    return bool(kernel.expression.xreplace({sympy.Symbol(f"p{p}", real=True): sympy.S.Zero for p in zeros}) == 0)
+
+
 def difference_kernel(label: str) -> Kernel:
     """One column minus another: the equation between two aliases."""
     one, other = (sympy.Symbol(name, real=True) for name in ("one", "other"))

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.equations.kernel import Kernel, terms_of_parameters
+from gearlib.equations.kernel import Kernel, terms_of_parameters, vanishes
 from gearlib.program.interpret import Prepared, constant_values
 from gearlib.program.program import Batch, Linear, Newton
 from gearlib.program.relations import Relations
@@ -128,10 +128,9 @@ class _Carried:
                 varying[a] = changing
         if varying:
             moves = self.slots[batch.arguments[:, [*varying]]] * batch.argument_signs[:, [*varying], None]
-            if len(varying) > 1:
-                directions = self._directions(batch, [*varying.values()])
-                sizes = np.abs(directions) @ self._terms[batch.arguments[:, [*varying]]]
-                moves = _without_rounding(directions @ moves, sizes)
+            directions = self._directions(batch, [*varying.values()])
+            sizes = np.abs(directions) @ self._terms[batch.arguments[:, [*varying]]]
+            moves = _without_rounding(directions @ moves, sizes)
             self._rows.append(moves.reshape(-1, self.width))
         return _without_rounding(result, terms), terms
 
@@ -144,11 +143,21 @@ class _Carried:
         flags = (random.random((looks, len(batch.kernel.relations))) < 0.5).astype(float)
         values = [self._slope(batch.kernel, slope, points, flags) * np.ones((len(batch), looks)) for slope in slopes]
         table = np.stack(values, axis=2)  # (rows, looks, arguments)
+        absent = np.stack([self._absent(slope) for slope in slopes], axis=1)
+        table[np.broadcast_to(absent[:, None], table.shape)] = 0.0
+        hidden = ~(np.isfinite(table) & (table != 0)).any(axis=1) & ~absent  # outside a narrow interval that no look meets
         size = np.abs(table).max(axis=2, keepdims=True)
         with np.errstate(all="ignore"):
             table = np.where(np.isfinite(size) & (size > 0), table / size, 0.0)
+        table = np.concatenate([table, hidden[:, None] * np.eye(len(slopes))], axis=1)
         _, sizes, right = np.linalg.svd(table, full_matrices=False)
         return np.asarray(right * (sizes > INDEPENDENT * sizes[:, :1].clip(1e-300))[:, :, None], float)
+
+    def _absent(self, slope: Batch) -> NDArray[np.bool_]:
+        """The rows whose parameters are zero where that makes the partial derivative zero everywhere."""
+        zero, names = self._prepared.parameters[slope.parameters] == 0, slope.kernel.parameters
+        sets = [tuple(p for p, none in zip(names, row, strict=True) if none) for row in zero.tolist()]
+        return np.array([bool(zeros) and vanishes(slope.kernel, zeros) for zeros in sets], bool)
 
     def _slope(self, kernel: Kernel, slope: Batch, points: Floats, flags: Floats) -> Floats:
         """A partial derivative of a kernel, with the parameters of each row, at some points."""

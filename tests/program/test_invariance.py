@@ -22,7 +22,11 @@ def model(rates: Any, more: Any = lambda s: []) -> gl.Component:
         unknown += [gl.Eq(self.z, 0)] if len(unknown) == 1 else []
         return [*(gl.Eq(gl.der(x), self.rate * f) for x, f in right), *unknown]
 
-    names = {name: gl.Variable("1") for name in "abcyz"} | {"p": gl.Parameter("1", default=P)}
+    names = (
+        {name: gl.Variable("1") for name in "abcyz"}
+        | {"p": gl.Parameter("1", default=P)}
+        | {"none": gl.Parameter("1", default=0.0)}
+    )
     rate = gl.Parameter("1/s", default=1.0)
     return type("Model", (gl.Component,), names | {"rate": rate, "equations": equations})()  # type: ignore[no-any-return]
 
@@ -75,6 +79,16 @@ KNOWN: dict[str, tuple[Any, Any, list[list[float]]]] = {
         [[1, 1, 0]],
     ),
     "condition on one": (lambda s: (gl.Piecewise((1.0, s.a > 1), (2.0, True)), 0, s.c), lambda s: [], [[0, 1, 0]]),
+    "vanishes with a parameter": (
+        lambda s: ((1 - gl.cos(s.none)) * gl.sin(s.a) + s.b - s.c, gl.sin(s.none * s.a * s.b), 0),
+        lambda s: [],
+        [[1, 0, 0], [0, 1, 1]],
+    ),
+    "function of a difference in a narrow interval only": (  # no symmetry rather than a false one
+        lambda s: (gl.exp(-1e12 * (s.a - s.b - 50) ** 2), 0, 0),
+        lambda s: [],
+        [[0, 0, 1]],
+    ),
     "gap": (
         lambda s: (gl.Piecewise((s.a - s.b - 1, s.a - s.b > 1), (0.0, True)), 0, s.c),
         lambda s: [],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -12,7 +13,7 @@ from scipy.special import ellipk
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import ArgumentError
+from gearlib.errors import ArgumentError, StartError
 from tests.gearparts.related import RelatedProbe
 
 
@@ -110,6 +111,28 @@ def test_a_universal_joint_turns_as_its_fork_and_keeps_energy() -> None:
     assert r["joint.flange_a.tau"] == pytest.approx(-ratio * r["joint.flange_b.tau"], rel=1e-9, abs=1e-12)
     energy = 0.15 * r["a.w"] ** 2 + 0.35 * r["b.w"] ** 2 - 2.0 * r["a.phi"]
     assert energy == pytest.approx(np.full(201, energy[0]), rel=1e-7)
+
+
+def test_a_straight_joint_is_a_rigid_coupling_and_turns_steadily() -> None:
+    class Driven(gl.Component):
+        beta = gl.Parameter("rad", default=0.0)
+
+        def assemble(self) -> Any:
+            self.torque, self.joint = gp.Torque(tau=2.0), gp.UniversalJoint(beta=self.beta)
+            self.a, self.b, self.drag, self.ground = gp.Inertia(J=0.3), gp.Inertia(J=0.7), gp.Damper(d=0.5), gp.Fixed()
+            chain = [self.a, self.joint, self.b, self.drag]
+            links = [gl.connect(one.flange_b, other.flange_a) for one, other in itertools.pairwise(chain)]
+            return [
+                *links,
+                gl.connect(self.torque.flange, self.a.flange_a),
+                gl.connect(self.drag.flange_b, self.ground.flange),
+            ]
+
+    system = gl.compile(Driven())
+    assert gl.steady_state(system, ["a.w", "b.w"]).values == pytest.approx(4.0)  # 2 N.m / 0.5 N.m.s/rad
+    assert gl.modes(system, at="steady").decays == pytest.approx([-0.5 / (0.3 + 0.7)])
+    with pytest.raises(StartError, match=r"vary with .*\.phi, which would grow for ever, and repeat every turn"):
+        gl.steady_state(system, parameters={"beta": 0.3})
 
 
 def test_two_universal_joints_in_mirror_arrangement_run_evenly() -> None:
