@@ -132,9 +132,7 @@ class Template:
         """Parameters that multiply a variable as a factor, so that at zero the equation loses that variable."""
         symbols = {name: sympy.Symbol(name, real=True) for name in self.parameters}
         expressions = [slope for slope in self.slopes if not slope.is_number]
-        return frozenset(
-            n for n, s in symbols.items() if any(e.has(s) and e.xreplace({s: sympy.S.Zero}) == 0 for e in expressions)
-        )
+        return frozenset(n for n, s in symbols.items() if any(e.has(s) and _vanishes(e, s) for e in expressions))
 
     @cached_property
     def cancelling(self) -> tuple[int, ...]:
@@ -190,6 +188,14 @@ def columns_among(template: Template, names: tuple[str, ...]) -> tuple[tuple[int
     """The columns as (position among some names, derivative order). A derivative has its variables in another order."""
     position = {name: i for i, name in enumerate(names)}
     return tuple((position[name], order) for name, order in template.columns)
+
+
+def _vanishes(expression: Any, symbol: Any) -> bool:
+    """Whether an expression is zero where a symbol is."""
+    try:
+        return bool(expression.xreplace({symbol: sympy.S.Zero}) == 0)
+    except TypeError:  # sympy compares infinity, to which 1/symbol has become
+        return False
 
 
 def relation_symbol(number: int) -> Any:
@@ -316,14 +322,36 @@ def lift_relations(expression: Any, is_discrete: Callable[[str], bool] = never) 
     A comparison of discrete variables changes at events only, and is left as it is.
     """
     protected = {a: sympy.Dummy("no_event", real=True) for a in expression.atoms(sympy.Function) if _no_event(a)}
-    expression = piecewise(expression.xreplace(protected))
-    if not protected and not expression.has(Relational):
+    expression, followed = _followed(expression.xreplace(protected))
+    expression = piecewise(expression)
+    atoms = expression.atoms(Relational).union(*(value.atoms(Relational) for value in followed.values()))
+    if not protected and not atoms:
         return expression, ()
-    atoms = [a for a in sorted(expression.atoms(Relational), key=str) if not all(is_discrete(s.name) for s in a.free_symbols)]
-    found, lifted = _lifted(atoms, 0)
-    expression = expression.xreplace(lifted)
     plain = {dummy: piecewise(call.args[0].replace(_no_event, lambda e: e.args[0])) for call, dummy in protected.items()}
-    return expression.xreplace(plain), found
+    whole = {a: a.xreplace(followed).xreplace(plain) for a in atoms}
+    events = [a for a in sorted(whole, key=lambda a: str(whole[a])) if not all(is_discrete(s.name) for s in a.free_symbols)]
+    (found, _), (_, lifted) = _lifted([whole[a] for a in events], 0), _lifted(events, 0)
+    for dummy, value in followed.items():
+        searched = [sympy.Ne(lifted[a].lhs, 2) for a in events if a in value.atoms(Relational)]  # true: those are 0 or 1
+        followed[dummy] = sympy.Piecewise((value, sympy.And(*searched)), (sympy.S.Zero, True))
+    return expression.xreplace(lifted).xreplace(followed).xreplace(plain), found
+
+
+def _followed(expression: Any) -> tuple[Any, dict[Any, Any]]:
+    """The expression with symbols in place of extrema and magnitudes that keep an argument in its domain, and what these stand for.
+
+    Their events are located, but their value is not held up to there: the step that looks for the zero of x could not be evaluated
+    beyond it if ``sqrt(abs(x))`` still was ``sqrt(x)`` there.
+    """
+    values: dict[Any, Any] = {}
+
+    def follow(e: Any) -> Any:
+        inner = {a: sympy.Dummy("followed", real=True) for a in e.args[0].atoms(sympy.Abs, sympy.Max, sympy.Min)}
+        values.update({dummy: piecewise(a).xreplace(values) for a, dummy in inner.items()})
+        return e.func(e.args[0].xreplace(inner), *e.args[1:])
+
+    bounded = (sympy.log, sympy.asin, sympy.acos, sympy.acosh, sympy.atanh)
+    return expression.replace(lambda e: isinstance(e, bounded) or (e.is_Pow and not e.exp.is_integer), follow), values
 
 
 def _lifted(comparisons: Sequence[Any], first: int) -> tuple[tuple[Relation, ...], dict[Any, Any]]:

@@ -122,6 +122,24 @@ def test_absolute_value_sign_and_extrema_are_events() -> None:
     assert make(z, gl.no_event(abs(x))).relations == ()
 
 
+def test_extrema_that_keep_an_argument_in_its_domain_follow_it_within_a_step() -> None:
+    """Their events are located, but the branch that holds up to there is not what is evaluated; so at any depth."""
+    own, other = sympy.Piecewise((x, x >= 0), (-x, True)), sympy.Piecewise((p, p >= y), (y, True))
+    for expression, relations, value in (
+        (abs(x) ** 1.5, 1, own**1.5), (abs(x) ** q, 1, own**q), (gl.log(gl.Max(y, p)) + abs(x), 2, None), (abs(x) ** 2, 0, x**2),
+        (gl.sqrt(abs(x) + gl.log(gl.Max(p, y))), 2, sympy.sqrt(own + sympy.log(other))),
+        (abs(gl.no_event(abs(x)) - 1) ** 0.5 - abs(gl.no_event(abs(y)) - 2), 2, None),
+    ):  # fmt: skip
+        t = make(z, expression)
+        assert len(t.relations) == relations
+        known = {s for r in t.relations for s in r.g.free_symbols} | t.residual.free_symbols
+        assert all(s in (x, y, z, p, q) or s.name.startswith("relation") for s in known)
+        for held in (0, 1) if value is not None else ():
+            flags = {s: held for s in t.residual.free_symbols if s.name.startswith("relation")}
+            for point in ({x: -0.7, y: 1.2, p: 1.5, q: 1.7}, {x: 0.3, y: 1.4, p: 1.1, q: -0.3}):
+                assert abs(t.residual.subs(flags).subs({z: 0, **point})) == pytest.approx(abs(value.subs(point)))
+
+
 def test_equality_is_no_event() -> None:
     with pytest.raises(DeclarationError, match="use <, <=, >, >="):
         make(y, gl.Piecewise((1, sympy.Ne(x, 0)), (0, True)))
@@ -158,6 +176,7 @@ def test_parameters_that_multiply_a_variable_are_factors() -> None:
     assert make(x + p + q * gl.time).factors == set()
     assert make((1 - p) * x + y / q).factors == set()
     assert make(p * q * x + (p + q) * y).factors == {"p", "q"}
+    assert make(p * x / gl.cosh(y / q) - z).factors == {"p"}  # no number where q is zero
 
 
 def test_coefficients_that_may_cancel_are_sums_of_parameters() -> None:

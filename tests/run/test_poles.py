@@ -92,6 +92,18 @@ QUOTIENTS: dict[str, tuple[Callable[[Any], Any], Callable[[float], float]]] = { 
     ),
     "positive": (lambda s: 1 / (1 + s.x**2), lambda x: math.atan(1) - math.atan(x)),
     "exponent": (lambda s: s.x ** (-2 * s.p), lambda x: (1 - x**3) / 3),
+    "power of a magnitude": (
+        lambda s: gl.sign(s.x - 0.5) * abs(s.x - 0.5) ** 1.85, lambda x: (0.5**2.85 - abs(x - 0.5) ** 2.85) / 2.85,
+    ),
+    "unknown power of a magnitude": (lambda s: abs(s.x - 0.5) ** -s.p, lambda x: (0.25 + (x - 0.5) ** 2) / 2),
+    "power of a magnitude and more": (
+        lambda s: (abs(s.x - 0.5) + 0.1) ** -1.5, lambda x: 4 / math.sqrt(0.1) - 2 / math.sqrt(0.6) - 2 / math.sqrt(abs(x - 0.5) + 0.1),
+    ),
+    "root of a magnitude": (lambda s: gl.sqrt(abs(s.x - 0.5)), lambda x: (0.5**1.5 + (0.5 - x) ** 1.5) / 1.5),
+    "root of an extremum": (lambda s: gl.sqrt(gl.Max(s.x - 0.5, 0)), lambda x: 0.5**1.5 / 1.5),
+    "logarithm of an extremum": (
+        lambda s: gl.log(gl.Max(s.x - 0.5, 0.1)), lambda x: 0.5 * math.log(0.5) - 0.4 + (0.5 - x) * math.log(0.1),
+    ),
 }  # fmt: skip
 
 
