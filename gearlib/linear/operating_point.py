@@ -127,10 +127,8 @@ def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point)
     u, now = point.inputs, np.array([point.t])
     if point.discrete is not None:
         discrete = point.discrete(program)[:, None]
-    elif not scene.n_discrete:  # avoids building the scene's own program, which a linear train does not need here
-        discrete = np.zeros((0, 1))
     else:
-        discrete = scene.discrete(scene.numbers(parameters), now, x[:, None], u[:, None], start=point.guess)
+        discrete = scene.discrete_of(prepared, now, x[:, None], u[:, None], point.guess)
     guess = guess_of(program, point.guess)
     if point.history is not None and program.iterated:
         slots, nodes = iterated_unknowns(program)

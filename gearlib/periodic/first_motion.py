@@ -14,7 +14,9 @@ from gearlib.arguments import finite, is_real, name_list, shown
 from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
 from gearlib.periodic.fourier_balance import HarmonicEquations, rigid_motions, terms
 from gearlib.periodic.periods import Driven, fourier, moments
+from gearlib.program.build import build
 from gearlib.program.newton import Correction, newton
+from gearlib.program.program import Program
 from gearlib.run.request import Request
 from gearlib.run.scene import Scene, needed_states, node_name
 from gearlib.run.simulate import run
@@ -25,6 +27,8 @@ SINGULAR = 1e-14  # relative to the largest singular value: a smaller one is rou
 ROUNDING = 1e-12  # relative to the terms of a rate
 EXACT, REFINED = 1e-11, 1e-9  # last correction of Newton's method, in nominal values and relative to each vibration
 CANCELLED = 1e-9  # relative to the terms of its rate: a smaller vibration may be what rounding leaves of them
+IRREGULAR = 2 * np.pi * np.arange(16) / 16 + 0.1234567  # phases at which nothing is likely to switch
+UNRELATED = 1.2345678  # ratio of frequencies at both of which a function of time of another frequency does not repeat
 SETTLE = 100  # periods of a run from which the initial solution is taken
 
 
@@ -34,6 +38,14 @@ class First:
 
     balance: HarmonicEquations
     z: Floats
+
+
+class ObservedScene(Scene):
+    """A scene whose outputs are part of the program, so that relations on which only they depend switch as well."""
+
+    @cached_property
+    def program(self) -> Program:
+        return build(self.structure, self.outputs, self.states, dynamic=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +77,18 @@ class Forced:
         scene = translation.scene_of(states)
         _refuse_memory(scene)
         return scene
+
+    def observed(self, scene: Scene, outputs: Sequence[str]) -> Scene:
+        """The scene with the outputs.
+
+        Raises
+        ------
+        ArgumentError
+            An output has a memory.
+        """
+        found = ObservedScene(scene.structure, scene.states, outputs=tuple(self.translation.nodes(outputs)))
+        _refuse_memory(found)
+        return found
 
     def values(self, omega: float) -> dict[str, float]:
         if self.frequency is None:
@@ -145,9 +169,12 @@ class Forced:
         driven = self.driven(scene)
         numbers = translation.parameter_values(self.values(omega))
         now = [_finite(name, g(0.0, omega)) if callable(g) else g for name, g in self._signals]
+        for name, g in self._signals:
+            if callable(g):
+                _check_periodic(name, g, omega)
         means = translation.start(scene, numbers, 0.0, dict(guess) if guess else None, now).states
         size = (2 * self.harmonics + 1, len(scene.states))
-        for tried in (omega, 1.2345678 * omega):  # forcing with a fixed frequency may happen to be periodic at one of them
+        for tried in (omega, UNRELATED * omega):  # forcing with a fixed frequency may happen to be periodic at one of them
             _check_forcing(driven(tried), means, self.frequency)
         varies = self.frequency is not None or any(callable(g) for g in self.inputs.values())
         nominal = np.maximum(scene.nominal, 1e-300)
@@ -192,6 +219,17 @@ def _finite(name: str, value: Any) -> float:
     return finite(lambda: f"the input {name} returned", value)
 
 
+def _check_periodic(name: str, function: Callable[[float, float], Any], omega: float) -> None:
+    """Check that a function of the phase repeats after 2 pi."""
+    once, again = ([_finite(name, function(float(p), omega)) for p in IRREGULAR + turns] for turns in (0.0, 2 * np.pi))
+    off = np.abs(np.subtract(again, once)).max()
+    if off > 1e-6 * np.ptp(once) + 1e-9 * np.abs(once).max():
+        raise ArgumentError(
+            f"the input {name} is not 2 pi periodic in the phase: it differs by {off:.3g} after a period. Give it the slowest frequency, "
+            "of which all others are multiples"
+        )
+
+
 def _refuse_memory(scene: Scene) -> None:
     """Refuse discrete variables that have memory; those that follow from the states are admissible in a Fourier series."""
     relations = scene.relations
@@ -208,7 +246,7 @@ def _refuse_memory(scene: Scene) -> None:
 
 def _check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None:
     """Check that the rates vary over a period, and repeat after it."""
-    phase = 2 * np.pi * np.arange(16) / 16 + 0.1234567  # irregular points, at which nothing is likely to switch
+    phase = IRREGULAR
     x = means[:, None] + driven.growth[:, None] * phase
     once, slopes = driven.linear_rates(phase, x, driven.discrete(phase, x))
     names = driven.scene.state_names
@@ -218,10 +256,10 @@ def _check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None
     terms = np.abs(slopes).max(axis=0) @ np.abs(x).max(axis=1)  # balanced forces leave rounding errors
     x = x + 2 * np.pi * driven.growth[:, None]
     again = driven.rates(phase + 2 * np.pi, x, driven.discrete(phase + 2 * np.pi, x))
-    size = np.abs(once).max(axis=1)
     nominal = driven.scene.nominal
-    size = np.maximum(size, 1e-9 * nominal * float((size / nominal).max()) + 1e-300)  # tolerance for rounding
-    off = np.maximum(np.abs(again - once).max(axis=1) - ROUNDING * terms, 0.0) / size
+    swing, size = np.ptp(once, axis=1), np.abs(once).max(axis=1)
+    varying = np.maximum(swing, 1e-9 * nominal * float((swing / nominal).max()) + 1e-300)
+    off = np.maximum(np.abs(again - once).max(axis=1) - ROUNDING * (terms + size), 0.0) / varying
     if (off > 1e-6).any():
         worst = names[int(np.argmax(off))]
         raise ArgumentError(
@@ -233,7 +271,8 @@ def _check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None
                 f"from it, a ramp, or {frequency} counts in Hz and is not declared so"
             )
         )
-    if (np.ptp(once, axis=1) <= 1e-12 * size).all():
+    size = np.maximum(size, 1e-9 * nominal * float((size / nominal).max()) + 1e-300)  # tolerance for rounding
+    if (swing <= 1e-12 * size).all():
         raise ArgumentError(
             "nothing varies over the period: bind an input to a function of the phase, give frequency=..., or, where the phase of a "
             "mesh excites the train, turning={'mesh.turned': 1.0}"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
 from gearlib.periodic.floquet import monodromy, vibration_multipliers
-from gearlib.periodic.periods import Cuts, Driven, Moments, fourier, jumps, moments, turn
+from gearlib.periodic.periods import Cuts, Driven, Moments, fourier, jumps, moments, transform, turn
 
 Floats = NDArray[np.float64]
 RIGID = 1e-9  # relative singular value of an unrestrained motion
@@ -82,7 +82,7 @@ class HarmonicEquations:
         found = moments(driven, c, self.samples)
         cuts = jumps(driven, c, found, self._step(c))
         basis = fourier(found.phase, self.harmonics)
-        back = self._back(found.weights, basis)
+        back = transform(found.weights, basis)
         f, slopes = driven.linear_rates(found.phase, driven.states(found.phase, c), found.discrete)
         mean = back @ (f / self.scale[:, None]).T
         derivative = turn(self.harmonics)
@@ -97,12 +97,6 @@ class HarmonicEquations:
         size: Floats = np.maximum(np.abs(c).max(axis=0), 1e-3 * self.scale)
         return size
 
-    def _back(self, weights: Floats, basis: Floats) -> Floats:
-        """Matrix that maps values at the collocation points to Fourier coefficients."""
-        result: Floats = (basis * (2 * weights)[:, None]).T
-        result[0] /= 2
-        return result
-
     def _blocks(self, basis: Floats, back: Floats, slopes: Floats, cuts: Cuts | None) -> Floats:
         """Derivative of the mean rates with respect to the unknowns."""
         n, size = len(self.scale), basis.shape[1]
@@ -111,7 +105,7 @@ class HarmonicEquations:
         blocks = (pairs @ scaled.reshape(-1, n * n)).reshape(size, size, n, n).transpose(0, 2, 1, 3)
         if cuts is not None:  # cuts move with the unknowns
             at = fourier(cuts.phase, self.harmonics)
-            there = self._back(np.full(len(at), 1 / (2 * np.pi)), at)
+            there = transform(np.full(len(at), 1 / (2 * np.pi)), at)
             moved = cuts.gradient * self.scale / cuts.slope[:, None]
             blocks = blocks + np.einsum("kc,ci,cl,cj->kilj", there, cuts.jump / self.scale, at, moved, optimize=True)
         return np.asarray(blocks.reshape(size * n, size * n))
@@ -124,7 +118,7 @@ class HarmonicEquations:
         basis = fourier(found.phase, self.harmonics)
         x = self.driven(omega).states(found.phase, c)
         slope = (self.driven(omega + h).rates(found.phase, x, found.discrete) - rates) / (h * self.scale[:, None])
-        result: Floats = self._back(found.weights, basis) @ slope.T
+        result: Floats = transform(found.weights, basis) @ slope.T
         return result
 
     def _check(self, first: Floats, mean: Floats, omega: float) -> None:
@@ -169,7 +163,7 @@ class HarmonicEquations:
         f, slopes = driven.linear_rates(found.phase, driven.states(found.phase, c), found.discrete)
         padded = np.zeros((2 * many + 1, len(self.scale)))
         padded[: len(c)] = c / self.scale
-        rest = turn(many) @ padded - self._back(found.weights, basis) @ (f / self.scale[:, None]).T / omega
+        rest = turn(many) @ padded - transform(found.weights, basis) @ (f / self.scale[:, None]).T / omega
         rest[0] += driven.growth / self.scale
         mean = np.tensordot(found.weights, slopes, 1) * self.scale / self.scale[:, None] / omega
         k = np.arange(1, many + 1)

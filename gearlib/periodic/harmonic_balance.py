@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,11 @@ import numpy as np
 from gearlib.arguments import by_name, name_list, one_name, real, shown, whole
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.periodic.continuation import Path, follow
-from gearlib.periodic.first_motion import Forced
+from gearlib.periodic.first_motion import IRREGULAR, UNRELATED, Forced
 from gearlib.periodic.fourier_balance import HarmonicEquations
 from gearlib.periodic.harmonic_response import HarmonicBalance
-from gearlib.periodic.periods import Driven, Floats, fourier
-from gearlib.program.build import build
-from gearlib.program.interpret import Prepared, evaluate, prepare
+from gearlib.periodic.periods import Driven, Floats, fourier, moments, transform
+from gearlib.program.interpret import evaluate
 from gearlib.progress import RunProgress, check_progress, reporting
 from gearlib.run.scene import Scene
 from gearlib.run.subject import translation_of
@@ -84,7 +84,7 @@ def harmonic_balance(
     Raises
     ------
     ArgumentError
-        The forcing is not periodic with the frequency, or absent; or the system has memory.
+        The forcing or an output is not periodic with the frequency, or nothing forces the system; or it has memory.
     SolverError
         No periodic motion was found at ``start`` (or there is none, since a freely rotating train accelerates), or the step became too
         small; or the mean of a state is undetermined; or the motion does not satisfy the equations in time to the requested accuracy.
@@ -130,6 +130,7 @@ def harmonic_balance(
             default = translation.outputs if translation.outputs is not None else task.repeating()
             names = name_list("outputs", outputs if outputs is not None else default, "mesh.q")
             scene = task.scene(names)
+            observed = task.observed(scene, names)
             count = _samples(samples, count_, scene.relations is not None)
             first = task.first(scene, float(start), count, guess, known)
             known = first.balance.coefficients(first.z)
@@ -142,7 +143,7 @@ def harmonic_balance(
             if watch.worst <= watch.accuracy:
                 if seen is not None:
                     seen.end(float(path.w[-1]))
-                return _result(task, scene, first.balance, path, names)
+                return _result(task, observed, first.balance, path, names)
     raise SolverError(
         f"{count_} harmonics leave an error of {watch.worst:.2g} of the vibration at {watch.where:g} rad/s, more than "
         f"accuracy={accuracy:g}; ask for less, or take that many with harmonics=..."
@@ -194,30 +195,31 @@ def _check_numbers(start: float, end: float, harmonics: int | None, step: float,
 
 def _result(task: Forced, scene: Scene, balance: HarmonicEquations, path: Path, names: list[str]) -> HarmonicBalance:
     """Outputs and stability along a path."""
-    model, structure = scene.model, scene.structure
+    model = scene.model
     variables = [(model.variable(base), order) for base, order in map(model.column, names)]
     targets = [(int(model.representative[v]), order) for v, order in variables]
     signs = np.array([float(model.sign[v]) for v, _ in variables])
-    program = build(structure, task.translation.nodes(names), scene.states, dynamic=True)
-    rows = [program.slots.get(t, 0) for t in targets]
-    prepared = None
+    rows = [scene.program.slots.get(t, 0) for t in targets]
+    numbers = None
     coefficients: list[Floats] = []
     multipliers = []
     errors = []
     count = balance.samples
-    phase = 2 * np.pi * np.arange(count) / count
-    basis = fourier(phase, balance.harmonics)
-    back = basis.T * 2 / count
-    back[0] /= 2
     for z, omega in zip(path.z, path.w, strict=True):
         driven = balance.driven(float(omega))
-        x = driven.states(phase, balance.coefficients(z))
-        if prepared is None or task.frequency is not None:
-            prepared = prepare(program, structure, driven.numbers.parameters)
-        slots = evaluate(prepared, phase / omega, x, driven.inputs(phase, float(omega)), driven.discrete(phase, x))
-        if task.turning and not coefficients:
-            _check_repeating(names, slots[rows], driven, x, prepared, rows)
-        coefficients.append(back @ (signs[:, None] * slots[rows]).T)
+        if numbers is None or task.frequency is not None:
+            numbers = scene.numbers(driven.numbers.parameters)
+        driven = replace(driven, scene=scene, numbers=numbers)
+        c = balance.coefficients(z)
+        if not coefficients:
+            other = balance.driven(UNRELATED * omega)
+            other = replace(other, scene=scene, numbers=scene.numbers(other.numbers.parameters))
+            for tried in (driven, other):  # what has a frequency of its own may happen to repeat at one of them
+                _check_repeating(names, tried, c, rows)
+        found = moments(driven, c, count)
+        values = _observed(driven, found.phase, driven.states(found.phase, c), found.discrete)[rows]
+        back = transform(found.weights, fourier(found.phase, balance.harmonics))
+        coefficients.append(back @ (signs[:, None] * values).T)
         multipliers.append(balance.multipliers(z, float(omega)))
         low, error = balance.error(z, float(omega))
         if not low <= OFF:
@@ -232,14 +234,29 @@ def _result(task: Forced, scene: Scene, balance: HarmonicEquations, path: Path, 
     )
 
 
-def _check_repeating(
-    names: Sequence[str], once: Floats, driven: Driven, x: Floats, prepared: Prepared, rows: Sequence[int]
-) -> None:
-    """Refuse outputs that grow with the mesh phase."""
-    phase = 2 * np.pi * (1 + np.arange(x.shape[1]) / x.shape[1])
-    later = x + 2 * np.pi * driven.growth[:, None]
-    slots = evaluate(prepared, phase / driven.omega, later, driven.inputs(phase, driven.omega), driven.discrete(phase, later))
-    grown = np.abs(slots[rows] - once).max(axis=1)
-    bad = np.flatnonzero(grown > 1e-6 * np.maximum(np.abs(once).max(axis=1), 1e-300))
+def _observed(driven: Driven, phase: Floats, x: Floats, discrete: Floats) -> Floats:
+    return evaluate(driven.numbers, phase / driven.omega, x, driven.inputs(phase, driven.omega), discrete)
+
+
+def _check_repeating(names: Sequence[str], driven: Driven, c: Floats, rows: Sequence[int]) -> None:
+    """Refuse outputs that do not repeat: that grow with the mesh phase, or depend on time by themselves."""
+
+    def values(turns: float, x: Floats) -> Floats:
+        phase = IRREGULAR + turns
+        x = x + turns * driven.growth[:, None]
+        return _observed(driven, phase, x, driven.discrete(phase, x))[rows]
+
+    x = driven.states(IRREGULAR, c)
+    once, again = values(0.0, x), values(2 * np.pi, x)
+    shaken = values(0.0, x * (1 + 1e-12 * np.random.default_rng(1).uniform(-1, 1, x.shape)))  # by more than rounding
+    grown = np.abs(again - once).max(axis=1)
+    rounding = 1e-12 * np.abs(once).max(axis=1) + np.abs(shaken - once).max(axis=1)
+    bad = np.flatnonzero(grown > 1e-6 * np.ptp(once, axis=1) + rounding)
     if len(bad):
-        raise ArgumentError(f"{names[bad[0]]} grows by {grown[bad[0]]:g} in each period; leave it out, or take its rate")
+        growing = (again - once)[bad[0]]
+        if np.ptp(growing) <= 1e-6 * grown[bad[0]]:
+            raise ArgumentError(f"{names[bad[0]]} grows by {growing[0]:g} in each period; leave it out, or take its rate")
+        raise ArgumentError(
+            f"{names[bad[0]]} does not repeat after 2 pi / {driven.omega:g} rad/s, but differs by up to {grown[bad[0]]:g}: it depends on "
+            "time in another way than the forcing; leave it out"
+        )

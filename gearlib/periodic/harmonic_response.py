@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import pandas
 
 Floats = NDArray[np.float64]
+EDGE = 1e-15  # rounding of the size of a multiplier on the unit circle
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +80,16 @@ class HarmonicBalance:
 
     @property
     def stable(self) -> NDArray[np.bool_]:
-        """Whether small perturbations decay: all Floquet multipliers lie inside the unit circle."""
-        result: NDArray[np.bool_] = np.abs(self.multipliers).max(axis=1, initial=0.0) < 1.0
+        """Whether small perturbations decay: all Floquet multipliers lie inside the unit circle.
+
+        Those of trains without damping lie on it: their perturbations neither decay nor grow.
+        """
+        result: NDArray[np.bool_] = self._largest < 1.0 - EDGE
+        return result
+
+    @property
+    def _largest(self) -> Floats:
+        result: Floats = np.abs(self.multipliers).max(axis=1, initial=0.0)
         return result
 
     @property
@@ -143,7 +152,7 @@ class HarmonicBalance:
     def plot(self, output: str | None = None, *, harmonic: int = 1, ax: Any = None) -> Any:
         """Plot the amplitude of an output (by default the first) over frequency.
 
-        Unstable motions are dashed, folds are marked. Returns the matplotlib axes.
+        Motions that are not stable are dashed, folds are marked. Returns the matplotlib axes.
         """
         plt = optional("matplotlib.pyplot")
 
@@ -154,9 +163,10 @@ class HarmonicBalance:
         check_axes(ax, 1, "ax")
         turns = [k for k in range(1, len(f)) if stable[k] != stable[k - 1]]
         labelled: set[bool] = set()
+        other = "unstable" if (self._largest > 1.0 + EDGE).any() else "marginal"
         for first, end in zip([0, *turns], [*turns, len(f)]):
             kind, piece = bool(stable[first]), slice(first, end + 1)
-            label = None if kind in labelled else ("stable" if kind else "unstable")
+            label = None if kind in labelled else ("stable" if kind else other)
             labelled.add(kind)
             ax.plot(f[piece], amplitude[piece], "C0-" if kind else "C3--", label=label)
         for n, k in enumerate(self.folds):

@@ -42,6 +42,13 @@ def turn(harmonics: int) -> Floats:
     return result
 
 
+def transform(weights: Floats, basis: Floats) -> Floats:
+    """Matrix that maps values at collocation points to Fourier coefficients."""
+    result: Floats = (basis * (2 * weights)[:, None]).T
+    result[0] /= 2
+    return result
+
+
 @dataclass(frozen=True, eq=False)
 class Driven:
     """A scene at one frequency: rates as functions of phase."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.equations.template import memoised
 from gearlib.errors import SingularError
 from gearlib.flatten.model import FlatModel
 from gearlib.native.layout import Layout, Shared, fill, lay_out
@@ -326,6 +327,14 @@ class Scene:
         guess = None if start is None else guess_of(self.relations.program, start)
         return discrete_at_start(self.model, self.relations, numbers.relations, t, states, inputs, discretes, guess)
 
+    def discrete_of(self, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, start: Floats) -> Floats:
+        """`discrete` of the relations on which a program of these states depends, also where their derivatives do not."""
+        if not self.n_discrete:
+            return np.zeros((0, len(t)))
+        relations = _relations_of(prepared.program, self.structure)
+        numbers = prepare(relations.program, self.structure, prepared.parameters)
+        return discrete_at_start(self.model, relations, numbers, t, states, inputs, None, guess_of(relations.program, start))
+
     def data(
         self, native: NativeScene, numbers: Prepared, inputs: Floats, discrete: Floats, start: Floats,
         slots: Floats | None = None,
@@ -342,6 +351,11 @@ class Scene:
             return others
 
         return data_block(native, numbers, inputs, discrete, guesses)
+
+
+@memoised
+def _relations_of(program: Program, structure: Structure) -> Relations:
+    return relations_of(structure, program)
 
 
 def guess_of(program: Program, start: Floats) -> Floats:

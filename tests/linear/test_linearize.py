@@ -454,3 +454,22 @@ def test_states_that_only_conditions_depend_on(angle: float, omega: float) -> No
     assert gl.modes(system, at={"angle": angle}).omega.max() == pytest.approx(omega)
     steady = gl.steady_state(system, parameters={"turning": 0.0, "force": 1.0}).sensitivity("x", "force")
     assert steady == pytest.approx(1 / 9)
+
+
+class Sided(gl.Component):
+    """A linear oscillator, and an output whose slope depends on its side; the output has a least value."""
+
+    x, v = gl.Variable("1", start=1.0), gl.Variable("1", start=0.0)
+    y = gl.Variable("1", min=-1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        y = gl.Piecewise((4 * self.x - 3, self.x > 0.5), (-2 * self.x, True))
+        return [gl.Eq(gl.der(self.x), self.v), gl.Eq(gl.der(self.v), -self.x - 0.1 * self.v), gl.Eq(self.y, y)]
+
+
+@pytest.mark.parametrize(("x", "slope"), [(1.0, 4.0), (0.4, -2.0)])
+def test_outputs_switch_where_the_motion_does_not(x: float, slope: float) -> None:
+    """As in a run, which begins with the same values; what its least value allows is not refused."""
+    system = gl.compile(Sided())
+    assert np.asarray(system.linearize([], ["y"], at={"x": x}).C).ravel().tolist() == [slope, 0.0]
+    assert system.simulate(0.1, samples=2, start={"x": x})["y"][0] == pytest.approx(1.0 if x > 0.5 else -0.8)

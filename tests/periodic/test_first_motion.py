@@ -160,6 +160,16 @@ def test_a_forcing_varies_and_repeats(task: Any, said: str) -> None:
         first(task(), 0.7)
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-4, 1e-7])
+def test_a_small_forcing_beside_a_large_constant_force_repeats_as_well(size: float) -> None:
+    drive = {"F": lambda phase, w: 1e4 + size * np.cos(phase)}
+    for amplitude in (size, 0.1 * size):
+        with pytest.raises(GearlibError, match=r"^der\(v\) does not repeat after 2 pi / 0\.7 rad/s"):
+            first(forced(parameters={"A": amplitude}, **drive), 0.7)
+    _, c, _ = first(forced(**drive), 0.7)
+    assert np.hypot(*c["x"][1:3]) == pytest.approx(size * abs(response(0.7)), rel=1e-4)
+
+
 class Bent(gl.Component):
     """A force that is infinite at the start; a mode that is kept."""
 

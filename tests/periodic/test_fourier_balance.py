@@ -29,9 +29,14 @@ class Oscillator(gl.Component):
 
 
 @cache
+def oscillator() -> gl.System:
+    return gl.compile(Oscillator())
+
+
+@cache
 def solved() -> First:
     drive: dict[str, Any] = {"F": lambda phase, w: 2.0 + np.cos(phase)}
-    task = Forced(gl.compile(Oscillator()).translation, None, {}, drive, HARMONICS, {})
+    task = Forced(oscillator().translation, None, {}, drive, HARMONICS, {})
     return task.first(task.scene(["x"]), OMEGA, 32, None, None)
 
 
@@ -42,6 +47,20 @@ def test_a_linear_motion_is_exact() -> None:
     assert c[0] == pytest.approx([2.0, 0.0], abs=1e-12)
     assert np.hypot(*c[1:3]) == pytest.approx(abs(response) * np.array([1.0, OMEGA]))
     assert max(balance.error(solved().z, OMEGA)) < 1e-10
+
+
+@pytest.mark.parametrize(("zeta", "begin"), [(0.0, 0.45), (0.0, 3.0), (1e-9, 0.6), (0.01, 1e-2), (0.01, 1e4), (-1e-9, 0.6)])
+def test_motions_are_stable_where_the_train_is_damped_however_slowly_it_is_forced(zeta: float, begin: float) -> None:
+    """Multipliers are exponentials of the poles; without damping they lie on the unit circle, at whatever frequency."""
+    found = gl.harmonic_balance(
+        oscillator(), begin, 1.05 * begin, inputs={"F": lambda phase, w: np.cos(phase)}, parameters={"zeta": zeta}, harmonics=1,
+        step=0.1, outputs=["x"],
+    )  # fmt: skip
+    assert (found.stable == (zeta > 0)).all()
+    poles = -zeta + 1j * np.sqrt(1 - zeta**2) * np.array([1, -1])
+    expected = np.exp(2 * np.pi * poles / found.omega[:, None])
+    assert np.abs(np.sort_complex(found.multipliers) - np.sort_complex(expected)).max() < 1e-5
+    assert np.abs(found.multipliers) - 1 == pytest.approx(np.abs(expected) - 1, rel=1e-5, abs=4e-16)
 
 
 @pytest.mark.parametrize("place", range(2 * HARMONICS + 1))

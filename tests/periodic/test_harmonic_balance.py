@@ -233,6 +233,80 @@ def test_the_error_of_a_motion_is_relative_to_it_where_it_has_become_small(end: 
     assert found.error[-1] == pytest.approx(fifth / one, rel=1e-3)
 
 
+class Watched(gl.Component):
+    """A linear oscillator whose outputs switch, by themselves and with a discrete variable, where its motion does not."""
+
+    F = gl.Input("1")
+    x, v = gl.Variable("1"), gl.Variable("1")
+    side, gated, flag = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+    clock, ramp, count = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+    fast, kept = gl.Discrete(start=0.0), gl.Discrete(start=0.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), self.F - 2 * ZETA * self.v - self.x),
+            gl.Eq(self.side, gl.Piecewise((2.0, self.x > 0.5), (-1.0, True))),
+            gl.Eq(self.gated, gl.Piecewise((self.v, self.F > 0.5), (0.0, True))),
+            gl.Eq(self.fast, gl.Piecewise((1.0, self.v > 0.2), (0.0, True))),
+            gl.Eq(self.flag, 3 * self.fast),
+            gl.Eq(self.clock, self.x + 1e-3 * gl.sin(gl.time)),
+            gl.Eq(self.ramp, self.x + 1e-3 * gl.time),
+            gl.Eq(self.kept, gl.Piecewise((1 - gl.pre(self.kept), self.x > 5.0), (gl.pre(self.kept), True))),
+            gl.Eq(self.count, self.x + self.kept),
+        ]
+
+
+@cache
+def watched() -> gl.System:
+    return gl.compile(Watched(), outputs=["x", "flag"])
+
+
+@pytest.mark.parametrize("outputs", [["side"], ["x", "gated"], ["flag", "side"]])
+def test_outputs_switch_where_the_motion_does_not(outputs: list[str]) -> None:
+    """Exactly where their conditions say, not at a sample: against sums over many moments of the exact motion."""
+    phase = (np.arange(100_000) + 0.5) / 100_000 * 2 * np.pi
+    found = gl.harmonic_balance(
+        watched(), 0.5, 0.51, inputs={"F": lambda phase, w: np.cos(phase)}, outputs=outputs, harmonics=5, points=2
+    )
+    x, v = (np.real(s / (1 - 0.25 + 1j * ZETA) * np.exp(1j * phase)) for s in (1, 0.5j))
+    flags = {
+        "x": x,
+        "side": np.where(x > 0.5, 2.0, -1.0),
+        "gated": np.where(np.cos(phase) > 0.5, v, 0.0),
+        "flag": 3.0 * (v > 0.2),
+    }
+    for name in outputs:
+        assert found.mean(name)[0] == pytest.approx(flags[name].mean(), abs=1e-4)
+        for k in (1, 2, 5):
+            assert found.amplitude(name, k)[0] == pytest.approx(
+                2 * abs((flags[name] * np.exp(-1j * k * phase)).mean()), abs=1e-4
+            )
+
+
+@pytest.mark.parametrize(
+    ("output", "message"),
+    [
+        ("clock", r"clock does not repeat after 2 pi / 0\.617284 rad/s, but differs by up to .* leave it out"),
+        ("ramp", r"ramp grows by 0\.0125\d* in each period; leave it out"),
+        ("count", r"the system has a memory \(kept\)"),
+    ],
+)
+def test_outputs_that_do_not_repeat_are_refused(output: str, message: str) -> None:
+    """Also one that repeats at the first frequency by chance."""
+    with pytest.raises(gl.GearlibError, match=message):
+        gl.harmonic_balance(watched(), 0.5, 0.51, inputs={"F": lambda phase, w: np.cos(phase)}, outputs=["x", output], points=3)
+
+
+@pytest.mark.parametrize("other", [1.5, 0.5, 2 / 3, 1.01])
+def test_an_input_that_is_not_periodic_in_the_phase_is_refused(other: float) -> None:
+    drive = {"F": lambda phase, w: np.cos(phase) + 1e-3 * np.cos(other * phase)}
+    with pytest.raises(
+        gl.GearlibError, match=r"the input F is not 2 pi periodic in the phase: it differs by .* slowest frequency"
+    ):
+        gl.harmonic_balance(watched(), 0.5, 0.51, inputs=drive)
+
+
 def at_frequency(response: gl.HarmonicBalance, w: float) -> list[int]:
     """Points next to a frequency, in the order of the branch."""
     passed = (response.omega[:-1] - w) * (response.omega[1:] - w) <= 0

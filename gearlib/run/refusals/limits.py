@@ -79,13 +79,13 @@ def _too_small(
     if not bounded:
         return None
     now, column = np.array([t]), x[:, None]
-    discrete = scene.discrete(numbers, now, column, inputs[:, None], start=begin.guess)
     for v, least, node in bounded:
         if node in scene.place_of:
             value = int(scene.model.sign[v]) * column[scene.place_of[node]]
         else:
             program = scene.computing(node)
             prepared = prepare(program, scene.structure, numbers.parameters)
+            discrete = scene.discrete_of(prepared, now, column, inputs[:, None], begin.guess)
             slots = evaluate(prepared, now, column, inputs[:, None], discrete, guess_of(program, begin.guess))
             value = int(scene.model.sign[v]) * slots[program.slots[node]]
         if value[0] < least - MISSED * ACCURATE * _size(scene, node, column.T, value):
