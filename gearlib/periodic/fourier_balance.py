@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gearlib.errors import SolverError
 from gearlib.periodic.floquet import monodromy, vibration_multipliers
 from gearlib.periodic.periods import Cuts, Driven, Moments, fourier, jumps, moments, transform, turn
+from gearlib.run.steady import growing
 
 Floats = NDArray[np.float64]
 RIGID = 1e-9  # relative singular value of an unrestrained motion
@@ -25,24 +26,33 @@ class Rigid:
 
     Each such combination is a conserved quantity of the train: the momentum of a freely rotating train, the preload of a loop of
     meshes. Its mean remains at the start value. Where that does not determine the means (an angle, the phase of a mesh), the
-    unrestrained motion remains where it starts.
+    unrestrained motion remains where it starts. Directions in which the train may turn steadily (`gearlib.run.steady.growing`) are no
+    unknowns: whatever their mean rate is, nothing depends on them.
 
     Attributes
     ----------
     sums : array (states, number)
-        Orthonormal, in scaled rates.
+        Orthonormal, in scaled rates, and orthogonal to the free directions.
     rows : array (number, states)
         Combinations of the scaled means that stay as in ``means``.
     idle : array (states, number)
         Orthonormal directions of the scaled states on which no rate depends: absolute angles.
     means : array (states,)
         Means of the states.
+    free : array (states, number)
+        Orthonormal directions of the scaled states in which the motion may grow: absolute angles.
     """
 
     sums: Floats
     rows: Floats
     idle: Floats
     means: Floats
+    free: Floats
+
+    def without_free(self, vectors: Floats) -> Floats:
+        """Vectors, or the columns of a matrix, without their components in the free directions."""
+        result: Floats = vectors - self.free @ (self.free.T @ vectors)
+        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,13 +144,12 @@ class HarmonicEquations:
             name = driven.scene.state_names[worst]
             raise SolverError(
                 f"there is no periodic motion at {omega:g} rad/s: {name} changes by {rest[worst] * self.scale[worst]:.3g} per second on "
-                "average, and nothing in the train can hold it back. Balance the mean torques, add a load that grows with speed, or "
-                "leave out outputs that are absolute angles"
+                "average, and nothing in the train can hold it back. Balance the mean torques, or add a load that grows with speed"
             )
 
     def _held(self, z: Floats, rest: Floats, by_z: Floats, by_w: Floats) -> tuple[Floats, Floats, Floats]:
         """Replace redundant equations by conservation conditions."""
-        rows, sums = self.rigid.rows, self.rigid.sums
+        rows, sums = np.vstack([self.rigid.rows, self.rigid.free.T]), np.hstack([self.rigid.sums, self.rigid.free])
         if len(rows):
             n = len(self.scale)
             keep = np.eye(n) - sums @ sums.T
@@ -166,13 +175,14 @@ class HarmonicEquations:
         rest = turn(many) @ padded - transform(found.weights, basis) @ (f / self.scale[:, None]).T / omega
         rest[0] += driven.growth / self.scale
         mean = np.tensordot(found.weights, slopes, 1) * self.scale / self.scale[:, None] / omega
+        rest[0] = self.rigid.without_free(rest[0])
         k = np.arange(1, many + 1)
         swings = 1j * k[:, None, None] * np.eye(len(mean)) - mean
         try:
             missing = np.linalg.solve(swings, (rest[1::2] - 1j * rest[2::2])[:, :, None])[:, :, 0]
         except np.linalg.LinAlgError:
             return np.inf, np.inf
-        constant = np.linalg.lstsq(mean, rest[0], rcond=1e-9)[0]
+        constant = np.linalg.lstsq(self.rigid.without_free(mean), rest[0], rcond=1e-9)[0]
         wave = np.exp(1j * np.outer(2 * np.pi * np.arange(4 * many) / (4 * many), k))
         low = (wave[:, : self.harmonics] @ missing[: self.harmonics]).real - constant
         high = (wave[:, self.harmonics :] @ missing[self.harmonics :]).real
@@ -180,6 +190,14 @@ class HarmonicEquations:
         blurred = BLURRED * terms(driven, found, slopes, swing + np.abs(c[0]))
         size = np.maximum(np.maximum(swing, blurred) / self.scale, 1e-300)
         return float((np.abs(low) / size).max()), float((np.abs(low + high) / size).max())
+
+    def growth(self, z: Floats, omega: float) -> Floats:
+        """Growth of the states per radian of phase, as far as nothing depends on it."""
+        driven, c = self.driven(omega), self.coefficients(z)
+        found = moments(driven, c, self.samples)
+        rates = driven.rates(found.phase, driven.states(found.phase, c), found.discrete) @ found.weights / (omega * self.scale)
+        result: Floats = driven.growth + self.scale * (self.rigid.free @ (self.rigid.free.T @ rates))
+        return result
 
     def multipliers(self, z: Floats, omega: float) -> NDArray[np.complex128]:
         """Floquet multipliers of the motion, without those of rigid motions and of the phase (1)."""
@@ -210,15 +228,18 @@ def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats)
     with np.errstate(all="ignore"):
         _, slopes = driven.linear_rates(phase, x, driven.discrete(phase, x))
     slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))] * scale / scale[:, None] / driven.omega
-    if not len(slopes):
-        return Rigid(np.empty((n, 0)), np.empty((0, n)), np.empty((n, 0)), means)
-    sums = _kernel(np.swapaxes(slopes, 1, 2).reshape(-1, n))
     turning = np.eye(n)[:, driven.growth != 0]  # the initial phase of a mesh is arbitrary
+    free = _free(driven, scale, turning)
+    if not len(slopes):
+        return Rigid(np.empty((n, 0)), np.empty((0, n)), np.empty((n, 0)), means, free)
+    idle = _kernel(slopes.reshape(-1, n))
+    slopes = slopes - free @ (free.T @ slopes)
+    sums = _kernel(np.vstack([np.swapaxes(slopes, 1, 2).reshape(-1, n), free.T]))
     if sums.shape[1] < turning.shape[1]:
         raise _other_speed(driven)
     # With everything in contact, the means are undetermined in as few directions as possible.
-    rest = min((_kernel(slope) for slope in slopes), key=lambda directions: directions.shape[1])
-    rows, idle = np.empty((0, n)), _kernel(slopes.reshape(-1, n))
+    rest = min((_kernel(np.vstack([slope, free.T])) for slope in slopes), key=lambda directions: directions.shape[1])
+    rows = np.empty((0, n))
     # The frequency determines the mesh speed, so that only its phase is free; conserved quantities take precedence over held ones.
     for candidates in (turning, sums, idle):
         left, sizes, right = np.linalg.svd(candidates.T @ rest)
@@ -231,7 +252,17 @@ def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats)
             f"the mean of {name} is undetermined: nothing in the train holds it, and no quantity that it keeps does; add a load or a "
             "support, or leave out outputs that need it"
         )
-    return Rigid(sums, rows, idle, means)
+    return Rigid(sums, rows, idle, means, free)
+
+
+def _free(driven: Driven, scale: Floats, turning: Floats) -> Floats:
+    """Orthonormal directions of the scaled states in which the train may turn steadily, apart from those given as turning."""
+    nominal = np.maximum(driven.scene.nominal, 1e-300)
+    directions = growing(driven.scene, driven.numbers) * (nominal / scale)[:, None]
+    if turning.shape[1] and directions.shape[1]:
+        directions = directions @ _kernel(turning.T @ directions)
+    result: Floats = np.linalg.qr(directions)[0]
+    return result
 
 
 def _kernel(matrix: Floats) -> Floats:

@@ -211,11 +211,11 @@ def _result(task: Forced, scene: Scene, balance: HarmonicEquations, path: Path, 
             numbers = scene.numbers(driven.numbers.parameters)
         driven = replace(driven, scene=scene, numbers=numbers)
         c = balance.coefficients(z)
-        if not coefficients:
+        if not coefficients or balance.rigid.free.shape[1]:
             other = balance.driven(UNRELATED * omega)
             other = replace(other, scene=scene, numbers=scene.numbers(other.numbers.parameters))
             for tried in (driven, other):  # what has a frequency of its own may happen to repeat at one of them
-                _check_repeating(names, tried, c, rows)
+                _check_repeating(names, tried, c, balance.growth(z, float(omega)), rows)
         found = moments(driven, c, count)
         values = _observed(driven, found.phase, driven.states(found.phase, c), found.discrete)[rows]
         back = transform(found.weights, fourier(found.phase, balance.harmonics))
@@ -238,12 +238,12 @@ def _observed(driven: Driven, phase: Floats, x: Floats, discrete: Floats) -> Flo
     return evaluate(driven.numbers, phase / driven.omega, x, driven.inputs(phase, driven.omega), discrete)
 
 
-def _check_repeating(names: Sequence[str], driven: Driven, c: Floats, rows: Sequence[int]) -> None:
-    """Refuse outputs that do not repeat: that grow with the mesh phase, or depend on time by themselves."""
+def _check_repeating(names: Sequence[str], driven: Driven, c: Floats, growth: Floats, rows: Sequence[int]) -> None:
+    """Refuse outputs that do not repeat: that grow with the mesh phase or with an angle, or depend on time by themselves."""
 
     def values(turns: float, x: Floats) -> Floats:
         phase = IRREGULAR + turns
-        x = x + turns * driven.growth[:, None]
+        x = x + turns * growth[:, None]
         return _observed(driven, phase, x, driven.discrete(phase, x))[rows]
 
     x = driven.states(IRREGULAR, c)
