@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 # (z, w) -> residual, derivatives with respect to z and w
 Equations = Callable[[Floats, float], tuple[Floats, Floats, Floats]]
 CONVERGED = 1e-7  # last change of Newton's iteration, whose error is of the order of its square
+STALLED = 1e-3  # relative to z: smaller changes that do not get smaller any more are rounding, as of a weakly held mean
 GROWTH = 0.2  # arclength of a growth of z by its own size, relative to the interval
 LEAST = 0.05  # relative to the largest size so far: lower limit of the scale of z
 STRAIGHT = 0.9  # minimum cosine of the angle between tangents at the ends of a step
@@ -197,8 +198,13 @@ class _Continuation:
 
             return np.append(rest, normal @ (y - guess)), correction
 
+        last = np.inf
+
         def settled(y: Floats, change: Floats, _: Floats) -> bool:
-            return bool(np.linalg.norm(change) <= CONVERGED * (1.0 + np.linalg.norm(y)))
+            nonlocal last
+            size = float(np.linalg.norm(change))
+            rounding, last = last / 2 < size < STALLED * self.size(y) and last < STALLED * self.size(y), size
+            return bool(rounding or size <= CONVERGED * (1.0 + np.linalg.norm(y)))
 
         found = newton(equations, guess, settled, 12)
         if not found.settled or self.place(found.x) <= 0.0 < self.start:

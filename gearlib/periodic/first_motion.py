@@ -286,10 +286,17 @@ def _refuse_undetermined(balance: HarmonicEquations, z: Floats, omega: float) ->
     if sizes[-1] > SINGULAR * sizes[0]:
         return
     scene = balance.driven(omega).scene
-    size = np.abs(directions[-1].reshape(-1, len(scene.states)) * balance.scale / scene.nominal).max(axis=0)
+    size = np.abs(directions[-1].reshape(-1, len(scene.states)) * balance.scale / scene.nominal)
+    wave, state = divmod(int(np.argmax(size)), len(scene.states))
+    name, times = scene.state_names[state], (wave + 1) // 2
+    if times:
+        raise SolverError(
+            f"at {omega:g} rad/s the {times}. harmonic of {name} is undetermined: the train vibrates freely at {times * omega:g} rad/s, "
+            "and nothing damps that. Give it some damping, or another frequency"
+        )
     raise SolverError(
-        f"at {omega:g} rad/s the mean of {scene.state_names[int(np.argmax(size))]} is undetermined: it can have other values with the "
-        "same motion, as inside a gap that stays open. Load the train so that its teeth touch, or give a guess of the means with contact"
+        f"at {omega:g} rad/s the mean of {name} is undetermined: it can have other values with the same motion, as inside a gap that stays "
+        "open. Load the train so that its teeth touch, or give a guess of the means with contact"
     )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from gearlib.linear.balancing import balance
 from gearlib.periodic.periods import Cuts, Driven, Moments
 
 Floats = NDArray[np.float64]
@@ -117,9 +118,10 @@ def _eigenvalues(matrix: Floats) -> NDArray[np.complex128]:
     """Eigenvalues; those whose distance from the unit circle may be rounding lie on it."""
     if not matrix.size:
         return np.empty(0, np.complex128)
-    values, left, right = scipy.linalg.eig(matrix, left=True, right=True)
+    balanced = np.eye(len(matrix)) + balance(matrix - np.eye(len(matrix)))[0]
+    values, left, right = scipy.linalg.eig(balanced, left=True, right=True)
     steady = np.maximum(np.abs((left.conj() * right).sum(axis=0)), 1e-300)  # the reciprocal of the condition
-    near = np.abs(np.abs(values) - 1.0) <= ROUNDING * np.linalg.norm(matrix, 2) / steady
+    near = np.abs(np.abs(values) - 1.0) <= ROUNDING * np.linalg.norm(balanced, 2) / steady
     return np.asarray(np.where(near, values / np.where(near, np.abs(values), 1.0), values), np.complex128)
 
 

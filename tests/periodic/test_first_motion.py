@@ -12,6 +12,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.errors import GearlibError, SolverError
 from gearlib.periodic.first_motion import Forced
+from tests.periodic.test_fourier_balance import oscillator
 
 ZETA = 0.05
 
@@ -168,6 +169,14 @@ def test_a_small_forcing_beside_a_large_constant_force_repeats_as_well(size: flo
             first(forced(parameters={"A": amplitude}, **drive), 0.7)
     _, c, _ = first(forced(**drive), 0.7)
     assert np.hypot(*c["x"][1:3]) == pytest.approx(size * abs(response(0.7)), rel=1e-4)
+
+
+@pytest.mark.parametrize(("omega", "harmonic"), [(1.0, 1), (0.5, 2), (1 / 3, 3)])
+def test_undamped_vibration_at_a_multiple_of_the_frequency_is_refused_as_such(omega: float, harmonic: int) -> None:
+    task = Forced(oscillator().translation, None, {"zeta": 0.0}, {"F": lambda phase, w: 1.0 + np.cos(phase)}, 4, {})
+    said = rf"the {harmonic}\. harmonic of [xv] is undetermined: the train vibrates freely at 1 rad/s, and nothing damps that"
+    with pytest.raises(SolverError, match=said):
+        task.first(task.scene(["x"]), omega, 16, None, None)
 
 
 class Bent(gl.Component):

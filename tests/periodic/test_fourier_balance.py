@@ -49,7 +49,9 @@ def test_a_linear_motion_is_exact() -> None:
     assert max(balance.error(solved().z, OMEGA)) < 1e-10
 
 
-@pytest.mark.parametrize(("zeta", "begin"), [(0.0, 0.45), (0.0, 3.0), (1e-9, 0.6), (0.01, 1e-2), (0.01, 1e4), (-1e-9, 0.6)])
+@pytest.mark.parametrize(
+    ("zeta", "begin"), [(0.0, 0.45), (0.0, 3.0), (1e-9, 0.6), (0.01, 1e-2), (0.01, 1e4), (0.01, 1e6), (-1e-9, 0.6)]
+)
 def test_motions_are_stable_where_the_train_is_damped_however_slowly_it_is_forced(zeta: float, begin: float) -> None:
     """Multipliers are exponentials of the poles; without damping they lie on the unit circle, at whatever frequency."""
     found = gl.harmonic_balance(
