@@ -28,6 +28,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _COUPLING = 0.02  # relative to the largest row: size of one-way couplings (inputs, integrated angles) after scaling
+_LOST = math.log(1e3)  # logarithm of the largest factor by which the end of a cascade may be small in these units
 _ANGLES = np.linspace(0.0, math.pi, 17)  # directions in which the field of values is bounded
 _MARGIN = 1.02  # safety factor for the directions in between
 _PROBE = 192  # terms over which an ellipse is tested: a series over `_TURN` has 187 at a tolerance of 1e-16
@@ -188,19 +189,21 @@ def prepare(A: Triplets, order: Integers, span: float, inputs: int = 0, known: K
     key = "mirror", n, rows.tobytes(), columns.tobytes()
     places, there = recent({} if known is None else known, key, lambda: _mirrored(n, rows, columns), MOST_KNOWN)
     mirrored = np.where(there, entries[places], 0.0)  # of each entry (i, j) the entry (j, i), zero where there is none
-    scale = _balance(rows, columns, entries, mirrored, n, span)
+    scale = _balance(rows, columns, entries, mirrored, diagonal, span)
     gain = scale[columns] / scale[rows]
     entries, mirrored = entries * gain, mirrored / gain
     tight, safe = enclosing(diagonal, rows, columns, entries, mirrored, span)
     place = np.empty(n, np.int64)
     place[order] = np.arange(n)
-    parts = _split(place[rows], place[columns], entries, (diagonal - tight.centre)[order])
+    parts = _split(place[rows], place[columns], entries, diagonal[order])
+    main = int(np.searchsorted(parts[0], 0))
     alone = n - inputs if n > 2 * TILE and (parts[3] >= n - inputs).all() else 0
     probe = np.where(np.cos(np.arange(n) ** 2 + 0.5) > 0, 1.0, -1.0)  # excites every mode
     while True:
         ellipse = tight if tight.imaginary < safe.imaginary else safe
         factor = 2.0 / (ellipse.radius * ellipse.focus)
         diagonals, others = parts[1] * factor, parts[4] * factor
+        diagonals[main] = (diagonal[order] - ellipse.centre) * factor  # both ellipses are rounded, each to a centre of its own
         if ellipse == safe or _growth(ellipse, parts[0], diagonals, parts[2], parts[3], others, probe) < _GROWTH:
             return Action(scale, order, ellipse, parts[0], diagonals, parts[2], parts[3], others, alone)
         tight = Ellipse(tight.centre, 1.1 * tight.real, 1.1 * tight.imaginary)
@@ -269,12 +272,14 @@ def _mirrored(n: int, i: Integers, j: Integers) -> tuple[Integers, NDArray[np.bo
     return places, key[places] == mirror
 
 
-def _balance(rows: Integers, columns: Integers, entries: Floats, mirrored: Floats, n: int, span: float) -> Floats:
+def _balance(rows: Integers, columns: Integers, entries: Floats, mirrored: Floats, diagonal: Floats, span: float) -> Floats:
     """State scales under which entries (i, j) and (j, i) have equal magnitude and one-way couplings are small.
 
     For a spring and an inertia, deflections in units of 1/sqrt(c) and speeds in units of 1/sqrt(J) make the squared norm an energy.
+    What follows another quantity at a rate far above that of a coupling is small in such units: along a cascade of lags its digits
+    would be lost, so that the couplings of a long one are larger.
     """
-    both = mirrored != 0
+    both, n = mirrored != 0, len(diagonal)
     i, j = rows[both], columns[both]
     weight = 0.5 * np.log(np.abs(entries[both] / mirrored[both]))  # log scale[i] - log scale[j]
     by_row = np.argsort(i, kind="stable")
@@ -292,19 +297,28 @@ def _balance(rows: Integers, columns: Integers, entries: Floats, mirrored: Float
         across = to != of
         to, of = to[across], of[across]
         size = (np.log(np.abs(entries[~both])) + logs[columns[~both]] - logs[rows[~both]])[across] - target
-        level = np.zeros(groups)
-        for _ in range(30):  # longest chain of one-way couplings; cycles among groups are not resolved further
-            higher = np.full(groups, -math.inf)
-            np.maximum.at(higher, to, size + level[of])
-            higher = np.where(np.isfinite(higher), higher, 0.0)
-            if np.array_equal(higher, level):
-                break
-            level = higher
-        else:
-            level = np.zeros(groups)
-        logs += level[label]
+        rate = np.full(groups, math.exp(target))
+        np.maximum.at(rate, label, np.abs(diagonal) + row_sums)
+        smaller = (np.log(rate) - target)[to]  # than in units of what it follows
+        lost = float(_levels(to, of, smaller, groups).max())
+        if lost > _LOST:
+            size -= (1.0 - _LOST / lost) * smaller
+        logs += _levels(to, of, size, groups)[label]
     scale: Floats = np.exp(logs)
     return scale
+
+
+def _levels(to: Integers, of: Integers, size: Floats, groups: int) -> Floats:
+    """Largest sum of ``size`` along the one-way couplings that lead to each group; zero everywhere if there are cycles."""
+    level = np.zeros(groups)
+    for _ in range(30):  # longest chain of one-way couplings; cycles among groups are not resolved further
+        higher = np.full(groups, -math.inf)
+        np.maximum.at(higher, to, size + level[of])
+        higher = np.where(np.isfinite(higher), higher, 0.0)
+        if np.array_equal(higher, level):
+            return level
+        level = higher
+    return np.zeros(groups)
 
 
 def enclosing(diagonal: Floats, rows: Integers, columns: Integers, entries: Floats, mirrored: Floats, span: float

@@ -9,6 +9,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import expm_multiply
+from scipy.special import gammainc
 
 from gearlib.solvers.exponential.action import Ellipse, Triplets, band_order, enclosing, prepare
 
@@ -86,6 +87,36 @@ def test_one_way_couplings_cost_nothing() -> None:
     G[:39, :39], G[:20, 39], G[40:, :20] = A, 1e7, np.eye(20)
     coupled = prepare(triplets(G), np.arange(60), span=1.0).ellipse
     assert coupled.imaginary < 1.1 * plain.imaginary
+
+
+@pytest.mark.parametrize(("n", "rate"), [(9, 0.1), (39, 0.1), (39, 0.2), (39, 0.5)])
+def test_a_lag_that_follows_a_vibration(n: int, rate: float) -> None:
+    """Its rate moves the centre of the ellipses, both of which are rounded."""
+    A = np.zeros((n + 1, n + 1))
+    A[:n, :n] = chain(n)
+    fastest = np.abs(np.linalg.eigvals(A).imag).max()
+    A[n, 0], A[n, n] = rate * fastest, -rate * fastest
+    z, h = np.append(1.0 + np.arange(n) % 2 * 400.0, 0.0), 20.0 / fastest
+    expected = expm(A * h) @ z
+    assert prepare(triplets(A), np.arange(n + 1), span=1.0).advance(z, h, 1, 1e-10)[0] == pytest.approx(
+        expected, rel=1e-9, abs=1e-9 * np.abs(expected).max()
+    )
+
+
+@pytest.mark.parametrize("vibrates", [False, True])
+@pytest.mark.parametrize("t", [10.0, 50.0])
+def test_a_cascade_of_lags_keeps_its_digits(t: float, vibrates: bool) -> None:
+    """Of 20 lags of 1 s, driven by a constant input; of 10 oscillators that are damped critically, each driven by the one before."""
+    n, A = 20, np.zeros((21, 21))
+    if vibrates:
+        for k in range(0, n, 2):
+            A[k, k + 1], A[k + 1, k], A[k + 1, k + 1], A[k + 1, k - 2 if k else n] = 1.0, -1.0, -2.0, 1.0
+    else:
+        A[:n, :n] = np.diag(-np.ones(n)) + np.diag(np.ones(n - 1), -1)
+        A[0, n] = 1.0
+    x = prepare(triplets(A), np.arange(n + 1), span=t, inputs=1).advance(np.append(np.zeros(n), 1.0), t / 20, 20, 1e-9)[-1]
+    expected = gammainc(np.arange(1, n + 1), t)
+    assert x[0:n:2] == pytest.approx(expected[1::2], abs=1e-6) if vibrates else x[:n] == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize("n", [1201, 601])
