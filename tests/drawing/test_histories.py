@@ -92,6 +92,8 @@ def test_units_by_choice(run):
     assert drawn[2].get_xdata() == pytest.approx(run.time * 1000)
     with pytest.raises(ArgumentError, match="'µm' is not a unit for values in rad"):
         run.plot("gap.phi_rel", units={"rad": "µm"})
+    with pytest.raises(ArgumentError, match=r"units\['rad'\] is 3; expected"):
+        run.plot("gap.phi_rel", units={"rad": 3})
     with pytest.raises(ArgumentError, match="nothing that is shown is called 'm'"):
         run.plot("gap.phi_rel", units={"m": "µm"})
     assert in_unit("kg.m2", "kg.mm2").factor == pytest.approx(1e6)

@@ -380,6 +380,8 @@ def test_a_root_locus_joins_what_belongs_together() -> None:
     assert ax.get_title().endswith(", gain 0 .. 5")
     assert ax.get_ylim() == pytest.approx((-2.5, 2.5))
     assert ax.get_xlim() == pytest.approx((-2.8, 0.8))
+    alone = gl.root_locus_plot(control.tf([1.0], [1, 2, 0]), gains=[0.75])
+    assert sorted(x for p in alone.lines if len(p.get_xdata()) == 1 for x in p.get_xdata()) == pytest.approx([-1.5, -0.5])
 
 
 def test_a_root_locus_goes_well_beyond_the_last_margin_and_shows_near_zeros() -> None:

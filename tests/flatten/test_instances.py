@@ -210,3 +210,24 @@ def test_an_input_is_bound_to_variables_that_exist(name: str) -> None:
 
     with pytest.raises(BindingError, match=rf"^torque\.tau: '{name}' is not a variable here$"):
         flatten(Driven())
+
+
+class Moded(gl.Component):
+    """Switches at 1 s."""
+
+    mode = gl.Discrete(start=1.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.When(gl.time >= 1.0, gl.Eq(self.mode, 3.0))]
+
+
+def test_an_input_follows_a_discrete_variable_of_another_part() -> None:
+    class Driven(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.switch, self.body = Moded(), gp.Inertia(J=2.0)
+            self.torque = gp.Torque(tau=4.0 * self.switch.mode)
+            return [gl.connect(self.torque.flange, self.body.flange_a)]
+
+    run = gl.compile(Driven(), outputs=["body.w"]).simulate(2.0, samples=5)
+    assert run["body.w"] == pytest.approx([0.0, 1.0, 2.0, 5.0, 8.0], abs=1e-9)
+    assert run["torque.tau"][[0, -1]] == pytest.approx([4.0, 12.0])

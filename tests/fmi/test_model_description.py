@@ -93,6 +93,19 @@ def test_the_derivative_of_the_first_variable_has_its_unit() -> None:
     assert found["der(x)"] == ("rad/s", "derivative of angle")
 
 
+def test_the_first_variable_as_an_output_has_its_unit() -> None:
+    class Two(gl.Component):
+        y, x = gl.Variable("N.m", "torque"), gl.Variable("rad", "angle")
+
+        def equations(self) -> Any:
+            return [gl.Eq(gl.der(self.x), 1.0), gl.Eq(self.y, gl.sin(self.x) * self.torque)]
+
+        torque = gl.Parameter("N.m", default=2.0)
+
+    outputs = [v for v in described(Two(), ["y"])[0].variables.listed if v.causality == "output"]
+    assert [(v.name, v.unit, v.description) for v in outputs] == [("y", "N.m", "torque")]
+
+
 def test_variables_and_structure_in_fmi_3(both: Any) -> None:
     root = ElementTree.fromstring(description_3(both[0]))
     found = {e.get("name", ""): e for e in root.find("ModelVariables") or ()}

@@ -16,6 +16,7 @@ import gearparts as gp
 from gearlib.fmi.exported_model import exported_model
 from gearlib.fmi.fmu_variables import fmu_variables
 from gearlib.fmi.terminals import FlangeTerminal, terminals
+from gearparts.interfaces import Flange
 
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
 
@@ -83,6 +84,29 @@ def test_the_file_of_an_fmu_is_valid_and_names_its_variables(tmp_path: Path) -> 
     etree.XMLSchema(etree.parse(str(SCHEMA))).assertValid(text)
     known = {v.name for v in fmpy.read_model_description(str(path), validate=True).modelVariables}
     assert {m.get("variableName") for m in text.iter("TerminalMemberVariable")} == {"start.phi_ref", "start.tau"} <= known
+
+
+class Push(gl.Component):
+    """A torque whose input is the first variable of all."""
+
+    tau = gl.Input("N.m")
+    flange = Flange()
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange.tau, -self.tau)]
+
+
+def test_the_first_variable_counts_like_any_other() -> None:
+    class Pushed(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.push, self.body = Push(), gp.Inertia(J=1.0)
+            return [gl.connect(self.push.flange, self.body.flange_a)]
+
+    (terminal,) = found(Pushed(), ["body.w"])
+    assert {(m.variable, m.name, m.kind) for m in terminal.members} == {
+        ("push.tau", "tau", "inflow"),
+        ("body.w", "w", "signal"),
+    }
 
 
 def test_what_nothing_drives_or_nobody_sees_is_no_terminal() -> None:

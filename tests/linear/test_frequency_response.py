@@ -147,6 +147,18 @@ def test_a_large_model_of_python_control_has_its_signals_names() -> None:
         gl.frequency_response(control.ss(A, B, C, np.zeros((2, 2)), 0.1), w)
 
 
+def test_a_large_dense_model_is_solved_frequency_by_frequency() -> None:
+    """Coupled by a reflection: (jw - H D H) x = b has the modes of D."""
+    n, rng = 450, np.random.default_rng(5)
+    a, v = -rng.uniform(1, 2, n), rng.normal(size=n)
+    b, H = rng.normal(size=(n, 1)), np.eye(n) - 2 * np.outer(v, v) / (v @ v)
+    model, w = control.ss(H @ np.diag(a) @ H, b, b.T, np.zeros((1, 1)), inputs=["u"], outputs=["y"]), np.array([0.3, 2.0, 9.0])
+    assert not is_sparse(model.A)
+    assert gl.frequency_response(model, w)["y"] == pytest.approx(
+        [((H @ b)[:, 0] ** 2 / (1j * x - a)).sum() for x in w], rel=1e-9
+    )
+
+
 def test_a_large_model_s_feedthrough_is_added() -> None:
     """Modes of their own: D + sum of c b / (jw - a)."""
     rng = np.random.default_rng(3)

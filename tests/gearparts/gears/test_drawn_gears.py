@@ -64,6 +64,12 @@ def test_moments_of_the_drawn_force_are_those_of_the_mesh(internal, force, carri
     assert about_b == pytest.approx((1 if internal else -1) * r_b * force)
 
 
+def test_a_mesh_whose_axes_are_carried_follows_its_support():
+    values = gp.GearPair(20, 40, 3e-3, 0.02).mesh_values()
+    drawn = {carried: gp.DetailedExternalMesh(d=0.0, use_support=carried, **values).drawn_gears() for carried in (False, True)}
+    assert {carried: gears.carrier for carried, gears in drawn.items()} == {False: "", True: "support.phi"}
+
+
 def test_a_mesh_with_the_values_of_a_pair_is_drawn_like_the_pair():
     for pair in (gp.GearPair(20, 40, 3e-3, 0.02), gp.GearPair(20, 60, 3e-3, 0.02, internal=True)):
         kind = gp.DetailedInternalMesh if pair.internal else gp.DetailedExternalMesh

@@ -169,6 +169,8 @@ def test_events_at_one_place_make_no_panel() -> None:
     found = audit(part("source", "-w", source=True), histories={"w": lambda t: t}, events=events, runs=runs)
     assert runs == [5 * 15]
     assert found.work["source"] == pytest.approx(T**2 / 2)
+    just_before = audit(part("source", "-w", source=True), histories={"w": lambda t: t}, events=[1.0 - 8e-11])
+    assert just_before.work["source"] == pytest.approx(T**2 / 2)
 
 
 def test_exchange_at_the_speed_of_the_tolerance() -> None:

@@ -31,6 +31,23 @@ def drive() -> gl.System:
     return gl.compile(Drive())
 
 
+class Cooling(gl.Component):
+    """A temperature that falls evenly, to below absolute zero."""
+
+    T, rate = gl.Variable("K", start=1.0, min=0.0), gl.Input("K/s")
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.T), -self.rate)]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_step_to_below_a_minimum_is_refused(method: str) -> None:
+    run = gl.compile(Cooling()).stepper(method=method, inputs={"rate": 1.0})
+    assert run.advance(0.75) is None
+    with pytest.raises(gl.GearlibError, match=r"T .*0"):
+        run.advance(1.25)
+
+
 # ---------------------------------------------------------------- the same as a whole run
 
 

@@ -38,6 +38,22 @@ def test_of_the_time_of_a_switch(method: str) -> None:
     assert np.allclose(run.sensitivity("x", "start(x)"), 1.0)
 
 
+class Set(gl.Component):
+    """x' = d, which an event sets to a parameter that nothing else depends on."""
+
+    p, x, d = gl.Parameter("1/s", default=2.0), gl.Variable("1", start=0.0), gl.Discrete(start=1.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), self.d), gl.When(gl.time >= 0.5, gl.Eq(self.d, self.p))]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_of_a_parameter_that_an_event_hands_over(method: str) -> None:
+    run = gl.compile(Set()).simulate(1.2, samples=7, method=method, sensitivities=["p"])
+    assert run["x"] == pytest.approx(run.time + np.maximum(run.time - 0.5, 0.0), abs=1e-9)
+    assert run.sensitivity("x", "p") == pytest.approx(np.maximum(run.time - 0.5, 0.0), abs=1e-9)
+
+
 class Followed(gl.Component):
     """x grows twice as fast while an input is above a limit."""
 
