@@ -142,18 +142,18 @@ class Modes:
         known = np.asarray(self._rows @ self.shapes[:, mode]).ravel()
         with np.errstate(all="ignore"):
             value = known / s ** np.maximum(self._orders, 0)
-        if self.eigenvalues[mode] == 0 and self._preloaded:  # anything but a rate is a preload
-            value = np.where(self._orders == 0, 0.0, value)
+        if self.eigenvalues[mode] == 0 and self._preloaded:  # what neither moves nor is moved is a preload
+            value = np.where((self._orders == 0) & ~self._are_speeds, 1j * value.imag, value)
         return np.where(self._orders < 0, 0.0, value)
 
     def _s(self, mode: int) -> complex:
         value = complex(self.eigenvalues[mode])
-        return value if value else 1j * self._slow
+        return value if value else 1j * _slowest(self.eigenvalues)
 
     @cached_property
-    def _slow(self) -> float:
-        moving = self.omega[self.omega > 0]
-        return float(moving.min()) if len(moving) else 1.0
+    def _are_speeds(self) -> NDArray[np.bool_]:
+        model = self._model
+        return np.array([model.unit(v) in ("rad/s", "m/s") for v in range(model.n_variables)], bool)
 
     def shape(self, mode: int, *names: str) -> Complexes:
         """Complex amplitudes of variables (or derivatives, ``"der(load.w)"``) in a mode.
@@ -520,6 +520,7 @@ def modes(
     free, alone = without_preloads(A, speeds, spectrum.free)
     unused, words = _unused(A, speeds, forces), conditions(scene, numbers, point)
     eigenvalues = np.concatenate([np.zeros(spectrum.free.shape[1]), spectrum.values])
+    carried = _carried(A, free) / (1j * _slowest(eigenvalues))
 
     def find_changes(names: Sequence[str]) -> list[ModeSensitivity]:
         """Derivatives for the whole matrix: held states have poles at 0 of their own, and affect no other mode."""
@@ -531,7 +532,7 @@ def modes(
         ]
 
     return Modes(
-        eigenvalues, np.hstack([free, spectrum.vectors]),
+        eigenvalues, np.hstack([free + carried, spectrum.vectors]),
         tuple(node_name(structure.model, s) for s in kept), spectrum.free.shape[1], spectrum.preloads, spectrum.decays,
         tuple(described(structure, kept[i]) for i in unused), _gaps(structure, kept, A, free, unused, words.open),
         (*words.said, *frozen(linearized, rates)), structure.model, rows, orders,
@@ -565,12 +566,24 @@ def _gaps(
     gaps = [i for i in unused if owners[i] in open_ and matters_elsewhere(structure, kept, kept[i])]
     result = {}
     if gaps:
-        moved, terms = np.abs(np.asarray(A[gaps] @ free)), np.asarray(abs(A[gaps]) @ np.abs(free))
+        moved = _carried(A[gaps], free)
         for mode in range(free.shape[1]):
-            across = [owners[i] for i, m, t in zip(gaps, moved[:, mode], terms[:, mode], strict=True) if m > 1e-9 * t]
+            across = [owners[i] for i, m in zip(gaps, moved[:, mode], strict=True) if m]
             if across:
                 result[mode] = ", ".join(across)
     return result
+
+
+def _carried(A: Any, free: Complexes) -> Complexes:
+    """Rates of the states in free motions: of angles that are states, and of positions inside open gaps."""
+    rates, terms = np.asarray(A @ free), np.asarray(abs(A) @ np.abs(free))
+    return np.where(np.abs(rates) > 1e-9 * terms, rates, 0.0)
+
+
+def _slowest(eigenvalues: Complexes) -> float:
+    """Frequency (rad/s) at which a free motion is shown as a slow oscillation."""
+    sizes = np.abs(eigenvalues)
+    return float(sizes[sizes > 0].min(initial=np.inf)) if sizes.any() else 1.0
 
 
 def _spectrum(A: Any, speeds: Any, forces: Any, count: int | None, angles: bool) -> Spectrum:

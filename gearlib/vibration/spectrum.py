@@ -137,6 +137,8 @@ def sparse_spectrum(A: Any, speeds: Any, count: int, chained: bool = True) -> Sp
 
     A = sparse.csc_matrix(A)
     free, at_zero = _free_motions(A, speeds, chained)
+    if at_zero == A.shape[0]:  # nothing is left to search for
+        return Spectrum(np.empty(0, complex), np.empty((at_zero, 0), complex), free, None, np.empty(0))
     found = lowest(A, count, at_zero)
     if found is not None:
         rounding = np.full(len(found.values), UNDAMPED * np.abs(found.values).max(initial=0.0))
@@ -167,11 +169,14 @@ def _free_motions(A: Any, speeds: Any, chained: bool) -> tuple[Complexes, int]:
 def without_preloads(A: Any, speeds: Any, free: Complexes) -> tuple[Complexes, bool]:
     """Free motions with the preloads mixed into them removed, and whether that was possible.
 
-    A preload lies in states that no speed depends on: without them the remainder must still be a motion at 0.
+    A preload lies in states that no speed depends on: without them the remainder must still be a motion at 0, which changes nothing but
+    positions.
     """
     alone = free * (np.asarray(abs(speeds).sum(axis=0)).ravel() > 0)[:, None]
     size = abs(A)
     largest = np.asarray(size.max(axis=1).toarray() if hasattr(size, "toarray") else size.max(axis=1, initial=0.0)).ravel()
     terms = size @ np.abs(alone) + 1e-6 * largest[:, None] * np.abs(alone).max(axis=0, initial=0.0)
-    possible = bool((np.abs(A @ alone) <= 1e-6 * terms).all())
+    rates = np.asarray(A @ alone)
+    rates = np.where(np.abs(rates) > 1e-6 * terms, rates, 0.0)
+    possible = all(bool((np.abs(m @ rates) <= 1e-6 * (abs(m) @ np.abs(rates))).all()) for m in (A, speeds))
     return (alone if possible else free), possible

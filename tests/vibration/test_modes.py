@@ -114,6 +114,25 @@ def test_free_motion_is_a_speed_without_twist(chain: Callable[..., gl.System], n
     assert np.abs(found.shape(0, "shaft[0].tau", "shaft[1].phi_rel")).max() < 1e-9 * abs(speeds[0])
 
 
+class OpenGap(gl.Component):
+    """Two bodies, a gap between them."""
+
+    def assemble(self) -> list[Any]:
+        self.a, self.gap, self.b = gp.Inertia(J=1.0), gp.ElastoBacklash(c=1e3, d=1.0, b=0.1), gp.Inertia(J=3.0)
+        return [gl.connect(self.a.flange_b, self.gap.flange_a), gl.connect(self.gap.flange_b, self.b.flange_a)]
+
+
+def test_a_position_that_a_free_motion_changes_moves_with_it() -> None:
+    """Its rate is the difference of the speeds, and it is the integral of that."""
+    found = gl.modes(gl.compile(OpenGap()))
+    assert (found.free, found.positions[0].split(" ")[0]) == (2, "gap.phi_rel")
+    for mode in range(2):
+        a, b, rate, position = found.shape(mode, "a.w", "b.w", "der(gap.phi_rel)", "gap.phi_rel")
+        assert abs(rate) == pytest.approx(1.0)
+        assert rate == pytest.approx(b - a)
+        assert position == pytest.approx(rate / 1j)
+
+
 class DrivenEnd(gl.Component):
     """A torque on the end of a spring without inertia: this end's speed follows the derivative of the torque."""
 

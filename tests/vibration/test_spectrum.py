@@ -92,6 +92,9 @@ def test_still_or_empty_matrices() -> None:
     assert coasting.free.shape == (2, 1)
     assert coasting.free[0, 0] == pytest.approx(0)
     assert coasting.preloads == 1
+    for rest in (np.zeros((2, 2)), np.array([[0.0, 1.0], [0.0, 0.0]])):
+        large = sparse_spectrum(sparse.csr_matrix(rest), sparse.csr_matrix([[0.0, 1.0]]), 3)
+        assert (large.free.shape, len(large.values), len(large.decays)) == ((2, 1), 0, 0)
 
 
 def test_decays_are_sorted_from_the_slowest_and_modes_by_magnitude() -> None:
