@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
+from gearlib.linear.balancing import balance
 from gearlib.periodic.floquet import monodromy, vibration_multipliers
 from gearlib.periodic.periods import Cuts, Driven, Moments, fourier, jumps, moments, transform, turn
 from gearlib.run.steady import growing
 
 Floats = NDArray[np.float64]
-RIGID = 1e-9  # relative singular value of an unrestrained motion
+RIGID = 1e-13  # relative singular value of an unrestrained motion: rounding
 BLURRED = 1e-8  # relative to the terms of its rate: lower limit of a state's vibration, below which rounding may be all of it
 KEPT = 1e-6  # of a unit direction: a conserved quantity with a smaller component does not determine it
 UNBALANCED = 1e-7  # relative to the rates: a mean that nothing can balance
@@ -35,19 +36,26 @@ class Rigid:
         Orthonormal, in scaled rates, and orthogonal to the free directions.
     rows : array (number, states)
         Combinations of the scaled means that stay as in ``means``.
-    idle : array (states, number)
-        Orthonormal directions of the scaled states on which no rate depends: absolute angles.
     means : array (states,)
         Means of the states.
     free : array (states, number)
         Orthonormal directions of the scaled states in which the motion may grow: absolute angles.
+    natural : array (states,)
+        Units of the states in which each acts upon the others as they act upon it. In those of the vibration, of which a heavy body may
+        have hardly any, momentum and motion of a train would be at right angles, as if they belonged to two rigid motions.
+    kept : array (states, number)
+        The combinations ``sums``, orthonormal in natural units.
+    idle : array (states, number)
+        Directions of the states on which no rate depends, absolute angles; orthonormal in natural units.
     """
 
     sums: Floats
     rows: Floats
-    idle: Floats
     means: Floats
     free: Floats
+    natural: Floats
+    kept: Floats
+    idle: Floats
 
     def without_free(self, vectors: Floats) -> Floats:
         """Vectors, or the columns of a matrix, without their components in the free directions."""
@@ -204,8 +212,9 @@ class HarmonicEquations:
         driven, c = self.driven(omega), self.coefficients(z)
         found = moments(driven, c, self.samples)
         cuts = jumps(driven, c, found, self._step(c))
-        over_period = monodromy(driven, c, found, cuts, self.samples) * self.scale / self.scale[:, None]
-        return vibration_multipliers(over_period, self.rigid.sums, self.rigid.idle, driven.growth / self.scale)
+        natural = self.rigid.natural
+        over_period = monodromy(driven, c, found, cuts, self.samples) * natural / natural[:, None]
+        return vibration_multipliers(over_period, self.rigid.kept, self.rigid.idle, driven.growth / natural)
 
 
 def terms(driven: Driven, found: Moments, slopes: Floats, sizes: Floats) -> Floats:
@@ -227,32 +236,44 @@ def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats)
     phase = random.uniform(0, 2 * np.pi, count)
     with np.errstate(all="ignore"):
         _, slopes = driven.linear_rates(phase, x, driven.discrete(phase, x))
-    slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))] * scale / scale[:, None] / driven.omega
+    slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))] / driven.omega
+    natural = _natural(slopes) if len(slopes) else scale
     turning = np.eye(n)[:, driven.growth != 0]  # the initial phase of a mesh is arbitrary
-    free = _free(driven, scale, turning)
+    free, ratio = _free(driven, natural, turning), scale / natural
+    scaled_free = np.linalg.qr(free / ratio[:, None])[0]
     if not len(slopes):
-        return Rigid(np.empty((n, 0)), np.empty((0, n)), np.empty((n, 0)), means, free)
+        none = np.empty((n, 0))
+        return Rigid(none, none.T, means, scaled_free, natural, none, none)
+    slopes = slopes * natural / natural[:, None]
     idle = _kernel(slopes.reshape(-1, n))
     slopes = slopes - free @ (free.T @ slopes)
-    sums = _kernel(np.vstack([np.swapaxes(slopes, 1, 2).reshape(-1, n), free.T]))
-    if sums.shape[1] < turning.shape[1]:
+    kept = _kernel(np.vstack([np.swapaxes(slopes, 1, 2).reshape(-1, n), free.T]))
+    if kept.shape[1] < turning.shape[1]:
         raise _other_speed(driven)
     # With everything in contact, the means are undetermined in as few directions as possible.
     rest = min((_kernel(np.vstack([slope, free.T])) for slope in slopes), key=lambda directions: directions.shape[1])
     rows = np.empty((0, n))
     # The frequency determines the mesh speed, so that only its phase is free; conserved quantities take precedence over held ones.
-    for candidates in (turning, sums, idle):
+    for candidates in (turning, kept, idle):
         left, sizes, right = np.linalg.svd(candidates.T @ rest)
-        rank = min(int((sizes > KEPT).sum()), sums.shape[1] - len(rows))
+        rank = min(int((sizes > KEPT).sum()), kept.shape[1] - len(rows))
         rows = np.vstack([rows, left[:, :rank].T @ candidates.T])
         rest = rest @ right[rank:].T
-    if len(rows) < sums.shape[1]:
+    if len(rows) < kept.shape[1]:
         name = driven.scene.state_names[int(np.argmax(np.abs(rest).max(axis=1, initial=0.0)))] if rest.size else "a state"
         raise SolverError(
             f"the mean of {name} is undetermined: nothing in the train holds it, and no quantity that it keeps does; add a load or a "
             "support, or leave out outputs that need it"
         )
-    return Rigid(sums, rows, idle, means, free)
+    sums, held = (np.linalg.qr(vectors * ratio[:, None])[0] for vectors in (kept, rows.T))
+    return Rigid(sums, held.T, means, scaled_free, natural, kept, idle)
+
+
+def _natural(slopes: Floats) -> Floats:
+    """Units in which each state acts upon the others as they act upon it, for derivatives of the rates at many places."""
+    sizes = np.abs(slopes)
+    usual = np.median(sizes, axis=0)
+    return balance(np.where(usual > 0, usual, sizes.mean(axis=0)))[1]
 
 
 def _free(driven: Driven, scale: Floats, turning: Floats) -> Floats:

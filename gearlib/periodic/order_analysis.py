@@ -40,7 +40,11 @@ class OrderSpectrum:
     unit: str
 
     def at(self, order: float) -> float:
-        """Amplitude at the nearest spectral line; orders above the highest line, which sampling cannot resolve, are refused."""
+        """Amplitude at the nearest spectral line; orders above the highest line, which sampling cannot resolve, are refused.
+
+        A component halfway between two lines shows 15 % less in each of them, as is the way of a Hann window: choose an interval
+        (``t_start``, ``t_end``) whose number of revolutions makes a whole number when multiplied by the order.
+        """
         highest = float(self.orders[-1])
         order = real("order", order)
         if not 0 <= order <= highest + 0.5 * float(self.orders[1] if len(self.orders) > 1 else 0.0):
@@ -77,7 +81,7 @@ class OrderWaterfall:
     Attributes
     ----------
     times, speeds : arrays (pieces,)
-        Midpoint of each block (s), and its mean speed (rad/s).
+        Midpoint of each block (s), and the mean speed of the reference in it (rad/s), negative where it turns backwards.
     orders : array (orders,)
     amplitudes : array (pieces, orders)
     """
@@ -146,7 +150,7 @@ def order_spectrum(
     ArgumentError
         Less than one revolution, or a reference shaft that reverses.
     """
-    time, angle, signal = _prepared(result, name, reference, t_start, t_end)
+    time, angle, signal, _ = _prepared(result, name, reference, t_start, t_end)
     revolutions = int((angle[-1] - angle[0]) / (2 * np.pi) * (1 + 1e-12))
     if revolutions < 1:
         raise ArgumentError(
@@ -178,21 +182,21 @@ def order_waterfall(
     overlap = real("overlap", overlap, "a number from 0 to 0.95")
     if not 0 <= overlap <= 0.95:
         raise ArgumentError(f"overlap is {overlap}; expected a number from 0 to 0.95")
-    time, angle, signal = _prepared(result, name, reference, None, None)
+    time, angle, signal, sense = _prepared(result, name, reference, None, None)
     total = (angle[-1] - angle[0]) / (2 * np.pi)
     starts = np.arange(0.0, total - revolutions + 1e-9, revolutions * (1 - overlap))
     if not len(starts):
         raise ArgumentError(f"{reference} turns {total:.3g} times in the run; a piece needs {revolutions}")
     orders, rows = _spectra(time, angle, signal, starts.tolist(), revolutions, max_order)
     edges = np.interp(angle[0] + 2 * np.pi * np.array([starts, starts + revolutions]), angle, time)
-    speeds = 2 * np.pi * revolutions / (edges[1] - edges[0])
+    speeds = sense * 2 * np.pi * revolutions / (edges[1] - edges[0])
     return OrderWaterfall(edges.mean(axis=0), speeds, orders, rows, name, reference, result.unit(name))
 
 
 def _prepared(
     result: Result, name: str, reference: str, t_start: float | None, t_end: float | None
-) -> tuple[Floats, Floats, Floats]:
-    """Time, increasing angle, and signal in the interval."""
+) -> tuple[Floats, Floats, Floats, int]:
+    """Time, increasing angle, and signal in the interval; and 1 or -1, the direction in which the reference turns."""
     from scipy.interpolate import make_interp_spline
 
     check_result(result)
@@ -209,11 +213,12 @@ def _prepared(
         motion = make_interp_spline(time, motion, k=5).antiderivative()(time)
     elif unit != "rad":
         raise ArgumentError(f"{reference} is in {unit or 'no unit'}; expected an angle (rad) or a speed (rad/s)")
-    angle = motion if motion[-1] > motion[0] else -motion
+    sense = 1 if motion[-1] > motion[0] else -1
+    angle = sense * motion
     if (np.diff(angle) <= 0).any():
         raise ArgumentError(f"{reference} does not turn in one direction all the time; choose an interval in which it does")
     result.check_sampling(name, float(time[0]), float(time[-1]))
-    return time, angle, signal
+    return time, angle, signal, sense
 
 
 def _spectra(

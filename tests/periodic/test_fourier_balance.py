@@ -98,7 +98,8 @@ def test_the_error_sums_what_is_wrong_and_what_is_missing(state: int, places: li
 def rigid(sums: int) -> Rigid:
     """None; or an oscillator one combination of whose rates is taken as balanced, while a mean stays where it is."""
     ends = np.array([[0.6], [0.8]])[:, :sums]
-    return Rigid(ends, np.array([[0.8, -0.6]])[:sums], np.empty((2, 0)), np.array([0.3, -0.2]), np.empty((2, 0)))
+    none = np.empty((2, 0))
+    return Rigid(ends, np.array([[0.8, -0.6]])[:sums], np.array([0.3, -0.2]), none, np.ones(2), ends, none)
 
 
 @pytest.mark.parametrize("sums", [0, 1])

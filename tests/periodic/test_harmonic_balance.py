@@ -412,6 +412,60 @@ def test_a_linear_train_has_its_frequency_response(chain: Any, grounded: bool, s
     assert np.sort(np.abs(response.multipliers[-1])) == pytest.approx(expected, rel=1e-5)
 
 
+@pytest.mark.parametrize("omega", [30.0, 3e3, 1e4])
+def test_a_free_train_has_one_rigid_motion_however_little_its_far_end_vibrates(chain: Any, omega: float) -> None:
+    """Multipliers are exponentials of the poles but the one at zero; amplitudes fall by the square of the frequency from body to body."""
+    system = chain(n=3, grounded=False, d=0.5)
+    outputs = [name for name in system.states if not name.endswith(".phi")]
+    torque = {"torque.tau": lambda phase, w: np.cos(phase)}
+    response = gl.harmonic_balance(system, omega, 1.1 * omega, inputs=torque, outputs=outputs, harmonics=1, points=2)
+    poles = np.sort(system.linearize(outputs=outputs).poles())
+    poles = poles[np.argsort(np.abs(poles))][1:]
+    for w, multipliers in zip(response.omega, response.multipliers, strict=True):
+        expected = np.exp(2 * np.pi * poles / w)
+        assert np.sort_complex(multipliers) == pytest.approx(np.sort_complex(expected), abs=1e-6)
+        assert np.sort(1 - np.abs(multipliers)) == pytest.approx(np.sort(1 - np.abs(expected)), rel=1e-3)
+    assert response.stable.all()
+    exact = gl.frequency_response(system, response.omega, ["torque.tau"], outputs)
+    for name in outputs:
+        assert response.amplitude(name) == pytest.approx(abs(exact[name]), rel=1e-6)
+
+
+@pytest.mark.parametrize("c", [1e4, 1e8])
+@pytest.mark.parametrize("d", [1.0, 1e-4, 1e-6])
+def test_a_weak_damper_holds_the_mean_speed(c: float, d: float) -> None:
+    """Beside stiff shafts and quick vibrations, in hours or weeks."""
+    response = gl.harmonic_balance(
+        held(), 50.0, 50.1, inputs={"torque.tau": lambda phase, w: 5.0 * d + np.cos(phase)}, parameters={"load.d": d, "shaft.c": c},
+        outputs=["a.w", "b.w"], harmonics=1, points=2,
+    )  # fmt: skip
+    assert response.mean("a.w") == pytest.approx(5.0, rel=1e-7)
+    assert response.mean("b.w") == pytest.approx(5.0, rel=1e-7)
+    slowest = 1 - np.abs(response.multipliers).max(axis=1)
+    assert slowest == pytest.approx(1 - np.exp(-2 * np.pi / response.omega * d / 3.0), rel=1e-3 if d < 1 else 0.1)
+
+
+class Held(gl.Component):
+    """Two bodies on a shaft, of which a damper holds the second."""
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.ground = gp.Torque(), gp.Fixed()
+        self.a, self.b = gp.Inertia(J=1.0, start={"w": 3.0}), gp.Inertia(J=2.0)
+        self.shaft, self.load = gp.SpringDamper(c=1e4, d=1.0), gp.Damper(d=1.0)
+        return [
+            gl.connect(self.torque.flange, self.a.flange_a),
+            gl.connect(self.a.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.b.flange_a),
+            gl.connect(self.b.flange_b, self.load.flange_a),
+            gl.connect(self.load.flange_b, self.ground.flange),
+        ]
+
+
+@cache
+def held() -> gl.System:
+    return gl.compile(Held())
+
+
 def test_the_paper_s_train(paper: gl.System) -> None:
     """Under its transmission error, whose frequency is a parameter, and a constant torque."""
     response = gl.harmonic_balance(

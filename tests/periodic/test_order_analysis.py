@@ -114,6 +114,9 @@ def test_pieces_follow_each_other_by_what_they_do_not_overlap(overlap: float, pi
     assert found.orders == pytest.approx(np.arange(41) / 4)
     assert found.amplitudes.shape == (pieces, 41)
     assert found.amplitudes[:, 12] == pytest.approx(1.5, rel=1e-6)
+    backwards = gl.order_waterfall(run, "signal", "back", revolutions=4, overlap=overlap, max_order=10.0)
+    assert backwards.speeds == pytest.approx(-found.speeds, rel=1e-9)
+    assert backwards.amplitudes == pytest.approx(found.amplitudes, abs=1e-9)
     assert np.delete(found.amplitudes, [11, 12, 13], axis=1).max() < 1e-6
 
 
