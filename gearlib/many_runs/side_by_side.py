@@ -24,7 +24,7 @@ from gearlib.run.segment import Segment
 from gearlib.run.simulate import run
 from gearlib.run.start_values import Start, starts_of_runs
 from gearlib.run.translation import Translation
-from gearlib.solvers.inputs.table import Table
+from gearlib.solvers.inputs.table import Table, unrolled
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -124,8 +124,7 @@ class SideBySide(ABC):
     @cached_property
     def signals(self) -> tuple[Any, ...]:
         """The inputs of the first run, with tables over the whole run."""
-        ends = float(self.grid[0]), float(self.grid[-1])
-        return tuple(s.over(*ends) if isinstance(s, Table) else s for s in self.request.signals)
+        return unrolled(self.request.signals, float(self.grid[0]), float(self.grid[-1]))
 
     @cached_property
     def sampled(self) -> Floats:
@@ -205,7 +204,7 @@ class PreparedRuns:
         if isinstance(value, Table):
             return (value.over(float(times[0]), float(times[-1])),) * self.count
         if isinstance(value, tuple):
-            return tuple(v.over(float(times[0]), float(times[-1])) if isinstance(v, Table) else v for v in value)
+            return unrolled(value, float(times[0]), float(times[-1]))
         return np.broadcast_to(np.asarray(value, float), self.count)
 
     @property

@@ -30,7 +30,7 @@ from gearlib.run.start_values import Start
 from gearlib.run.state_switching import integrate_through
 from gearlib.run.tangents.requested import CONTINUED, directions, refuse_form
 from gearlib.run.translation import Translation
-from gearlib.solvers.inputs.table import FunctionInput, Table, values
+from gearlib.solvers.inputs.table import FunctionInput, unrolled, values
 
 Floats = NDArray[np.float64]
 INTERRUPTS = ("raise", "stop")
@@ -46,9 +46,7 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
     """
     scene = scene or translation.scene
     parameters, times = request.parameters, request.times
-    signals = request.signals and tuple(
-        s.over(request.t_start, float(times[-1])) if isinstance(s, Table) else s for s in request.signals
-    )
+    signals = unrolled(request.signals, request.t_start, float(times[-1]))
     functions = [signal for signal in signals if isinstance(signal, FunctionInput)]
     for function in functions:
         function.confirm()

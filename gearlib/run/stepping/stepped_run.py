@@ -25,6 +25,7 @@ from gearlib.run.start_values import Start
 from gearlib.run.state_switching import integrate_through
 from gearlib.run.stepping.live_run import LiveRun, can_live
 from gearlib.run.translation import Translation
+from gearlib.solvers.inputs.table import unrolled
 
 Floats = NDArray[np.float64]
 
@@ -165,8 +166,8 @@ class SteppedRun:
         """The integration that a step asks of the method."""
         now = self._now
         longest = self._max_step if self._max_step is not None or len(times) < 2 else float(times[-1] - times[0])
-        start = Start(now.states, now.guess, ())
-        return Run(now.scene, now.numbers, start, self.inputs.signals, times, self._rtol, now.atol, now.discrete, longest)
+        start, signals = Start(now.states, now.guess, ()), unrolled(self.inputs.signals, float(times[0]), float(times[-1]))
+        return Run(now.scene, now.numbers, start, signals, times, self._rtol, now.atol, now.discrete, longest)
 
     def _lives_on(self, t: float) -> bool:
         """Continue with the method's state; returns whether that was possible."""

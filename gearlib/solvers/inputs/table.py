@@ -388,6 +388,11 @@ def as_table(value: Any) -> Any:
 Signal = Any  # a number, a FunctionInput, or a Table
 
 
+def unrolled(signals: Sequence[Signal], t0: float, t1: float) -> tuple[Signal, ...]:
+    """The signals over an interval (s): periodic tables with their periods there, which native code does not know."""
+    return tuple(s.over(t0, t1) if isinstance(s, Table) else s for s in signals)
+
+
 def breakpoints(signals: Sequence[Signal]) -> Floats:
     """Times of all corners of tables."""
     tables = [s.corners for s in signals if isinstance(s, Table)]

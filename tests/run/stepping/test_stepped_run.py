@@ -99,7 +99,11 @@ def test_inputs_act_from_one_step_to_the_next(drive: gl.System) -> None:
 
 
 def test_functions_and_tables_are_inputs_too(drive: gl.System) -> None:
-    signals: list[Any] = [math.cos, gl.Table([0.0, 1.0, 2.0], [1.0, 3.0, 0.0]), 2.0]
+    again = {"outside": "periodic"}
+    signals: list[Any] = [
+        math.cos, gl.Table([0.0, 1.0, 2.0], [1.0, 3.0, 0.0]), 2.0, gl.Table([0.0, 0.1, 0.3], [1.0, 3.0, 0.0], **again),
+        gl.Table([0.5, 0.6, 0.9], [1.0, -2.0, 9.0], "previous", **again),
+    ]  # fmt: skip
     for signal in signals:
         run = drive.stepper(inputs={"torque.tau": signal}, rtol=1e-9)
         for t in (0.7, 1.3, 2.0):
