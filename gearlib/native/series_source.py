@@ -25,6 +25,7 @@ SERIES = Prototype("int32", ("float", "int", "int", "int", "int", "int", "int"))
 HIGHEST = 30  # order
 ROW = HIGHEST + 2  # numbers per row of the work space
 MOST_PRODUCTS = 120  # convolutions; more would make the code large
+MOST_COMPARED = 24  # differences whose coefficients are kept; a table has more
 INTEGER_POWERS = 8  # up to which a power is computed by multiplications
 CONSTANTS = ("pi", "e", "inf", "nan")
 
@@ -53,8 +54,10 @@ class TaylorSeries:
     branches : bool
         Whether values at the start of a step choose between expressions, so that a short visit to another branch may be missed.
     hides : bool
-        Whether the coefficients may not show what happens within a step: there are branches, or functions that are constant to rounding
-        far from where they change, such as tanh.
+        Whether the coefficients may not show what happens within a step: there are functions that are constant to rounding far from
+        where they change, such as tanh, or many comparisons.
+    compared : int
+        Differences whose sign chooses between expressions; the last rows of the work space hold their coefficients.
     """
 
     machine_code: CompiledFunction
@@ -65,6 +68,7 @@ class TaylorSeries:
     pulses: bool
     branches: bool
     hides: bool
+    compared: int
 
     @property
     def address(self) -> int:
@@ -94,6 +98,7 @@ class _Writer:
     pulses: bool = False
     branches: bool = False
     hides: bool = False
+    compared: list[PowerSeries] = field(default_factory=list)
     _known: dict[tuple[object, ...], PowerSeries] = field(default_factory=dict)
     _rows: dict[tuple[str, str], int] = field(default_factory=dict)
 
@@ -334,6 +339,14 @@ class _Writer:
         whole = self.times(half, half)
         return self.times(whole, a) if exponent % 2 else whole
 
+    def compare(self, a: PowerSeries, b: PowerSeries) -> None:
+        """Keep track of the difference of two quantities whose comparison chooses between expressions."""
+        if a.varies or b.varies:
+            self.branches = True
+            difference = self.plus(a, self.negative(b))
+            if difference not in self.compared:
+                self.compared.append(difference)
+
     def chosen(self, test: str, a: PowerSeries, b: PowerSeries) -> PowerSeries:
         """One of two quantities, as a condition at the start of the step decides."""
         flag = self._named(("flag", test), f"1.0 if {test} else 0.0", "", PowerSeries("", varies=False)).name
@@ -420,11 +433,12 @@ class _Reader:
         """A condition on values at the start of the step."""
         match node:
             case ast.Compare(left, operators, comparators):
-                parts = [self.read(left).name]
-                self.write.branches |= any(self.read(side).varies for side in (left, *comparators))
-                self.write.hides |= self.write.branches
-                for operator, right in zip(operators, comparators, strict=True):
-                    parts += [ast.unparse(ast.Compare(ast.Name("a"), [operator], [ast.Name("b")]))[2:-2], self.read(right).name]
+                last = self.read(left)
+                parts = [last.name]
+                for operator, right in zip(operators, map(self.read, comparators), strict=True):
+                    parts += [ast.unparse(ast.Compare(ast.Name("a"), [operator], [ast.Name("b")]))[2:-2], right.name]
+                    self.write.compare(last, right)
+                    last = right
                 return f"({' '.join(parts)})"
             case ast.BoolOp(operator, values):
                 return f"({(' and ' if isinstance(operator, ast.And) else ' or ').join(map(self.condition, values))})"
@@ -465,6 +479,10 @@ def taylor_source(program: Program, layout: Layout) -> tuple[str, _Writer]:
     for slot, text in assignments(program, layout, lambda s: f"s{s}", lambda p: f"data[{p}]"):
         reader.names[f"s{slot}"] = reader.read(ast.parse(text, mode="eval").body)
     outputs = [reader.names[f"s{slot}"] for slot in program.output_slots.tolist()]
+    if len(write.compared) > MOST_COMPARED:
+        write.hides, write.compared = True, []
+    for difference in write.compared:
+        write.keep(difference.name, write.reserved(difference.name))
     lines = [f"s{i} = c[{i}]" for i in range(n)]
     lines += write.first
     lines += [f"n{i} = {a.name}" for i, a in enumerate(outputs)]
@@ -486,5 +504,6 @@ def taylor_series(program: Program, layout: Layout) -> TaylorSeries | str:
         return str(reason)
     code = compiled(HEADER + text, "series")
     return TaylorSeries(
-        code, write.rows, len(write.later), write.products, bool(program.guards), write.pulses, write.branches, write.hides
-    )
+        code, write.rows, len(write.later), write.products, bool(program.guards), write.pulses, write.branches, write.hides,
+        len(write.compared),
+    )  # fmt: skip

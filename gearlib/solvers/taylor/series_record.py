@@ -22,7 +22,9 @@ class SeriesRecord(LoopRecord):
     highest: int  # order
     ready: int  # whether ``ahead`` belongs to the states at which the next step begins
     guarded: int  # whether only the right-hand side itself notices divisors that change sign
-    looks: int  # whether the right-hand side is looked at within a step, where coefficients do not show all that happens
+    looks: int  # whether the right-hand side is looked at within each step, where coefficients do not show all that happens
+    compared: int  # number of differences whose sign chooses between expressions, and the place of the first one's coefficients
+    compared_at: int
     expansions: int  # coefficients computed, counted in orders
     looked: int  # steps since the order was chosen
     since: int  # steps since the last event

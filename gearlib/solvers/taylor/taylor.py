@@ -64,7 +64,8 @@ class Taylor(Stepper):
         record.rates = record.k
         record.slack, record.slack_share = 1e-16 * span, taylor_loop.LOCATED
         record.series, record.guarded = self.series.address, int(self.series.guarded)
-        record.looks = int(self.series.hides)
+        record.looks, record.compared = int(self.series.hides), self.series.compared
+        record.compared_at = (self.series.rows - self.series.compared) * ROW
         record.cost_order = OPERATION * self.series.sums + COEFFICIENT * atol.size + record.looks * problem.rhs_cost
         record.cost_product = 0.5 * TERM * self.series.products + record.looks * COEFFICIENT * atol.size
         record.cost_step = STEP + problem.rhs_cost + COEFFICIENT * atol.size

@@ -6,7 +6,7 @@ import math
 
 from gearlib.compiler.small_language import floats_at, int32, native
 from gearlib.native.layout import MODEL
-from gearlib.native.series_source import SERIES
+from gearlib.native.series_source import ROW, SERIES
 from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, ROOTS_FAILED, STEPPED, STIFF
 from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.root_finding import OLD, SLOPE_OLD, crossing, look, slopes
@@ -35,6 +35,8 @@ UNSEEN = 10.0  # amplitude of the fastest motion, in tolerances, below which it 
 ENOUGH, ORDERS, AFTER = 3, 8, 4
 # Of the longest step: shorter ones end within the radius of convergence. Beside a branch point all terms lie below the tolerance
 SMALL = 1e-3
+CERTAIN = 2.0  # factor on the terms of a difference that bound its change over a step, for those left out
+VISITS = 64  # parts of a step, whose ends show a visit to another expression
 CAUTION = 0.9  # factor on a step that is repeated
 
 
@@ -144,6 +146,44 @@ def _look_ahead(s: SeriesRecord, t: float, h: float) -> int:
 
 
 @native
+def _difference(s: SeriesRecord, i: int, u: float) -> float:
+    """A difference whose sign chooses between expressions, at a time from the start of the step, by its coefficients there."""
+    work, at, value = floats_at(s.work), s.compared_at + i * ROW, 0.0
+    for k in range(s.order - 1, -1, -1):
+        value = value * u + work[at + k]
+    return value
+
+
+@native
+def _may_change(s: SeriesRecord, i: int, h: float) -> bool:
+    """Whether a difference may change sign within a step, which the sum of its terms bounds."""
+    work, at, change = floats_at(s.work), s.compared_at + i * ROW, 0.0
+    for k in range(s.order - 1, 0, -1):
+        change = (change + abs(work[at + k])) * h
+    return not CERTAIN * change <= abs(work[at])
+
+
+@native
+def _without_visits(s: SeriesRecord, h: float) -> float:
+    """The longest step, up to ``h``, that does not pass over a visit to another expression: it ends before that or within it.
+
+    The differences that choose between expressions show them. The work space holds their coefficients at the start of the step.
+    """
+    for i in range(s.compared):
+        if _may_change(s, i, h):
+            begin, first = _difference(s, i, 0.0) > 0.0, 0.0
+            for j in range(1, VISITS + 1):
+                u = j * h / VISITS
+                elsewhere = (_difference(s, i, u) > 0.0) != begin
+                if elsewhere and first == 0.0:
+                    first = u
+                if not elsewhere and first > 0.0:
+                    h = first
+                    break
+    return h
+
+
+@native
 def _departs(s: SeriesRecord, t: float, h: float) -> float:
     """How far the series holds within a step whose end agrees: to where the right-hand side first differs, as in a short visit."""
     count = s.looks * max(s.order, SEARCHED)
@@ -188,7 +228,7 @@ def taylor_step(address: int, stop: float) -> int32:
         return NOT_FINITE
     if s.h < SMALL * s.h_max:
         s.h = min(s.h, _radius(s))
-    h = min(s.h, s.h_max)
+    h = _without_visits(s, min(s.h, s.h_max))
     last_of_span = t + 1.0001 * h >= stop
     if last_of_span:
         h = stop - t

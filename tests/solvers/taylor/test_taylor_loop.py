@@ -133,7 +133,7 @@ def taylor(
     kind = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *[_NUMBERS] * 3, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
     wrapped = kind(function)
     address = ctypes.cast(wrapped, ctypes.c_void_p).value
-    own: Any = SimpleNamespace(address=address, keep=wrapped, rows=0, sums=sums, products=products, **flags)
+    own: Any = SimpleNamespace(address=address, keep=wrapped, rows=0, sums=sums, products=products, compared=0, **flags)
     return driver(problem(rhs, x0, **more), np.linspace(begin, begin + end, samples), Taylor(own), rtol=rtol)
 
 
