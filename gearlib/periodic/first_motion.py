@@ -133,9 +133,9 @@ class Forced:
 
         @lru_cache(maxsize=8)
         def at(omega: float) -> Driven:
-            return Driven(
-                scene, *scene.compiled_numbers(translation.parameter_values(self.values(omega))), signals, omega, growth
-            )
+            # bounds hold at both ends of the interval; other frequencies are tried beyond them, for one step or one look
+            numbers = translation.parameter_values(self.values(omega), bounded=False)
+            return Driven(scene, *scene.compiled_numbers(numbers), signals, omega, growth)
 
         if self.frequency is not None:
             return at

@@ -297,8 +297,13 @@ def _kernel(matrix: Floats) -> Floats:
 
 
 def _other_speed(driven: Driven) -> SolverError:
-    names = ", ".join(s for s, g in zip(driven.scene.state_names, driven.growth.tolist(), strict=True) if g)
-    return SolverError(
-        f"the train turns with {names} at a speed that its torques determine, which is not the one that {driven.omega:g} rad/s asks for; "
-        "make the torques that drive and load it constant, and let them balance"
+    names = [s for s, g in zip(driven.scene.state_names, driven.growth.tolist(), strict=True) if g]
+    text = (
+        f"the train turns with {', '.join(names)} at a speed that its torques determine, which is not the one that {driven.omega:g} rad/s "
+        "asks for; make the torques that drive and load it constant, and let them balance"
     )
+    if len(names) > 1:
+        text += (
+            ". Transmission errors of meshes in a row determine it as well: give them as functions of time, and frequency=..."
+        )
+    return SolverError(text)

@@ -119,7 +119,9 @@ def harmonic_balance(
     inputs = by_name("inputs", inputs, "a mapping of paths to numbers, or functions of phase and frequency")
     turning = by_name("turning", turning, "a mapping of states to periods of 2 pi, such as {'mesh.turned': 1.0}")
     guess = by_name("guess", guess, "a mapping of start values by path")
-    translation, _ = translation.fitted(Forced(translation, frequency, parameters, inputs, 0, turning).values(float(start)))
+    forced = Forced(translation, frequency, parameters, inputs, 0, turning)
+    translation.parameter_values(forced.values(float(end)))
+    translation, _ = translation.fitted(forced.values(float(start)))
     cases = HARMONICS if harmonics is None else (harmonics,)
     known = None
     check_progress(progress)

@@ -412,8 +412,8 @@ class Translation:
         found = self.fitting(numbers := self.parameter_values(given))
         return found, numbers if found is self else found.parameter_values(given)
 
-    def parameter_values(self, given: Mapping[str, float] | None) -> Floats:
-        """Complete parameter table, with some values given by path.
+    def parameter_values(self, given: Mapping[str, float] | None, bounded: bool = True) -> Floats:
+        """Complete parameter table, with some values given by path; ``bounded``: whether their bounds are checked.
 
         Raises
         ------
@@ -436,7 +436,8 @@ class Translation:
                 raise ArgumentError(f"parameter {name} is {shown(value)} ({type(value).__name__}); expected a number")
             chosen[k] = float(value) if isinstance(value, float) else real(f"parameter {name}", value)
         result = table.evaluate(chosen)
-        check_bounds(table, result, chosen)
+        if bounded:
+            check_bounds(table, result, chosen)
         if self.structure.redundant:
             confirm(self.structure, result)
         return result

@@ -249,6 +249,31 @@ class Loaded(gl.Component):
         return [gl.Eq(gl.der(self.p), self.w), gl.Eq(self.tau * gl.der(self.w), torque - self.w)]
 
 
+class Row(gl.Component):
+    """Two bodies that turn at the speed of each other but for an error that one phase makes, and two phases."""
+
+    p, q = gl.Variable("1", state="prefer"), gl.Variable("1", state="prefer")
+    d = gl.Variable("1")
+    w, v = gl.Variable("1", start=2.0), gl.Variable("1", start=2.0)
+
+    def equations(self) -> list[gl.Eq]:
+        between = self.d + 0.1 * (self.w - self.v)
+        return [
+            gl.Eq(gl.der(self.p), self.w),
+            gl.Eq(gl.der(self.q), self.v),
+            gl.Eq(gl.der(self.d), (1 + 0.01 * gl.cos(self.p)) * self.w - self.v),
+            gl.Eq(gl.der(self.w), -between),
+            gl.Eq(gl.der(self.v), between),
+        ]
+
+
+def test_phases_that_an_error_ties_to_each_other_are_refused_as_such() -> None:
+    task = Forced(gl.compile(Row()).translation, None, {}, {}, 2, {"p": 1.0, "q": 1.0})
+    said = r"^the train turns with p, q at a speed .* Transmission errors of meshes in a row determine it as well: give them as functions"
+    with pytest.raises(SolverError, match=said):
+        task.first(task.scene(["w", "d", "q"]), 2.0, 16, None, None)
+
+
 def test_a_train_that_chooses_its_speed_cannot_be_told_another() -> None:
     task = Forced(gl.compile(Loaded()).translation, None, {}, {}, 2, {"p": 1.0})
     said = r"^the train turns with p at a speed that its torques determine, which is not the one that 2 rad/s asks for; make the torques"

@@ -894,6 +894,12 @@ def test_a_frequency_in_hertz() -> None:
     assert found.amplitude("x") == pytest.approx(1 / np.abs(1 - found.omega**2 + 2j * ZETA * found.omega), rel=1e-9)
     with pytest.raises(gl.GearlibError, match=r"g was set to that frequency, and .* counts in Hz"):
         gl.harmonic_balance(system, 0.3, 0.5, frequency="g")
+    whole = gl.harmonic_balance(system, 0.2 * np.pi, 0.3, frequency="f", outputs=["x"], harmonics=1)  # from its largest value
+    back = gl.harmonic_balance(system, 0.3, 0.2 * np.pi, frequency="f", outputs=["x"], harmonics=1)
+    assert whole.amplitude("x")[[0, -1]] == pytest.approx(back.amplitude("x")[[-1, 0]], rel=1e-9)
+    for start, end in ((0.3, 0.63), (0.63, 0.3)):
+        with pytest.raises(gl.GearlibError, match=r"f is 0\.1002\d*; expected at most 0\.1"):
+            gl.harmonic_balance(system, start, end, frequency="f")
 
 
 def test_forces_that_balance_repeat_but_for_their_rounding() -> None:
