@@ -75,6 +75,8 @@ class Forced:
         if not states:
             raise ArgumentError(f"{', '.join(outputs)} depend on no states, so there is nothing to balance")
         scene = translation.scene_of(states)
+        if scene.wanted:  # of discrete variables, only those count on which the motion or an output depends
+            scene = Scene(translation.structure, states)
         _refuse_memory(scene)
         return scene
 

@@ -125,7 +125,7 @@ class HarmonicBalance:
         return np.angle(self._complex(output, harmonic))
 
     def rms(self, output: str) -> Floats:
-        """Root mean square of an output's deviation from its mean, along the branch."""
+        """Root mean square of an output's deviation from its mean, along the branch; of the harmonics that were taken."""
         result: Floats = np.sqrt((self.coefficients[:, 1:, self._column(output)] ** 2).sum(axis=1) / 2)
         return result
 

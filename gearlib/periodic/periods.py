@@ -23,6 +23,7 @@ GAUSS = 8  # points per panel
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(GAUSS)
 JUMP = 1e-9  # relative to the largest rate: a smaller jump is rounding
 APART = 1e-9  # of a step: switches that are nearer to each other are simultaneous
+ROUNDING = 1e-12  # relative to the change between two samples
 ROUGH = 0.5  # third difference relative to the first: an expression that jumps has 2, since another relation on which it depends switched
 
 
@@ -202,6 +203,8 @@ def _crossings(values: Floats, changed: Integers, k: int) -> list[_Crossing]:
     """Where the expressions of relations pass zero between samples k and k + 1, in order; nowhere, if none does."""
     around = values[np.ix_(changed, (k + np.arange(-1, 3)) % values.shape[1])]
     rise = np.abs(around[:, 2] - around[:, 1])
+    # an expression of time is taken just after a sample: it may have switched where its value is a rounding error before zero
+    around = np.where(np.abs(around) <= ROUNDING * rise[:, None], 0.0, around)
     crosses = np.flatnonzero((around[:, 1] * around[:, 2] <= 0) & (rise > 0))
     rough = np.abs(around[crosses] @ np.array([1.0, -3.0, 3.0, -1.0])) / rise[crosses]
     found = [_Crossing(_zero(around[i]), int(changed[i]), float(r)) for i, r in zip(crosses, rough, strict=True)]
@@ -211,6 +214,8 @@ def _crossings(values: Floats, changed: Integers, k: int) -> list[_Crossing]:
 def _zero(around: Floats) -> float:
     """Zero between 0 and 1 of the cubic through values at -1, 0, 1 and 2."""
     a, b, c, d = np.linalg.solve(np.vander([-1.0, 0.0, 1.0, 2.0]), around).tolist()
+    if not around[1] or not around[2]:
+        return 1.0 if around[1] else 0.0
     low, high = 0.0, 1.0
     new = share = float(around[1] / (around[1] - around[2]))
     for _ in range(40):

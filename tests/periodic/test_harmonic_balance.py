@@ -259,7 +259,7 @@ class Watched(gl.Component):
 
 @cache
 def watched() -> gl.System:
-    return gl.compile(Watched(), outputs=["x", "flag"])
+    return gl.compile(Watched())
 
 
 @pytest.mark.parametrize("outputs", [["side"], ["x", "gated"], ["flag", "side"]])
@@ -443,6 +443,31 @@ def test_a_weak_damper_holds_the_mean_speed(c: float, d: float) -> None:
     assert response.mean("b.w") == pytest.approx(5.0, rel=1e-7)
     slowest = 1 - np.abs(response.multipliers).max(axis=1)
     assert slowest == pytest.approx(1 - np.exp(-2 * np.pi / response.omega * d / 3.0), rel=1e-3 if d < 1 else 0.1)
+
+
+class SquareWave(gl.Component):
+    """A linear oscillator under a force that changes its sign, at samples of a period or between them."""
+
+    w, shift = gl.Parameter("rad/s", default=1.0), gl.Parameter("1", default=0.0)
+    x, v = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        force = gl.Piecewise((1.0, gl.sin(self.w * gl.time + self.shift) > 0), (-1.0, True))
+        return [gl.Eq(gl.der(self.x), self.v), gl.Eq(gl.der(self.v), force - 2 * ZETA * self.v - self.x)]
+
+
+@cache
+def square_wave() -> gl.System:
+    return gl.compile(SquareWave(), outputs=["x"])
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.5 * np.pi, 1.0])
+def test_a_force_that_changes_its_sign_at_a_sample_has_its_fourier_series(shift: float) -> None:
+    found = gl.harmonic_balance(square_wave(), 0.4, 0.41, frequency="w", parameters={"shift": shift}, harmonics=5, points=3)
+    for k, force in ((1, 4 / np.pi), (2, 0.0), (3, 4 / (3 * np.pi)), (5, 4 / (5 * np.pi))):
+        w = k * found.omega
+        assert found.amplitude("x", k) == pytest.approx(force / np.abs(1 - w**2 + 2j * ZETA * w), rel=1e-6, abs=1e-9)
+    assert found.mean("x") == pytest.approx(0.0, abs=1e-9)
 
 
 class Held(gl.Component):

@@ -190,6 +190,10 @@ def test_a_zero_at_a_sample_is_found_once() -> None:
     found = cuts_of(Known(np.sin))
     assert np.cos(found.cuts) == pytest.approx([1.0, -1.0], abs=1e-12)
     assert len(found.cuts) == 2
+    after = cuts_of(
+        Known(np.sin, flags=lambda p: (np.sin(p + 1e-13) > 0)[None])
+    )  # as conditions on time are: just after a sample
+    assert after.cuts == pytest.approx([np.pi, 2 * np.pi], abs=1e-12)
     quarter = cuts_of(Known(lambda p: np.cos(p) * 1e-9))
     assert quarter.cuts == pytest.approx([np.pi / 2, 3 * np.pi / 2], abs=1e-7)
 
