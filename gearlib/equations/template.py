@@ -322,19 +322,33 @@ def lift_relations(expression: Any, is_discrete: Callable[[str], bool] = never) 
     A comparison of discrete variables changes at events only, and is left as it is.
     """
     protected = {a: sympy.Dummy("no_event", real=True) for a in expression.atoms(sympy.Function) if _no_event(a)}
-    expression, followed = _followed(expression.xreplace(protected))
+    given = expression.xreplace(protected)
+    expression, followed = _followed(given)
     expression = piecewise(expression)
     atoms = expression.atoms(Relational).union(*(value.atoms(Relational) for value in followed.values()))
     if not protected and not atoms:
         return expression, ()
     plain = {dummy: piecewise(call.args[0].replace(_no_event, lambda e: e.args[0])) for call, dummy in protected.items()}
     whole = {a: a.xreplace(followed).xreplace(plain) for a in atoms}
-    events = [a for a in sorted(whole, key=lambda a: str(whole[a])) if not all(is_discrete(s.name) for s in a.free_symbols)]
+    events = [
+        a for a in sorted(whole, key=lambda a: str(whole[a]))
+        if isinstance(whole[a], Relational) and not all(is_discrete(s.name) for s in whole[a].free_symbols)
+    ]  # fmt: skip
     (found, _), (_, lifted) = _lifted([whole[a] for a in events], 0), _lifted(events, 0)
+    held = {a: relation for a, relation in lifted.items() if given.has(a)}
     for dummy, value in followed.items():
         searched = [sympy.Ne(lifted[a].lhs, 2) for a in events if a in value.atoms(Relational)]  # true: those are 0 or 1
-        followed[dummy] = sympy.Piecewise((value, sympy.And(*searched)), (sympy.S.Zero, True))
-    return expression.xreplace(lifted).xreplace(followed).xreplace(plain), found
+        followed[dummy] = sympy.Piecewise((value.xreplace(held), sympy.And(*searched)), (sympy.S.Zero, True))
+    return _with_real_branches(expression.xreplace(lifted).xreplace(followed).xreplace(plain)), found
+
+
+def _with_real_branches(expression: Any) -> Any:
+    """The expression with no number in branches whose value is complex: sympy takes the power of each branch, also of one not taken."""
+
+    def real(e: Any) -> Any:
+        return sympy.Piecewise(*((sympy.nan if value.has(sympy.I) else value, condition) for value, condition in e.args))
+
+    return expression.replace(lambda e: isinstance(e, sympy.Piecewise), real) if expression.has(sympy.I) else expression
 
 
 def _followed(expression: Any) -> tuple[Any, dict[Any, Any]]:
@@ -388,6 +402,11 @@ def piecewise(expression: Any) -> Any:
     if not expression.has(sympy.sign, sympy.Abs, sympy.Max, sympy.Min):
         return expression
     zero = sympy.S.Zero
+    # sympy splits abs(sign(x) * y); the power of a branch of -1 would be a complex number
+    expression = expression.replace(
+        lambda e: isinstance(e, sympy.Abs) and isinstance(e.args[0], sympy.sign),
+        lambda e: sympy.Piecewise((1, e.args[0].args[0] > zero), (1, e.args[0].args[0] < zero), (0, True)),
+    )
     expression = expression.replace(sympy.sign, lambda x: sympy.Piecewise((1, x > zero), (-1, x < zero), (0, True)))
     expression = expression.replace(sympy.Abs, lambda x: sympy.Piecewise((x, x >= zero), (-x, True)))
     return expression.replace(lambda e: isinstance(e, (sympy.Max, sympy.Min)), _extremum)

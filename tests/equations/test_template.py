@@ -140,6 +140,28 @@ def test_extrema_that_keep_an_argument_in_its_domain_follow_it_within_a_step() -
                 assert abs(t.residual.subs(flags).subs({z: 0, **point})) == pytest.approx(abs(value.subs(point)))
 
 
+@pytest.mark.parametrize(
+    ("expression", "value"),
+    [
+        (abs(gl.Piecewise((x, x > -1.2), (-0.12, True))) ** 1.7, lambda v: abs(v if v > -1.2 else -0.12) ** 1.7),
+        (gl.sqrt(abs(gl.Table([0.0, 0.5, 2.0], [-1.0, -0.2, 3.0])(x))), lambda v: abs(np.interp(v, [0, 0.5, 2], [-1, -0.2, 3])) ** 0.5),
+        (abs(gl.sign(x) * abs(x) ** 1.5) ** 1.7, lambda v: abs(v) ** 2.55),
+        (gl.Max(x, gl.no_event(sympy.Float(0.3))) ** 0.5 + abs(gl.no_event(sympy.Float(-0.3))), lambda v: max(v, 0.3) ** 0.5 + 0.3),
+    ],
+)  # fmt: skip
+def test_branches_that_are_not_taken_need_no_real_value(expression: Any, value: Any) -> None:
+    """sympy takes the power of each branch."""
+    t = make(z, expression)
+    for at in (-2.5, -0.7, 0.2, 0.7):
+        flags: dict[Any, float] = {}
+        for k, r in enumerate(t.relations):
+            g = float(r.g.subs(flags | {x: at}))
+            flags[relation_symbol(k)] = float(
+                g < 0 or (g == 0 and not r.strict) if r.negated else g > 0 or (g == 0 and not r.strict)
+            )
+        assert abs(float(t.residual.subs(flags | {x: at, z: 0}))) == pytest.approx(value(at))
+
+
 def test_equality_is_no_event() -> None:
     with pytest.raises(DeclarationError, match="use <, <=, >, >="):
         make(y, gl.Piecewise((1, sympy.Ne(x, 0)), (0, True)))
