@@ -230,9 +230,12 @@ def _result(task: Forced, scene: Scene, balance: HarmonicEquations, path: Path, 
                 f"(off by {low:.2g} of its vibration); take more samples"
             )
         errors.append(error)
+    table = np.full((len(multipliers), max(map(len, multipliers))), np.nan, np.complex128)
+    for row, found_there in zip(table, multipliers, strict=True):
+        row[: len(found_there)] = found_there
     units = tuple(task.translation.unit(name) for name in names)
     return HarmonicBalance(
-        path.w, np.array(coefficients), np.array(multipliers), path.folds, tuple(names), units, path.complete, np.array(errors)
+        path.w, np.array(coefficients), table, path.folds, tuple(names), units, path.complete, np.array(errors)
     )
 
 

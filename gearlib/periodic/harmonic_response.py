@@ -32,7 +32,7 @@ class HarmonicBalance:
     coefficients : array (points, 2 harmonics + 1, outputs)
         Mean, then cosine and sine of each harmonic, in the outputs' units.
     multipliers : complex array (points, states)
-        Floquet multipliers of each motion, without those of rigid motions.
+        Floquet multipliers of each motion, without those of rigid motions: NaN where there are more of these than elsewhere on the branch.
     folds : tuple of int
         Indices of the points at which the branch turns back, where the response jumps. See `fold_omega`.
     outputs, units : tuple of str
@@ -89,7 +89,7 @@ class HarmonicBalance:
 
     @property
     def _largest(self) -> Floats:
-        result: Floats = np.abs(self.multipliers).max(axis=1, initial=0.0)
+        result: Floats = np.fmax.reduce(np.abs(self.multipliers), axis=1, initial=0.0)
         return result
 
     @property

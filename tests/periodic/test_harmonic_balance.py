@@ -445,6 +445,34 @@ def test_a_weak_damper_holds_the_mean_speed(c: float, d: float) -> None:
     assert slowest == pytest.approx(1 - np.exp(-2 * np.pi / response.omega * d / 3.0), rel=1e-3 if d < 1 else 0.1)
 
 
+class Braked(gl.Component):
+    """A body that a constant force brakes at high speeds only, beside an oscillator."""
+
+    F = gl.Input("1")
+    w, x, v = gl.Variable("1", start=0.0), gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        brake = gl.Piecewise((0.2, self.w > 1), (-0.2, self.w < -1), (0, True))
+        return [
+            gl.Eq(gl.der(self.w), self.F - brake),
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), self.F - 9 * self.x - 0.1 * self.v),
+        ]
+
+
+def test_where_a_force_begins_to_act_a_rigid_motion_ends() -> None:
+    """The brake acts below the frequency 1: from there on the mean speed has a multiplier, which is not 1."""
+    drive = {"F": lambda phase, w: np.cos(phase)}
+    found = gl.harmonic_balance(gl.compile(Braked()), 1.2, 0.8, inputs=drive, harmonics=3, step=0.2)
+    rigid = found.omega > 1
+    assert (np.isnan(found.multipliers).sum(axis=1) == rigid).all()
+    others = np.abs(found.multipliers)
+    assert np.nanmax(others, axis=1) == pytest.approx(np.exp(-0.05 * 2 * np.pi / found.omega), rel=1e-4)
+    assert (np.nanmin(others[~rigid], axis=1) < 0.3).all()
+    assert found.stable.all()
+    assert found.multipliers.shape == (len(found), 3)
+
+
 class SquareWave(gl.Component):
     """A linear oscillator under a force that changes its sign, at samples of a period or between them."""
 
