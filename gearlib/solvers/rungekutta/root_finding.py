@@ -82,7 +82,7 @@ def _look_within(s: LoopRecord, t: float, h: float, theta: float, i: int) -> Non
 
 @native
 def _dip(s: LoopRecord, t: float, h: float) -> float:
-    """Position within the step where a function that keeps its side at both ends has left it in between; 2 if there is none.
+    """First position within the step where a function that keeps its side at both ends has left it in between; 2 if there is none.
 
     A function that falls at the beginning and rises at the end has a minimum. The cubic through value and slope at both ends locates
     it; the dense output is evaluated there and refines the cubic on the remaining part, until the function has flipped, or its minimum
@@ -91,7 +91,7 @@ def _dip(s: LoopRecord, t: float, h: float) -> float:
     n = s.n_roots
     side, old, new = int32s_at(s.side), floats_at(row(s, OLD)), floats_at(row(s, NEW))
     slope_old, slope_new = floats_at(row(s, SLOPE_OLD)), floats_at(row(s, SLOPE_NEW))
-    free, high = floats_at(row(s, FREE)), floats_at(row(s, HIGH))
+    free, high, first = floats_at(row(s, FREE)), floats_at(row(s, HIGH)), 2.0
     for k in range(n):
         sign, left, right, last = side[k], 0.0, 1.0, -1.0
         a, b, da, db = sign * old[k], sign * new[k], sign * slope_old[k] * h, sign * slope_new[k] * h
@@ -106,14 +106,14 @@ def _dip(s: LoopRecord, t: float, h: float) -> float:
             if not (0.0 < u < 1.0 and a + u * (fall + u * (c2 + u * c3)) < 0.1 * (rise - fall)):
                 break
             theta = left + u * width
-            if abs(theta - last) < _ROUNDING:
+            if abs(theta - last) < _ROUNDING or theta >= first:
                 break
             last = theta
             dense_output(s, t, h)
             _look_within(s, t, h, theta, FREE)
             if flipped(s, FREE):
-                _copy(s, FREE, HIGH)
-                return theta
+                first = theta
+                break
             over = max(SLOPE_OVER * width, CLOCK * abs(s.origin) / h)
             _look_within(s, t, h, theta + over, HIGH)
             slope = sign * (high[k] - free[k]) / over
@@ -121,7 +121,9 @@ def _dip(s: LoopRecord, t: float, h: float) -> float:
                 left, a, da = theta, sign * free[k], slope
             else:
                 right, b, db = theta, sign * free[k], slope
-    return 2.0
+    if first < 1.0:
+        _look_within(s, t, h, first, HIGH)
+    return first
 
 
 @native

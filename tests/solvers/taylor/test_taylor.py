@@ -283,6 +283,35 @@ def test_a_glimpse_of_another_expression_is_seen(rtol: float) -> None:
     assert run.stats["rhs"] < 100  # the coefficients show it
 
 
+class Passes(gl.Component):
+    """cos(t), counted where it is above 0.9995, and cos(t - a), cos(t - a / 2), which are so a little later."""
+
+    rate = gl.Parameter("1/s", "makes speeds numbers", default=1.0)
+    a = gl.Parameter("1")
+    x = gl.Variable("1", "deflection", start=1.0)
+    v = gl.Variable("1", "speed", start=0.0)
+    n, late, between = gl.Discrete("passes"), gl.Discrete("later ones"), gl.Discrete("those between")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), self.rate * self.v), gl.Eq(gl.der(self.v), -self.rate * self.x),
+            *(
+                gl.When(self.x * gl.cos(lag) - self.v * gl.sin(lag) > 0.9995, gl.Eq(count, gl.pre(count) + 1))
+                for count, lag in ((self.n, 0.0), (self.late, self.a), (self.between, self.a / 2))
+            ),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("method", "a"), [("taylor", 0.2), ("rk8", 0.35)])
+def test_of_several_short_visits_within_a_step_the_first_is_taken(method: str, a: float) -> None:
+    result = gl.simulate(Passes(a=a), 200.0, samples=2, method=method, rtol=1e-7)
+    assert [result[name][-1] for name in ("n", "late", "between")] == [
+        31.0,
+        32.0,
+        32.0,
+    ]  # 31.8 turns, of which n begins within one
+
+
 def test_a_decay_of_any_rate_has_its_series() -> None:
     """Coefficients of order 30 overflow for a rate of 1e12 /s: fewer are used."""
 
