@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.equations.kernel import partial_kernel
+from gearlib.errors import ArgumentError
 from gearlib.flatten.model import FlatModel
 from gearlib.statics.mesh_turn import apply
 from gearlib.statics.steady_motion import Given, Motion, motion_from
@@ -35,6 +36,11 @@ def shared(model: FlatModel, parameters: Floats, given: Sequence[Given], motion:
     """The motion with the load shared among parallel paths; ``torques`` are all torques and forces at flanges.
 
     Where losses depend on the direction of power, the load sharing and that direction are determined alternately.
+
+    Raises
+    ------
+    ArgumentError
+        They do not settle: what sticks or touches depends on a preload.
     """
     n = model.n_variables
     for _ in range(20):
@@ -43,9 +49,13 @@ def shared(model: FlatModel, parameters: Floats, given: Sequence[Given], motion:
         if np.abs(constants - motion.constants)[torques].max(initial=0.0) <= 1e-13 * np.abs(constants[torques]).max(
             initial=0.0
         ):
-            break
+            return motion
+        change = np.abs(constants - motion.constants)[torques]
         motion = motion_from(model, parameters, given, np.concatenate([constants, motion.rates]))
-    return motion
+    raise ArgumentError(
+        f"the load of parallel paths is not known: {model.name(int(torques[np.argmax(change)]))} is another one without preload, with "
+        "which a gap opens, or what sticks slides; close gaps (backlash parameters = 0), or simulate"
+    )
 
 
 def _self_balanced(factors: Factors, places: Integers) -> Floats:

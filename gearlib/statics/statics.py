@@ -102,19 +102,24 @@ def power_flow(
     given = _given(model, speeds, torques)
     _warn_of_time(translation, numbers, given)
     motion = _reached(translation, numbers, given)
-    refuse_contradiction(motion, given)
-    refuse_unsettled(model, numbers, motion)
-    refuse_drift(model, numbers, motion, given)
+    _refuse_passing(model, numbers, motion, given)
     ports = [int(model.representative[flow]) for _, _, flow, _ in _mechanical(model) if model.sign[flow]]
     places = np.unique(np.array(ports, np.int64))
     if (motion.undetermined[places] > UNDETERMINED).any():
         motion = shared(model, numbers, given, motion, places)
-        refuse_contradiction(motion, given)
+        _refuse_passing(model, numbers, motion, given)  # without its preload a gap may open, and what sticks may slide
     _refuse_open(model, motion)
     paths = _shared_names(model, set(places[motion.undetermined[places] > UNDETERMINED].tolist()))
     freedoms = _mobility(translation.model, numbers)
     flanges, beside = tuple(_flanges(model, motion)), _beside(model, motion)
     return PowerFlow(flanges, freedoms, translation.name, paths, translation.component, beside)
+
+
+def _refuse_passing(model: FlatModel, numbers: Floats, motion: Motion, given: Sequence[Given]) -> None:
+    """Refuse what is no motion, or does not last."""
+    refuse_contradiction(motion, given)
+    refuse_unsettled(model, numbers, motion)
+    refuse_drift(model, numbers, motion, given)
 
 
 def _fitting(translation: Translation, parameters: Mapping[str, float] | None) -> Translation:

@@ -196,3 +196,28 @@ def test_what_stays_open_outside_is_still_an_error() -> None:
         system.power_flow(speeds={"load.flange": 7.0})
     with pytest.raises(gl.GearlibError, match="the speed of"):
         system.power_flow(torques={"load.tau": -5.0})
+
+
+class BesideAStuckSet(gl.Component):
+    """A gap between the ring and the carrier of a set whose friction holds it, so that all turn as a block."""
+
+    def assemble(self) -> list[Any]:
+        self.drive, self.load, self.ground = gp.Torque(), gp.Torque(), gp.Fixed()
+        self.a, self.b, self.sun = (gp.Inertia(J=1.0) for _ in range(3))
+        self.gap, self.drag, self.brake = gp.ElastoBacklash(c=700.0, d=16.0, b=0.1), gp.Damper(d=0.4), gp.Damper(d=0.3)
+        meshes = {"sun_mesh": ((0.0, 0.97, 0.95),), "ring_mesh": ((0.0, 0.99, 0.98),), "bearing": ((0.0, 0.1),)}
+        self.set = gp.LossyPlanetary(ratio=2.0, **meshes)
+        return [
+            gl.connect(self.drive.flange, self.a.flange_a, self.gap.flange_a, self.set.ring),
+            gl.connect(self.b.flange_a, self.gap.flange_b, self.set.carrier, self.load.flange, self.brake.flange_a),
+            gl.connect(self.sun.flange_a, self.set.sun, self.drag.flange_a),
+            gl.connect(self.ground.flange, self.drag.flange_b, self.brake.flange_b),
+        ]
+
+
+@pytest.mark.parametrize("load", [-20.0, 20.0])
+def test_a_gap_that_only_a_preload_keeps_closed_is_told(load: float) -> None:
+    """Without preload the friction carries all: the gap is about to open, and turns open if it does."""
+    system = gl.compile(BesideAStuckSet())
+    with pytest.raises(gl.GearlibError, match=r"in gap a gap is open between sides|without preload, with which a gap opens"):
+        system.power_flow(speeds={"a.w": 40.0}, torques={"load.tau": load})
