@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 # (z, w) -> residual, derivatives with respect to z and w
 Equations = Callable[[Floats, float], tuple[Floats, Floats, Floats]]
 CONVERGED = 1e-7  # last change of Newton's iteration, whose error is of the order of its square
-STALLED = 1e-3  # relative to z: smaller changes that do not get smaller any more are rounding, as of a weakly held mean
+STALLED = 1e-5  # relative to z: smaller changes that do not get smaller any more are rounding, as of a weakly held mean
 GROWTH = 0.2  # arclength of a growth of z by its own size, relative to the interval
 LEAST = 0.05  # relative to the largest size so far: lower limit of the scale of z
 STRAIGHT = 0.9  # minimum cosine of the angle between tangents at the ends of a step

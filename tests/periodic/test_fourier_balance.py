@@ -50,7 +50,7 @@ def test_a_linear_motion_is_exact() -> None:
 
 
 @pytest.mark.parametrize(
-    ("zeta", "begin"), [(0.0, 0.45), (0.0, 3.0), (1e-9, 0.6), (0.01, 1e-2), (0.01, 1e4), (0.01, 1e6), (-1e-9, 0.6)]
+    ("zeta", "begin"), [(0.0, 0.45), (0.0, 3.0), (1e-9, 0.6), (0.01, 1e-2), (0.01, 1e4), (0.01, 3e5), (-1e-9, 0.6)]
 )
 def test_motions_are_stable_where_the_train_is_damped_however_slowly_it_is_forced(zeta: float, begin: float) -> None:
     """Multipliers are exponentials of the poles; without damping they lie on the unit circle, at whatever frequency."""
