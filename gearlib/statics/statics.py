@@ -22,10 +22,12 @@ from gearlib.statics.load_sharing import shared
 from gearlib.statics.power_flow import FlangePower, PowerFlow
 from gearlib.statics.steady_motion import (
     CONTRADICTION,
+    REST,
     VALUE,
     Given,
     Motion,
     guesses,
+    held,
     kinematics,
     motion_from,
     refuse_contradiction,
@@ -35,7 +37,6 @@ from gearlib.statics.steady_motion import (
 
 Floats = NDArray[np.float64]
 SAME = 1e-6  # relative to the fastest speed: motions that differ by less are equal
-REST = 1e-9  # rad/s or m/s: below it a train stands still, and its speeds are rounding
 UNDETERMINED = 1e-8  # of a scaled free motion of about 1; such motions are accurate to about 1e-13
 
 
@@ -51,8 +52,9 @@ def power_flow(
     (`InputWarning`). Quantities that vary with the mesh phase are averaged over its period. Where speed-dependent loads allow several
     motions, the result is the one that the train reaches from its start values, or the one closest to these. Parallel paths that could
     be preloaded against each other, such as planets with separate meshes, share the load by stiffness, equal planets equally
-    (`PowerFlow.shared`). If all torques are given, gaps are closed or open as in the steady state that the train reaches; if a speed is
-    given, they are closed on the side that the torques press together.
+    (`PowerFlow.shared`). If all torques are given, gaps are closed or open, and clutches and brakes locked or sliding, as in the steady
+    state that the train reaches. If a speed is given, gaps are closed on the side that the torques press together; of a clutch that is
+    locked, the speeds of both sides are needed, of a brake the speed 0.
 
     Parameters
     ----------
@@ -101,7 +103,7 @@ def power_flow(
     numbers = translation.parameter_values(parameters)
     given = _given(model, speeds, torques)
     _warn_of_time(translation, numbers, given)
-    motion = _reached(translation, numbers, given)
+    motion, given = _reached(translation, numbers, given)
     _refuse_passing(model, numbers, motion, given)
     ports = [int(model.representative[flow]) for _, _, flow, _ in _mechanical(model) if model.sign[flow]]
     places = np.unique(np.array(ports, np.int64))
@@ -130,8 +132,8 @@ def _fitting(translation: Translation, parameters: Mapping[str, float] | None) -
         return translation
 
 
-def _reached(translation: Translation, numbers: Floats, given: Sequence[Given]) -> Motion:
-    """The motion that the train reaches, where speed-dependent loads allow several.
+def _reached(translation: Translation, numbers: Floats, given: list[Given]) -> tuple[Motion, list[Given]]:
+    """The motion that the train reaches, where speed-dependent loads allow several, and what is given with what sticks in it.
 
     If everything that drives the train is given, it is the motion reached from the start values. If a speed is given, or the start
     values indicate which motion is meant, it is the closest one; ambiguous cases are refused.
@@ -139,7 +141,7 @@ def _reached(translation: Translation, numbers: Floats, given: Sequence[Given]) 
     model = translation.structure.complete
     motion = solve(model, numbers, given)
     if all(group.template.linear for group in model.groups):
-        return motion
+        return motion, given
     inputs = {int(model.representative[v]): int(model.sign[v]) for v in model.inputs}
     values = {g.variable: g.value for g in given if g.order == VALUE}
     if not any(g.order for g in given) and set(values) == set(inputs):
@@ -149,17 +151,20 @@ def _reached(translation: Translation, numbers: Floats, given: Sequence[Given]) 
             reached, twisted = [], []
         if reached:
             found = solve(model, numbers, given, [*reached, *twisted])
+            sticking = held(model, numbers, found)
+            if sticking:
+                found = solve(model, numbers, [*given, *sticking], [*reached, *twisted])
             if not (found.residual > CONTRADICTION).any() and _agree(found, reached):
-                return found
+                return found, [*given, *sticking]
     motion = with_gaps_closed(model, numbers, given, motion)
     if (motion.residual > CONTRADICTION).any() or guesses(model, numbers):
-        return motion
+        return motion, given
     other = motion_from(model, numbers, given, -np.concatenate([motion.constants, motion.rates]))
     other = with_gaps_closed(model, numbers, given, other)
     same = max(SAME * np.abs(motion.rates).max(initial=0.0), REST)
     different = np.abs(other.rates - motion.rates)
     if (other.residual > CONTRADICTION).any() or drifting(model, numbers, other) or not different.max(initial=0.0) > same:
-        return motion
+        return motion, given
     fastest = int(np.argmax(different))
     raise ArgumentError(
         f"several steady motions have the given {', '.join(g.name for g in given) or 'torques'}: der({model.name(fastest)}) is "

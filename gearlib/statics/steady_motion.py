@@ -28,6 +28,8 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 CONTRADICTION = 1e-8  # relative residual of an equation that cannot be satisfied
 ROUNDING = 1e-13  # of a row's largest coefficient, in equations that are not linear
+YIELDS = 1e-20  # relative: smaller terms only make the torque that holds a speed an unknown of its equation
+REST = 1e-9  # rad/s or m/s: below it a train stands still, and its speeds are rounding
 SPEED, VALUE = 1, 0
 
 
@@ -226,6 +228,31 @@ def guesses(model: FlatModel, parameters: Floats) -> list[Given]:
         rep, sign = int(model.representative[v]), int(model.sign[v])
         if sign and not model.flow[rep] and not model.potential[rep] and parameters[slot]:
             found.append(Given("guess", rep, VALUE, sign * float(parameters[slot])))
+    return found
+
+
+def held(model: FlatModel, parameters: Floats, motion: Motion) -> list[Given]:
+    """The speeds that locked clutches and brakes hold, with their values in a motion.
+
+    Their equations are ``der(v) = 0`` in this discrete state, which every constant speed meets.
+    """
+    found = []
+    for g, group in enumerate(model.groups):
+        template = group.template
+        rates = [c for c, (_, order) in enumerate(template.columns) if order == 1]
+        if len(rates) != 1 or not (template.relations or group.discretes.shape[1]):
+            continue
+        slopes = [
+            np.abs(
+                apply(model, partial_kernel(template, c), g, group, parameters, motion.constants, motion.rates, motion.discrete)
+            )
+            for c in range(len(template.columns))
+        ]
+        others = np.max([s for c, s in enumerate(slopes) if c != rates[0]], axis=0, initial=0.0)
+        own = group.variables[:, template.locals.index(template.columns[rates[0]][0])]
+        for v in own[others < YIELDS * slopes[rates[0]]].tolist():
+            value = float(motion.constants[v])
+            found.append(Given(model.name(v), v, VALUE, value if abs(value) > REST else 0.0))
     return found
 
 

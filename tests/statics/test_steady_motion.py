@@ -223,3 +223,28 @@ def test_a_gap_is_closed_where_that_joins_more(link: str, free: int) -> None:
     else:
         with pytest.raises(gl.GearlibError, match=r"^b\.w does not follow from a\.w alone; name the speeds that are held"):
             gl.speed_ratio(system, "a.w", "b.w")
+
+
+class Geared(gl.Component):
+    """A drive at the sun of a set, a brake on its ring, and a drag on its carrier."""
+
+    def assemble(self) -> list[Any]:
+        self.drive, self.set, self.brake = gp.Torque(), gp.IdealPlanetary(ratio=2.0), gp.Brake(fn_max=100.0, f_normalized=1.0)
+        self.a, self.ring, self.b = (gp.Inertia(J=1.0) for _ in range(3))
+        self.load = gp.LinearSpeedDependentTorque(tau_nominal=-1.0, w_nominal=1.0, torque_direction=False)
+        return [
+            gl.connect(self.drive.flange, self.a.flange_a, self.set.sun),
+            gl.connect(self.set.ring, self.ring.flange_a, self.brake.flange_a),
+            gl.connect(self.set.carrier, self.b.flange_a, self.load.flange),
+        ]
+
+
+def test_a_brake_holds_what_it_holds_in_the_steady_state() -> None:
+    """The drag is as large as the speed, three times the torque of the sun; the brake carries twice that of the sun."""
+    system = gl.compile(Geared())
+    flow = system.power_flow(torques={"drive.tau": 10.0})
+    assert [flow[f"{body}.flange_a"].speed for body in ("a", "ring", "b")] == pytest.approx([90.0, 0.0, 30.0], abs=1e-9)
+    assert flow["brake.flange_a"].torque == pytest.approx(-20.0)
+    assert flow.losses == {}
+    given = system.power_flow(speeds={"a.w": 90.0, "ring.w": 0.0})
+    assert given["drive.flange"].torque == pytest.approx(-10.0)
