@@ -515,3 +515,46 @@ def test_two_whens_may_set_one_state(method: str, swapped: bool) -> None:
     # -0.8 at 0.3, -0.6 + 1 at 0.5, which is above 0.3 again
     found = gl.simulate(Struck(), 1.0, times=[0.0, 0.2, 0.4, 0.6], method=method)["x"]
     assert found == pytest.approx([0.0, 0.2, -0.7, -0.7], abs=1e-9)
+
+
+class Twice(gl.Component):
+    """Two oscillators, and conditions on them that act on a state and are counted, too: two event functions of the same zeros each."""
+
+    rate = gl.Parameter("1/s", "makes speeds numbers", default=1.0)
+    p, q, r, s, t = (gl.Parameter("1", default=0.0) for _ in range(5))
+    p2, q2, r2, s2, t2 = (gl.Parameter("1", default=0.0) for _ in range(5))
+    w = gl.Parameter("1", default=1.0)
+    a, c = gl.Variable("1", start=1.0), gl.Variable("1", start=0.7)
+    b, d = gl.Variable("1", start=0.0), gl.Variable("1", start=0.1)
+    y = gl.Variable("1", start=0.0)
+    n, m = gl.Discrete("times that it came above"), gl.Discrete("times that the other one did")
+
+    def equations(self) -> list[Any]:
+        one = self.p * self.a + self.q * self.b + self.r * self.c + self.s * self.d * self.a - self.t
+        other = self.p2 * self.a + self.q2 * self.b + self.r2 * self.c + self.s2 * self.d * self.a - self.t2
+        acts = gl.Piecewise((1, other > 0), (0, True)) + gl.Piecewise((self.c, gl.And(one > 0, other > 0)), (0, True))
+        return [
+            gl.Eq(gl.der(self.a), self.rate * self.b), gl.Eq(gl.der(self.b), -self.rate * self.a),
+            gl.Eq(gl.der(self.c), self.rate * self.w * self.d),
+            gl.Eq(gl.der(self.d), self.rate * (-self.w * self.c - 0.3 * self.a * self.c)),
+            gl.Eq(gl.der(self.y), self.rate * acts),
+            gl.When(one > 0, gl.Eq(self.n, gl.pre(self.n) + 1)), gl.When(other > 0, gl.Eq(self.m, gl.pre(self.m) + 1)),
+        ]  # fmt: skip
+
+
+def test_what_is_zero_together_changes_its_side_once() -> None:
+    """Rounding lets one of two equal event functions cross first; the other follows within the noise of the first one."""
+    numbers = [
+        (0.19, 0.0, -0.41, -2.44, 1.22, 1.8, 0.0, -0.33, 0.0, 0.85, 4.85),
+        (0.3, -1.04, 0.75, 0.0, 0.84, 0.0, 0.0, 0.13, -0.32, 0.18, 3.0),
+        (-1.4, -1.2, 0.0, -0.62, 1.29, 1.45, -1.6, 0.94, 0.0, 1.6, 2.39),
+        (0.0, 0.22, -0.06, -2.32, 1.04, 0.43, -2.13, 0.91, 0.61, 1.63, 2.93),
+    ]
+    names = ["p", "q", "r", "s", "t", "p2", "q2", "r2", "s2", "t2", "w"]
+    system = gl.compile(Twice(), outputs=["n", "m", "y"])
+    for row in numbers:
+        given: dict[str, Any] = {"samples": 2, "parameters": dict(zip(names, row, strict=True))}
+        right = system.simulate(40.0, method="rk8", rtol=1e-9, **given)
+        for rtol in (1e-5, 1e-8):
+            run = system.simulate(40.0, method="ida", rtol=rtol, **given)
+            assert (run["n"][-1], run["m"][-1]) == (right["n"][-1], right["m"][-1])

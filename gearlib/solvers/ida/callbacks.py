@@ -477,6 +477,27 @@ def just_beyond(s: IdaRecord, t: float) -> bool:
 
 
 @native
+def see_beyond_rounding(s: IdaRecord, t: float) -> None:
+    """Give event functions that are zero but for rounding, just after an event, the side that the motion takes them to.
+
+    Of two functions that are zero together one crosses first, by rounding; the other follows before the first one has left its noise.
+    """
+    y, dy, ahead = floats_at(s.y), floats_at(s.dy), floats_at(s.probe)
+    for i in range(s.n):
+        ahead[i] = y[i] + s.slack * dy[i]
+    if event_values(s, t, s.y, s.dy, s.later) != 0 or event_values(s, t + s.slack, s.probe, s.dy, s.g) != 0:
+        return
+    fired, sides, now, g, real = int32s_at(s.fired), int32s_at(s.sides), floats_at(s.later), floats_at(s.g), False
+    for k in range(s.n_roots):
+        side = 1 if g[k] > 0.0 else -1
+        if fired[k] * side < 0 or now[k] * side < 0.0:
+            fired[k] = side
+        real = real or (fired[k] != 0 and fired[k] != sides[k])
+    for k in range(s.n_roots if not real else 0):
+        fired[k] = 0
+
+
+@native
 def ida_interpolate(address: int, t: float, out: int) -> int32:
     """States at a time within the last step, without effect on IDA's own state."""
     s = IdaRecord(address)
@@ -522,6 +543,8 @@ def ida_step(address: int, stop: float) -> int32:
     fired, sides = int32s_at(s.fired), int32s_at(s.sides)
     if flag == IDA_ROOT_RETURN:
         ROOT_INFO(s.root_info, s.mem, s.fired)
+        if t - s.t <= s.slack:
+            see_beyond_rounding(s, t)
         for k in range(s.n_roots):  # not a crossing: a function has come close to zero and turns away
             found = found or fired[k] != 0
     elif s.n_roots > 0 and s.stop == s.n_stops - 1 and s.reached >= stop - tiny:
