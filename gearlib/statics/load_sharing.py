@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.equations.kernel import partial_kernel
-from gearlib.errors import ArgumentError
+from gearlib.errors import InputWarning, warn
 from gearlib.flatten.model import FlatModel
 from gearlib.statics.mesh_turn import apply
 from gearlib.statics.steady_motion import Given, Motion, motion_from
@@ -37,9 +37,9 @@ def shared(model: FlatModel, parameters: Floats, given: Sequence[Given], motion:
 
     Where losses depend on the direction of power, the load sharing and that direction are determined alternately.
 
-    Raises
-    ------
-    ArgumentError
+    Warns
+    -----
+    InputWarning
         They do not settle: what sticks or touches depends on a preload.
     """
     n = model.n_variables
@@ -52,10 +52,12 @@ def shared(model: FlatModel, parameters: Floats, given: Sequence[Given], motion:
             return motion
         change = np.abs(constants - motion.constants)[torques]
         motion = motion_from(model, parameters, given, np.concatenate([constants, motion.rates]))
-    raise ArgumentError(
-        f"the load of parallel paths is not known: {model.name(int(torques[np.argmax(change)]))} is another one without preload, with "
-        "which a gap opens, or what sticks slides; close gaps (backlash parameters = 0), or simulate"
+    warn(
+        f"the load of parallel paths is one of many: {model.name(int(torques[np.argmax(change)]))} depends on a preload, without which a "
+        "gap opens, or what sticks slides; simulate, or close gaps (backlash parameters = 0)",
+        InputWarning,
     )
+    return motion
 
 
 def _self_balanced(factors: Factors, places: Integers) -> Floats:
