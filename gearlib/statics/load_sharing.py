@@ -42,15 +42,15 @@ def shared(model: FlatModel, parameters: Floats, given: Sequence[Given], motion:
     InputWarning
         They do not settle: what sticks or touches depends on a preload.
     """
-    n = model.n_variables
+    n, size = model.n_variables, 0.0
     for _ in range(20):
         free = _self_balanced(motion.factors, torques)[:n]
         constants = _balanced(model, parameters, motion, free, torques)
-        if np.abs(constants - motion.constants)[torques].max(initial=0.0) <= 1e-13 * np.abs(constants[torques]).max(
-            initial=0.0
-        ):
-            return motion
         change = np.abs(constants - motion.constants)[torques]
+        # Of the largest torques so far: what is a preload alone becomes smaller with every pass
+        size = max(size, float(np.abs([constants[torques], motion.constants[torques]]).max(initial=0.0)))
+        if change.max(initial=0.0) <= 1e-13 * size:
+            return motion
         motion = motion_from(model, parameters, given, np.concatenate([constants, motion.rates]))
     warn(
         f"the load of parallel paths is one of many: {model.name(int(torques[np.argmax(change)]))} depends on a preload, without which a "
