@@ -17,7 +17,7 @@ import sympy
 from sympy.printing.numpy import NumPyPrinter
 from sympy.printing.pycode import PythonCodePrinter
 
-from gearlib.equations.template import Relation, Template, column_symbol, memoised, relation_symbol
+from gearlib.equations.template import Relation, Template, column_symbol, memoised, relation_symbol, vanishes
 from gearlib.language.expressions import time
 
 CALL, DIVISION = 20, 4  # cost, in additions, of an elementary function such as the sine, and of a division or square root
@@ -233,9 +233,9 @@ def terms_of_parameters(kernel: Kernel) -> tuple[Kernel, Kernel]:
 
 
 @memoised
-def vanishes(kernel: Kernel, zeros: tuple[int, ...]) -> bool:
-    """Whether a kernel is zero everywhere where some of its parameters are zero: the bend of a joint that is straight."""
-    return bool(kernel.expression.xreplace({sympy.Symbol(f"p{p}", real=True): sympy.S.Zero for p in zeros}) == 0)
+def is_zero_without(kernel: Kernel, parameters: tuple[int, ...]) -> bool:
+    """Whether a kernel is zero everywhere if some of its parameters are zero: the bend of a joint that is straight."""
+    return vanishes(kernel.expression, [sympy.Symbol(f"p{p}", real=True) for p in parameters])
 
 
 def difference_kernel(label: str) -> Kernel:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, wraps
 from typing import Any, TypeVar, cast
@@ -132,7 +132,7 @@ class Template:
         """Parameters that multiply a variable as a factor, so that at zero the equation loses that variable."""
         symbols = {name: sympy.Symbol(name, real=True) for name in self.parameters}
         expressions = [slope for slope in self.slopes if not slope.is_number]
-        return frozenset(n for n, s in symbols.items() if any(e.has(s) and _vanishes(e, s) for e in expressions))
+        return frozenset(n for n, s in symbols.items() if any(e.has(s) and vanishes(e, [s]) for e in expressions))
 
     @cached_property
     def cancelling(self) -> tuple[int, ...]:
@@ -190,10 +190,10 @@ def columns_among(template: Template, names: tuple[str, ...]) -> tuple[tuple[int
     return tuple((position[name], order) for name, order in template.columns)
 
 
-def _vanishes(expression: Any, symbol: Any) -> bool:
-    """Whether an expression is zero where a symbol is."""
+def vanishes(expression: Any, symbols: Iterable[Any]) -> bool:
+    """Whether an expression is zero where some symbols are."""
     try:
-        return bool(expression.xreplace({symbol: sympy.S.Zero}) == 0)
+        return bool(expression.xreplace(dict.fromkeys(symbols, sympy.S.Zero)) == 0)
     except TypeError:  # sympy compares infinity, to which 1/symbol has become
         return False
 

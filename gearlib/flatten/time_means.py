@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -60,17 +60,18 @@ def _state(g: Any) -> Any:
     return sympy.Integer(bool(g.subs(time, 1.0) > 0))
 
 
-def held_in_time(model: FlatModel, parameters: Floats, counts: Callable[[Floats], NDArray[np.bool_]]) -> list[str]:
-    """Inputs bound to functions of time, and components with equations in which time occurs, by path.
+def held_in_time(model: FlatModel, parameters: Floats, means: bool) -> list[str]:
+    """Inputs and components, by path, that count with their value at time 0 in a steady motion, although they change with time.
 
-    ``counts`` tells from `off_mean` which.
+    ``means``: whether what has a mean counts with that; otherwise it counts as at time 0, too, unless it has its mean there.
     """
     bound: set[int] = set()
     found: set[str] = set()
     for g, group in enumerate(model.groups):
         template = group.template
         if template.timed:
-            rows = np.flatnonzero(counts(off_mean(group, parameters))).tolist()
+            off = off_mean(group, parameters)
+            rows = np.flatnonzero(np.isnan(off) if means else off != 0.0).tolist()
             if template.binds:
                 bound.update(group.variables[rows, template.locals.index("bound")].tolist())
             else:
@@ -85,3 +86,10 @@ def held_in_time(model: FlatModel, parameters: Floats, counts: Callable[[Floats]
     for name, v in sorted(inputs, key=lambda each: alphabetical(each[0])):
         first.setdefault(v, name)
     return sorted({*found, *first.values()}, key=alphabetical)
+
+
+def in_words(names: Sequence[str]) -> str:
+    """What a warning says of these."""
+    if len(names) > 1:
+        return "change with time, and count with their values at t = 0"
+    return "changes with time, and counts with its value at t = 0"

@@ -38,6 +38,8 @@ class ImportedFmu:
         The file does not exist, or is not an FMU.
     ArgumentError, NameLookupError
         The FMU does not support co-simulation, lacks the variables, or declares other units for them.
+    MissingPackageError
+        FMPy is not installed.
     """
 
     def __init__(

@@ -105,7 +105,7 @@ def frozen(linearized: LinearizedProgram, rows: Sequence[int], outputs: Sequence
     # The program of modes computes all variables; without outputs only the rates count
     if not scene.states or program.is_linear or (not outputs and scene.program.is_linear):
         return []
-    held = held_in_time(structure.complete, linearized.prepared.parameters, lambda off: off != 0.0) if point.steady else []
+    held = held_in_time(structure.complete, linearized.prepared.parameters, means=False) if point.steady else []
     steady = [f"steady with the values at t = 0 of what changes with time: {some(held, ', ')}"] if held else []
 
     def slopes(states: Sequence[Node], angle: float, later: float = 0.0) -> Any:

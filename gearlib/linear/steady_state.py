@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import by_name, name_list, one_name
 from gearlib.errors import GearlibWarning, InputWarning, NameLookupError, nearest, warn
-from gearlib.flatten.time_means import held_in_time
+from gearlib.flatten.time_means import held_in_time, in_words
 from gearlib.linear.linearized_program import LinearizedProgram
 from gearlib.linear.operating_point import operating_point
 from gearlib.linear.poles import poles
@@ -157,13 +157,8 @@ def steady_state(
 
 def _warn_of_time(translation: Translation, numbers: Floats) -> None:
     """Warn of what changes with time, and is off its mean at time 0."""
-    if names := held_in_time(translation.structure.model, numbers, lambda off: off != 0.0):  # NaN: no mean
-        many = (
-            "change with time, and count with their values"
-            if len(names) > 1
-            else "changes with time, and counts with its value"
-        )
-        warn(f"{translation.name}: {some(names, ', ')} {many} at t = 0 in the steady state", InputWarning)
+    if names := held_in_time(translation.structure.model, numbers, means=False):
+        warn(f"{translation.name}: {some(names, ', ')} {in_words(names)} in the steady state", InputWarning)
 
 
 def _warn_of_instability(name: str, at: LinearizedProgram) -> None:

@@ -255,13 +255,13 @@ def _check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None
     if not np.isfinite(once).all():
         bad = names[int(np.flatnonzero(~np.isfinite(once).all(axis=1))[0])]
         raise ArgumentError(f"der({bad}) is not finite at the start values; give a guess of the means")
-    terms = np.abs(slopes).max(axis=0) @ np.abs(x).max(axis=1)  # balanced forces leave rounding errors
+    addends = np.abs(slopes).max(axis=0) @ np.abs(x).max(axis=1)  # balanced forces leave rounding errors
     x = x + 2 * np.pi * driven.growth[:, None]
     again = driven.rates(phase + 2 * np.pi, x, driven.discrete(phase + 2 * np.pi, x))
     nominal = driven.scene.nominal
     swing, size = np.ptp(once, axis=1), np.abs(once).max(axis=1)
     varying = np.maximum(swing, 1e-9 * nominal * float((swing / nominal).max()) + 1e-300)
-    off = np.maximum(np.abs(again - once).max(axis=1) - ROUNDING * (terms + size), 0.0) / varying
+    off = np.maximum(np.abs(again - once).max(axis=1) - ROUNDING * (addends + size), 0.0) / varying
     if (off > 1e-6).any():
         worst = names[int(np.argmax(off))]
         raise ArgumentError(
@@ -332,7 +332,5 @@ def _rescaled(balance: HarmonicEquations, z: Floats, driven: Driven, nominal: Fl
     rigid = rigid_motions(driven, balance.rigid.means, scale, nominal)
     new = HarmonicEquations(balance.driven, balance.harmonics, balance.samples, scale, rigid, balance.varies)
     z = new.unknowns(c)
-    better = _solved(
-        new, z, driven.omega, REFINED
-    )  # which Newton's method in other scales may have found for large states only
+    better = _solved(new, z, driven.omega, REFINED)  # in other scales Newton's method may have found large states only
     return First(new, z if better is None else better)

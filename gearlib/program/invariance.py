@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.equations.kernel import Kernel, terms_of_parameters, vanishes
+from gearlib.equations.kernel import Kernel, is_zero_without, terms_of_parameters
 from gearlib.program.interpret import Prepared, constant_values
 from gearlib.program.program import Batch, Linear, Newton
 from gearlib.program.relations import Relations
@@ -157,7 +157,7 @@ class _Carried:
         """The rows whose parameters are zero where that makes the partial derivative zero everywhere."""
         zero, names = self._prepared.parameters[slope.parameters] == 0, slope.kernel.parameters
         sets = [tuple(p for p, none in zip(names, row, strict=True) if none) for row in zero.tolist()]
-        return np.array([bool(zeros) and vanishes(slope.kernel, zeros) for zeros in sets], bool)
+        return np.array([bool(zeros) and is_zero_without(slope.kernel, zeros) for zeros in sets], bool)
 
     def _slope(self, kernel: Kernel, slope: Batch, points: Floats, flags: Floats) -> Floats:
         """A partial derivative of a kernel, with the parameters of each row, at some points."""

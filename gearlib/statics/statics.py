@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gearlib.arguments import by_name, name_list, one_name, real
 from gearlib.errors import ArgumentError, InputWarning, ModelError, SolverError, StartError, warn
 from gearlib.flatten.model import FlatModel
-from gearlib.flatten.time_means import held_in_time
+from gearlib.flatten.time_means import held_in_time, in_words
 from gearlib.language.declarations import Flow, Potential
 from gearlib.reduce.coefficients import some
 from gearlib.run.sampling.controllers import refuse_instants
@@ -340,17 +340,12 @@ def _given(model: FlatModel, speeds: Mapping[str, float] | None, torques: Mappin
 def _warn_of_time(translation: Translation, numbers: Floats, given: Sequence[Given]) -> None:
     """Warn of what changes with time without a mean, and counts with its value at time 0."""
     model, known = translation.model, {g.variable for g in given}
-    found = {name: model.find(name) for name in held_in_time(model, numbers, np.isnan)}
+    found = {name: model.find(name) for name in held_in_time(model, numbers, means=True)}
     names = [name for name, v in found.items() if v is None or int(model.representative[v]) not in known]
     if names:
-        many = (
-            "change with time, and count with their values"
-            if len(names) > 1
-            else "changes with time, and counts with its value"
-        )
         inputs = [name for name in names if found[name] is not None]
         remedy = f"; pass power_flow(torques={{{inputs[0]!r}: ...}})" if inputs else ""
-        warn(f"{translation.name}: {some(names, ', ')} {many} at t = 0 in the power flow{remedy}", InputWarning)
+        warn(f"{translation.name}: {some(names, ', ')} {in_words(names)} in the power flow{remedy}", InputWarning)
 
 
 def _refuse_open(model: FlatModel, motion: Motion) -> None:

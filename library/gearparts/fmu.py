@@ -36,6 +36,16 @@ class FMU(gl.Component):
         Parameter and start values of the FMU, in its own units.
     period : float
         Communication step size, s.
+
+    Examples
+    --------
+    ::
+
+        class Car(gl.Component):
+            def assemble(self):
+                self.engine = gp.FMU("engine.fmu", speed="w", torque="tau", inputs=["throttle"], period=1e-3)
+                self.flywheel = gp.Inertia(J=0.2)
+                return [gl.connect(self.engine.flange, self.flywheel.flange_a)]
     """
 
     icon = "torque"

@@ -73,12 +73,13 @@ def energy_balance(
     ----------
     translation : Translation
     request : Request
+        The run's request.
     samples : array
         The start of the run, and times of the result.
     events : sequence of float
         Times at which powers may jump.
     run : callable
-        Repeats the run, in another scene.
+        Repeats the run with other samples, in a scene with the states that the powers need.
     """
     parts, scene = translation.energies, translation.energy_scene
     atol = None if np.ndim(request.atol or 0.0) else request.atol

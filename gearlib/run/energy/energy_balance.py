@@ -24,7 +24,7 @@ class EnergyBalance:
     Attributes
     ----------
     time : array
-        Start and samples of the run, fewer if very many, s.
+        Start of the run and its samples, all of them unless they are very many, s.
     work : mapping of str to array
         Put in by sources and supports, and by prescribed excitations such as a transmission error.
     stored : mapping of str to array

@@ -184,7 +184,7 @@ class GearPair:
         return self._beyond_pitch_point(1)
 
     def _beyond_pitch_point(self, gear: int) -> float:
-        """Over the base pitch: to the gear's tip, or to where its mate's flank ends."""
+        """Over the base pitch: up to the gear's tip, or to where its mate's flank ends at the base circle or is cut away."""
         tip, base, slope = self.tip_radii[gear], self.base_radii[gear], math.tan(self.alpha_wt)
         beyond = (math.sqrt(tip**2 - base**2) - base * slope) * (self.sense if gear else 1)
         mate = self._teeth[1 - gear]
@@ -194,7 +194,7 @@ class GearPair:
 
     @property
     def contact_ratio(self) -> float:
-        """Transverse contact ratio, epsilon_alpha; without what is cut under."""
+        """Transverse contact ratio, epsilon_alpha; without what an undercut or the base circle takes from a flank."""
         return self.approach + self.recess
 
     @property

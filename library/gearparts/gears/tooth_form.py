@@ -118,11 +118,11 @@ class ToothForm:
     def undercut(self) -> float:
         """How far from the tangent point of the line of action an undercut flank begins, m; 0 where nothing is cut under."""
         sin = math.sin(self.alpha)
-        # from the tangent point to where the rack's straight flank ends
+        # from the tangent point to where the rack's straight flank ends; before that point the corner cuts under
         along = self.pitch_radius * sin - (self.h_fP - self.x - self.rho * (1 - sin)) * self.m / sin
         if self.ring or along >= 0:
             return 0.0
-        first, last = math.pi / 2, self.alpha  # slopes of the corner's normal
+        first, last = math.pi / 2, self.alpha  # of the corner's normal, below the undercut and beyond it
         for _ in range(60):
             middle = (first + last) / 2
             (radius,), (half,) = self._cut(np.array([middle]))
