@@ -29,4 +29,4 @@ def recent(known: dict[Key, T], key: Key, make: Callable[[], T], most: int = 1) 
         if len(known) >= most:
             known.clear()
         known[key] = found
-    return found  # type: ignore[no-any-return]
+    return found
