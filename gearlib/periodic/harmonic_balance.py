@@ -133,7 +133,7 @@ def harmonic_balance(
             names = name_list("outputs", outputs if outputs is not None else default, "mesh.q")
             scene = task.scene(names)
             observed = task.observed(scene, names)
-            count = _samples(samples, count_, scene.relations is not None)
+            count = samples_of_a_period(samples, count_, scene.relations is not None)
             first = task.first(scene, float(start), count, guess, known)
             known = first.balance.coefficients(first.z)
             watch = _Watch(first.balance, accuracy if harmonics is None else np.inf, seen)
@@ -152,7 +152,7 @@ def harmonic_balance(
     )
 
 
-def _samples(samples: int | None, harmonics: int, switching: bool) -> int:
+def samples_of_a_period(samples: int | None, harmonics: int, switching: bool) -> int:
     count = samples if samples is not None else max(256 if switching else 64, 8 * harmonics)
     least = 2 * harmonics + 2
     return whole("samples", count, least, f"a whole number from {least} on ({harmonics} harmonics need as many)")

@@ -112,7 +112,7 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
         reached = parts[-1][1].t_last
         if len(parts) == 1 and len(parts[0][1].x) <= len(grid) - len(times):
             raise KeyboardInterrupt(f"before the first sample, at t = {reached:g} s")
-        parts[-1][1].stats["interrupted"] = reached
+        parts[0][1].stats["interrupted"] = reached  # those of the result begin with the first
         warn(f"the run was interrupted at t = {reached:.6g} s: its result ends at the last sample before", GearlibWarning)
     hidden = [len(grid) - len(times), *[0] * len(parts[1:])]  # the start, if it was not requested
     given = {"zero_inputs": request.zero_inputs}

@@ -141,7 +141,7 @@ class Modes:
         s = self._s(mode)
         known = np.asarray(self._rows @ self.shapes[:, mode]).ravel()
         with np.errstate(all="ignore"):
-            value = known / s ** np.maximum(self._orders, 0)
+            value = known / s**self._orders
         if self.eigenvalues[mode] == 0 and self._preloaded:  # what neither moves nor is moved is a preload
             value = np.where((self._orders == 0) & ~self._are_speeds, 1j * value.imag, value)
         return np.where(self._orders < 0, 0.0, value)

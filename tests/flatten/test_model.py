@@ -230,6 +230,12 @@ def test_ranks_do_not_depend_on_the_order_of_declaration() -> None:
             if model.sign[variable]:
                 names.setdefault(int(model.representative[variable]), []).append(name)
         orders.append([names[v] for v in sorted(names, key=model.ranks.__getitem__)])
+        declared = [f"{i.path}.{name}".lstrip(".") for i in model.instances for name in i.declared.variables]
+        owner = {f"{i.path}.{name}".lstrip("."): i.path for i in model.instances for name in i.declared.variables}
+        places = {
+            name: k for k, name in enumerate(sorted(declared, key=lambda n: (-owner[n].count("."), alphabetical(owner[n]))))
+        }
+        assert {v: model.ranks[v] for v in names} == {v: max(places[n] for n in names[v]) for v in names}
     assert orders[0] == orders[1]
     rows = [names[0].split(".")[0] for names in orders[0] if names[0].endswith("].w")]
     assert rows == [f"row[{i}]" for i in range(11)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from gearlib.feedback.feedback_loop import as_loop
 from gearlib.linear import eigenvalue_changes as eigenvalue_changes_module
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
 from gearlib.linear.linear_model import is_sparse
-from gearlib.linear.poles import deflate, poles, rows_and_null
+from gearlib.linear.poles import deflate, poles, rows_and_null, warn_of_rounding
 from gearlib.linear.steady_state import SteadyState
 from gearlib.vibration.spectrum import dense_spectrum
 
@@ -343,3 +344,31 @@ def test_a_steady_state_is_listed_with_its_units() -> None:
     assert (state["a"], state.sensitivity("a", "x")) == (-1e-7, 2.0)
     with pytest.raises(NameLookupError, match=r"the steady state was not asked for 'load\.v'; did you mean 'load\.w'"):
         state["load.v"]
+
+
+@pytest.mark.parametrize(
+    ("values", "chains", "resolution", "warned"),
+    [
+        ([-2.0, -50.0], (), 1.9e-3, False), ([-2.0, -50.0], (), 2.1e-3, True),  # poles that are blurred
+        ([1j, -1j, -50.0], (), 0.9e-6, False), ([1j, -1j, -50.0], (), 1.1e-6, True),  # a damping that is hidden
+        ([0.0, -2.0, -50.0], (1,), 1.9e-6, False), ([0.0, -2.0, -50.0], (1,), 2.1e-6, True),  # a slow motion, taken for one at 0
+        ([-0.0], (), 0.0, False),
+    ],
+)  # fmt: skip
+def test_rounding_is_told_where_it_blurs_poles_or_hides_damping(
+    values: list[complex], chains: tuple[int, ...], resolution: float, warned: bool
+) -> None:
+    found: Any = SimpleNamespace(
+        values=np.array(values, complex), chains=chains, resolution=resolution, tolerances=np.full(len(values), 1e-9)
+    )
+    A = np.diag([1.0, 0.5, -50.0][-len(values) :])
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        warn_of_rounding("Train", ["a.w", "b.w", "c.w"][-len(values) :], A, found)
+    if warned:
+        (text,) = (str(one.message) for one in told)
+        assert text.startswith(
+            f"Train: poles are known to {resolution:.1g} rad/s, since the fastest one, mostly of c.w, is 50 rad/s;"
+        )
+    else:
+        assert not told

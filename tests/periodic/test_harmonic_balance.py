@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 import gearlib as gl
 import gearparts as gp
 from gearlib.linear.operating_point import Point, slots_at
+from gearlib.periodic.harmonic_balance import samples_of_a_period
 from gearlib.program.derivative_plan import state_plan
 from gearlib.program.derivatives import At, dense, derivatives, entries
 from gearparts.gears.mesh_models import DetailedExternalMesh, mesh_damping
@@ -240,6 +241,7 @@ class Watched(gl.Component):
     x, v = gl.Variable("1"), gl.Variable("1")
     side, gated, flag = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
     clock, ramp, count = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+    faint, quick = gl.Variable("1"), gl.Variable("1")
     fast, kept = gl.Discrete(start=0.0), gl.Discrete(start=0.0)
 
     def equations(self) -> list[gl.Eq]:
@@ -251,6 +253,8 @@ class Watched(gl.Component):
             gl.Eq(self.fast, gl.Piecewise((1.0, self.v > 0.2), (0.0, True))),
             gl.Eq(self.flag, 3 * self.fast),
             gl.Eq(self.clock, self.x + 1e-3 * gl.sin(gl.time)),
+            gl.Eq(self.faint, self.x + 1e-5 * gl.sin(gl.time)),
+            gl.Eq(self.quick, self.x + gl.sin(10.5 * gl.time)),
             gl.Eq(self.ramp, self.x + 1e-3 * gl.time),
             gl.Eq(self.kept, gl.Piecewise((1 - gl.pre(self.kept), self.x > 5.0), (gl.pre(self.kept), True))),
             gl.Eq(self.count, self.x + self.kept),
@@ -288,6 +292,8 @@ def test_outputs_switch_where_the_motion_does_not(outputs: list[str]) -> None:
     ("output", "message"),
     [
         ("clock", r"clock does not repeat after 2 pi / 0\.617284 rad/s, but differs by up to .* leave it out"),
+        ("faint", r"faint does not repeat after 2 pi / 0\.617284 rad/s"),
+        ("quick", r"quick does not repeat after 2 pi / 0\.617284 rad/s, but differs by up to 0\.06"),  # 17.01 of its periods
         ("ramp", r"ramp grows by 0\.0125\d* in each period; leave it out"),
         ("count", r"the system has a memory \(kept\)"),
     ],
@@ -1017,3 +1023,20 @@ def test_parameters_that_are_zero_where_they_would_be_divided_by(zeros: tuple[st
     assert found.amplitude("a.w") == pytest.approx(expected, rel=1e-8)
     flow = system.power_flow(torques={"torque.tau": 1.0}, parameters=dict.fromkeys(zeros, 0.0))
     assert flow["a.flange_a"].speed == pytest.approx(1.0 / 0.2 if "s1.c" in zeros else 0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("given", "harmonics", "switching", "count"),
+    [
+        (None, 1, False, 64), (None, 8, False, 64), (None, 9, False, 72), (None, 40, False, 320), (None, 40, True, 320),
+        (None, 1, True, 256), (None, 33, True, 264), (10, 4, True, 10), (11, 4, False, 11),
+    ],
+)  # fmt: skip
+def test_a_period_has_eight_samples_for_each_harmonic_and_more_for_few(
+    given: int | None, harmonics: int, switching: bool, count: int
+) -> None:
+    assert samples_of_a_period(given, harmonics, switching) == count
+    with pytest.raises(
+        gl.GearlibError, match=rf"a whole number from {2 * harmonics + 2} on \({harmonics} harmonics need as many\)"
+    ):
+        samples_of_a_period(2 * harmonics + 1, harmonics, switching)

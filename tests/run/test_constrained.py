@@ -157,6 +157,21 @@ def test_swings_change_their_states_on_the_way(method: str, angle: float, speed:
     assert result.states.shape == (41, 2)
 
 
+def test_an_interrupt_after_a_change_of_states_is_told_by_the_whole_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gearlib.progress.APART", 0.0)  # every report is made, and none is far from the next
+    monkeypatch.setattr("gearlib.solvers.drive.driver.STEPS_PER_CALL", 20)
+
+    def tell(done: float, _: float) -> None:
+        if done > 0.6:
+            raise KeyboardInterrupt
+
+    options: dict[str, Any] = {"samples": 41, "method": "rk", "rtol": 1e-9}
+    with pytest.warns(gl.GearlibWarning, match=r"interrupted at t = 2\.\d+ s"):
+        part = released(0.3, 9.0).simulate(4.0, progress=tell, on_interrupt="stop", **options)
+    assert part.stats["segments"] >= 4
+    assert part.time[-1] <= part.stats["interrupted"] < part.time[-1] + 0.1
+
+
 class Slider(gl.Component):
     """A mass that is led along y = x**3 / 3 - x; x is a state everywhere, y between the turning points only.
 

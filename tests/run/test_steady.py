@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from types import SimpleNamespace
 from typing import Any
 
@@ -270,6 +271,17 @@ def test_where_the_motion_reaches_none_it_is_one_that_exists(growth: float, midd
     assert max(gl.stability(system, at="steady", parameters=values).eigenvalues.real) == pytest.approx(
         np.roots([1, -growth, 1]).real.max(), rel=1e-9
     )
+
+
+@pytest.mark.parametrize(("most", "warned"), [(1, False), (2, True)])
+def test_poles_of_a_steady_state_are_examined_up_to_a_number_of_states(
+    most: int, warned: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gearlib.linear.steady_state.MOST_EXAMINED", most)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        gl.steady_state(gl.compile(Excited()), parameters={"growth": 0.1})
+    assert [str(one.message).startswith("Excited: the steady state is unstable") for one in told] == [True] * warned
 
 
 class Belt(gl.Component):

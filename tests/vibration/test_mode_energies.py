@@ -82,6 +82,20 @@ def test_what_a_spring_and_a_damper_in_series_store_is_known_to_a_bound(omega: f
     assert (still, strained, none) == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize("omega", [0.4, 3.0])
+def test_forces_of_any_order_have_the_energies_of_their_slopes(omega: float) -> None:
+    """A force Z(s) x with derivatives up to the fifth, as a filter behind a spring makes them: slope and curvature of Z tell."""
+    Z = np.polynomial.Polynomial([7.0, 0.3, 2.0, 0.2, 0.5, 0.1])
+    L = np.array([[[1.0 if k == 0 else 0.0, -z]] for k, z in enumerate(Z.coef)])  # unknown f; given x
+    x = 1.5 - 0.5j
+    (kinetic,), (potential,), (off,) = energies(family(L, [0], [1], (0, 1, 1.0)), np.array([0.0, x]), omega)
+    size, s = abs(x) ** 2, 1j * omega
+    force, mass, bend = size * Z(s), size * Z.deriv()(s).imag / (2 * omega), size * Z.deriv(2)(s) / 2
+    assert (kinetic, potential) == pytest.approx((mass * omega**2 / 4, (force.real + mass * omega**2) / 4))
+    inside = abs(bend - mass) * omega**2 / 4
+    assert off == pytest.approx(inside * min(abs(force.imag) / 4 / max(abs(kinetic) + abs(potential), inside), 1.0) ** 2)
+
+
 class Wired(gl.Component):
     """Two bodies and a spring; the whole and a part without any flange have equations, too, which store nothing."""
 

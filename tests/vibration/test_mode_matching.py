@@ -12,6 +12,15 @@ from gearlib.vibration.mode_matching import same_modes
 from gearlib.vibration.mode_sensitivity import mode_sensitivity
 
 
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_modes_are_compared_whatever_the_units_of_their_states(unit: float) -> None:
+    """As many states as modes, at frequencies that have changed sides: two that differ only in the sign of the second state."""
+    shapes, frequencies = np.array([[1.0, 1.0], [unit, -unit]]), np.array([3.0, 3.3])
+    for before, now in ((shapes, 5 * shapes[:, ::-1]), (shapes[:, ::-1] * 5, shapes)):
+        first, second = same_modes(before, frequencies, now, frequencies)
+        assert (first.tolist(), second.tolist()) == ([0, 1], [1, 0])
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_the_most_similar_of_all_assignments_is_taken(seed: int) -> None:
     """Any units of the states, states that do not move, more modes on one side than on the other."""

@@ -93,7 +93,7 @@ def integrate_sampled(
         d.gives[0]: DelayHistory.going_on(float(first.numbers.parameters[d.parameter]), first.signals[d.gives[0]], t0)
         for d in controllers if isinstance(d, Delay)
     }  # fmt: skip
-    begins, longest = sorted({t0, *acting, *_cuts(histories, acting, t0, t1)}), first.longest_step
+    begins, longest = sorted({t0, *acting, *cut_times(histories, acting, t0, t1)}), first.longest_step
     here = replace(first, signals=_at(first.signals, controllers, t0), max_step=longest if longest < math.inf else None)
     for controller in controllers:
         if known is None and isinstance(controller, Controller) and hasattr(controller.part.function, "begin_run"):
@@ -126,7 +126,7 @@ def integrate_sampled(
     return *_joined(first, done, pieces, controllers), pieces
 
 
-def _cuts(histories: Mapping[int, DelayHistory], acting: Collection[float], t0: float, t1: float) -> list[float]:
+def cut_times(histories: Mapping[int, DelayHistory], acting: Collection[float], t0: float, t1: float) -> list[float]:
     """Times at which the run is cut, so that no piece is longer than a delay; not next to the instants of controllers."""
     if not histories:
         return []

@@ -12,6 +12,7 @@ import pytest
 import gearlib as gl
 from gearlib.errors import SolverError
 from gearlib.run.sampling.delays import MOST, Delay, DelayHistory, more_points, points, separate
+from gearlib.run.sampling.instants import cut_times
 
 DELAY = 0.5
 
@@ -140,3 +141,12 @@ def test_more_points_until_there_are_too_many() -> None:
 
 def test_a_delay_acts_at_no_instant() -> None:
     assert Delay("line", ("line.now",), (0,), 0).instants(0.0, 1.0) == []
+
+
+def test_a_run_is_cut_after_each_delay_but_not_next_to_an_instant_of_a_controller() -> None:
+    """The shortest of two delays, also with a run that begins late; the last cut is before the end."""
+    delays = {3: DelayHistory.going_on(0.7, 0.0, 1.0), 4: DelayHistory.going_on(0.25, 0.0, 1.0)}
+    assert cut_times({}, [1.0], 1.0, 2.0) == []
+    assert cut_times(delays, [], 1.0, 2.25) == pytest.approx([1.25, 1.5, 1.75, 2.0], rel=1e-15)
+    assert cut_times(delays, [1.5, 1.75 + 1e-15, 1.9], 1.0, 2.25) == pytest.approx([1.25, 2.0], rel=1e-15)
+    assert cut_times(delays, [-1.5], 1.0, 2.0 + 1e-15) == pytest.approx([1.25, 1.5, 1.75], rel=1e-15)
