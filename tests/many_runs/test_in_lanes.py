@@ -305,6 +305,10 @@ def test_tables_stand_beside_each_other_and_beside_numbers() -> None:
     assert runs["x"] == pytest.approx(np.array([integral(table) for table in own]), abs=1e-6)
     assert runs["y"] == pytest.approx(numbers[:, None] * t, abs=1e-12)
     assert runs["z"] == pytest.approx(np.tile(integral(shared), (10, 1)), abs=1e-6)
+    sizes = np.arange(1.0, 9.0)  # from one sample to the next several periods, the first of which counts, too
+    waves = [gl.Table([0.0, 0.05, 0.1], [0.0, a, 0.0], outside="periodic") for a in sizes]
+    runs = system.sweep({"u": waves}, 1.0, samples=3, method="rk5", lanes=8, inputs={"v": 0.0, "w": 0.0})
+    assert runs["x"] == pytest.approx(sizes[:, None] * [0.0, 0.25, 0.5], abs=1e-6)
 
 
 def test_auto_takes_lanes_where_one_run_shows_neither_events_nor_stiffness(pendulum: gl.System) -> None:

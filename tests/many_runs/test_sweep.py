@@ -277,6 +277,11 @@ def test_an_input_that_varies_is_given(drive: gl.System) -> None:
         ({"J": [1, 2]}, {"to": "runs.csv"}, r"expected a path that ends in \.zarr or \.nc"),
         ({"J": [1, 2]}, {"progress": "yes"}, "progress is 'yes'; expected True, False, or a function"),
         ({"J": [1, 2], "torque.tau": [1, 2]}, {}, "is given in parameters and in inputs"),
+        (
+            {"J": [1, 2]},
+            {"inputs": 3.0},
+            r"inputs is 3\.0; expected a mapping of paths to numbers, functions of time or tables",
+        ),
         ({"start(load.w)": [1, 2]}, {"start": "steady"}, "fixes all start values"),
         ({"J": [1, 2], "torque.tau": [gl.Table([0, 1], [0, 1]), "x"]}, {"inputs": None}, r"holds 'x'; expected"),
     ],

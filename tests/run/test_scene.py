@@ -83,6 +83,25 @@ def test_inputs_are_those_that_variables_depend_on() -> None:
     assert needed() == ()
 
 
+class Reset(gl.Component):
+    """Two integrals; one takes the value of an input at an instant."""
+
+    u, v = gl.Input("1"), gl.Input("1")
+    x, y = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), 0.0), gl.Eq(gl.der(self.y), self.v), gl.When(gl.time >= 0.5, gl.reinit(self.x, self.u))]
+
+
+def test_inputs_that_are_read_at_an_instant_are_needed() -> None:
+    system = gl.compile(Reset(), outputs=["x"])
+    assert "u" in system.translation.needed_inputs
+    with pytest.warns(gl.GearlibWarning, match="no value was given for the input"):
+        run = system.simulate(1.0, samples=3, start={"x": 2.0})
+    assert "u" in run.stats["zero_inputs"]
+    assert run["x"].tolist() == [2.0, 0.0, 0.0]
+
+
 def test_discrete_variables_that_follow_each_other() -> None:
     def needed(name: str) -> list[str]:
         found = needed_discretes(counters().structure, [counters().scene.named(name)[0]])

@@ -152,3 +152,19 @@ def test_several_inputs_and_outputs() -> None:
 def test_matrices_that_are_refused(make: Any, message: str) -> None:
     with pytest.raises(BindingError, match=message):
         flatten(Driven(make=make))
+
+
+class NothingPassed(gl.Component):
+    """One state with two inputs and two outputs, and nothing that is passed on at once."""
+
+    def assemble(self) -> list[Any]:
+        self.a, self.b = B.Constant(k=1.0), B.Constant(k=2.0)
+        self.plant = B.MultiStateSpace(A=[[-2.0]], B=[[1.0, 4.0]], C=[[3.0], [0.5]])
+        return [gl.connect(self.a.y, self.plant.inputs[0].u), gl.connect(self.b.y, self.plant.inputs[1].u)]
+
+
+def test_without_a_matrix_d_outputs_follow_the_states_only() -> None:
+    run = gl.simulate(NothingPassed(), t_end=1.0, samples=5, rtol=1e-10)
+    x = 4.5 * (1 - np.exp(-2 * run.time))
+    assert run["plant.outputs[0].y"] == pytest.approx(3 * x, abs=1e-8)
+    assert run["plant.outputs[1].y"] == pytest.approx(0.5 * x, abs=1e-8)

@@ -74,6 +74,9 @@ def test_the_slope_of_a_law_of_the_library_is_that_of_its_value(terms: Any) -> N
     [
         ({"stiffness_terms": ((1, 0.6, 0.0), (2, 0.39, 0.5))}, None),
         ({"stiffness_terms": ((1, 1.0, 0.3),)}, None),
+        ({"stiffness_terms": ((1, 1.0, 0.0),)}, None),  # a phase at which it is zero is among those that are tried
+        ({"stiffness_terms": ((1, 1.0 + 9e-10, 0.0),)}, None),
+        ({"stiffness_terms": ((1, 1.0 + 1.1e-9, 0.0),)}, "-1.1e-09"),
         ({"stiffness_terms": ((1, 1.5, 0.3),)}, "-0.5"),
         ({"stiffness_terms": ((3, 2e7, 0.0),)}, "-2e+07"),
         ({"stiffness_table": ((0.0, 0.0), (2.0, 1.0), (4.0, 1.0))}, "-0."),  # the spline goes below its rows
