@@ -91,6 +91,10 @@ def test_gears_meet_at_the_pitch_point(scheme: Scheme) -> None:
         for web in webs:
             assert abs(web.points[0][0] - web.points[1][0]) < CLOSE
             assert all(min(bar.distance(end) for bar in bars) < CLOSE for end in web.points)
+        if rings:  # its shaft is led to the web beside the wheel
+            (beside,) = {round(float(web.points[0][0]), 6) for web in webs if abs(web.points[0][0] - place[0]) > CLOSE}
+            number, points = scheme.axes.symbols.index(symbol), scheme.routing.spines[symbol.shafts[0]][1]
+            assert [x for i, k, x in points if (i, k) == (number, 0)] == pytest.approx([beside], abs=CLOSE)
         for edge in rings:  # from above the wheel to the web beside it
             assert min(web.distance(end) for web in webs for end in edge.points) < CLOSE
             assert edge.box[0] <= place[0] - 6 or edge.box[2] >= place[0] + 6
