@@ -25,9 +25,9 @@ none. A mutant may also break the code so that it gives no value at all (an inde
 fails by that exception, which says nothing of how well the values are watched. So the two are counted apart, and the bar of 97 % is
 one of assertions; beside it stands the share of those that give values at all. A crash is credited to no test.
 
-Options follow ``ARGS=`` of make: ``-n 300``, ``--seed 7``, ``--folder gearlib/structure gearlib/reduce``, ``--again LOG`` for
-those of a log that no assertion noticed, ``--goes-on`` for a sample that was interrupted: what its log holds is not tried again,
-``--quick`` for the first way only.
+Options follow ``ARGS=`` of make: ``-n 300``, ``--seed 7``, ``--all`` for one mutant at each place, ``--folder gearlib/structure
+gearlib/reduce``, ``--again LOG`` for those of a log that no assertion noticed, ``--goes-on`` for a sample that was interrupted: what
+its log holds is not tried again, ``--quick`` for the first way only.
 """
 
 from __future__ import annotations
@@ -169,6 +169,7 @@ def places(module: str) -> list[list[tuple[str, int]]]:
     return list(found.values())
 
 
+@cache
 def mutated(module: str, operator: str, occurrence: int) -> str:
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
@@ -226,6 +227,14 @@ def sample(n: int, seed: int, under: tuple[str, ...]) -> Iterator[Mutant]:
             yield made
         if len(seen) == n:
             return
+
+
+def every(seed: int, under: tuple[str, ...]) -> Iterator[Mutant]:
+    """One mutant at each place of some modules; the seed chooses which."""
+    draw = random.Random(seed)
+    for module in filter(lambda name: name.startswith(under), modules()):
+        made = (mutant(module, *draw.choice(place)) for place in places(module))
+        yield from filter(None, made)
 
 
 def logged(log: Path) -> list[Mutant]:
@@ -405,8 +414,7 @@ class Notice:
     def order(self, item: pytest.Item) -> tuple[bool, bool, float]:
         """Tests of the module's folder, then the others, of each those first that name the function; the quickest first."""
         function = getattr(item, "function", None)
-        text = inspect.getsource(function) if function and self.likely else ""
-        unlike = not re.search(rf"\b{self.likely}\b", text)
+        unlike = not (function and self.likely) or self.likely not in words(function)
         return Path(item.nodeid.partition("::")[0]).parent.name != self.folder, unlike, self.took.get(item.nodeid, 0.2)
 
     def pytest_exception_interact(self, node: pytest.Item | pytest.Collector, call: Any) -> None:
@@ -430,6 +438,12 @@ class Notice:
         if self.assertions or time.process_time() > self.budget:
             item.session.shouldstop = "enough is known"
         return done
+
+
+@cache
+def words(function: Callable[..., Any]) -> set[str]:
+    """The words in a test's source."""
+    return set(re.findall(r"\w+", inspect.getsource(function)))
 
 
 def in_child(
@@ -496,9 +510,8 @@ def definition(module: str, line: int) -> tuple[str, str]:
 class InPlace:
     """A pytest plugin that collects tests once, and tries each mutant of a function by its tests in a fork with the changed code."""
 
-    def __init__(self, mutants: list[Mutant], copy: Path, budget: float) -> None:
-        self.mutants, self.copy, self.budget = mutants, copy, budget
-        self.done: list[Mutant] = []
+    def __init__(self, mutants: list[Mutant], copy: Path, budget: float, keep: Callable[[Mutant], None]) -> None:
+        self.mutants, self.copy, self.budget, self.keep = mutants, copy, budget, keep
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         for module in {one.module for one in self.mutants}:  # many are imported when they are needed
@@ -510,6 +523,9 @@ class InPlace:
                 functions.setdefault(found.__code__.co_filename, []).append(found)
         gc.freeze()
         by_name = {item.nodeid: item for item in session.items}
+        for item in session.items:  # once, not in each fork
+            if function := getattr(item, "function", None):
+                words(function)
         for one in self.mutants:
             path = str(self.copy / one.module)
             before, after = (dict(code_of(compile(text, path, "exec"))) for text in (source(one.module), mutated(*one.change)))
@@ -522,7 +538,7 @@ class InPlace:
             if swaps and items:
                 started = time.monotonic()
                 said = in_child(self.copy, partial(in_place, swaps, items), [], self.budget, definition(one.module, one.line))
-                self.done.append(judged(one, said, started))
+                self.keep(judged(one, said, started))
         return True
 
 
@@ -553,16 +569,15 @@ def in_place(
             break
 
 
-def tried_in_place(mutants: list[Mutant], copy: Path, budget: float) -> list[Mutant]:
-    """Those that tests can be run for in place, with their verdicts; in a process of its own, which imports the project's modules."""
-    file = copy / "noticed.jsonl"
+def try_in_place(mutants: list[Mutant], copy: Path, budget: float, keep: Callable[[Mutant], None]) -> None:
+    """Keep the verdicts of those that tests can be run for in place; in a process of its own, which imports the project's modules."""
     pid = os.fork()
     if pid == 0:
         with suppress(Exception):
             os.chdir(copy)
             sys.path[:0] = [str(copy), str(copy / "library")]
             files = sorted({test.partition("::")[0] for one in mutants for some in rounds(one) for test in some})
-            found = InPlace(mutants, copy, budget)
+            found = InPlace(mutants, copy, budget, keep)
             options = [
                 "-q",
                 "-W",
@@ -575,10 +590,8 @@ def tried_in_place(mutants: list[Mutant], copy: Path, budget: float) -> list[Mut
                 "-s",
             ]
             pytest.main([*options, "--continue-on-collection-errors", *files], plugins=[found])
-            file.write_text("".join(json.dumps(asdict(one)) + "\n" for one in found.done))
         os._exit(0)
     os.waitpid(pid, 0)
-    return logged(file)
 
 
 def tried(one: Mutant, copy: Path, budget: float, number: int, wide: bool) -> Mutant:
@@ -637,6 +650,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="make mutate")
     parser.add_argument("-n", type=int, default=200, help="how many mutants")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--all", action="store_true", help="one mutant at each place, not a sample")
     parser.add_argument("--folder", nargs="*", default=[""], help="only modules whose paths begin so")
     parser.add_argument(
         "--budget", type=float, default=10.0, help="seconds of processor time for the likeliest tests of a mutant"
@@ -657,9 +671,10 @@ def main() -> None:
     preload()
     gc.freeze()
     chosen.log.parent.mkdir(exist_ok=True)
-    results = logged(chosen.log) if chosen.goes_on else []
-    known = {one.change for one in results}
-    drawn = unnoticed(chosen.again) if chosen.again else sample(chosen.n, chosen.seed, tuple(chosen.folder))
+    known = {one.change for one in logged(chosen.log)} if chosen.goes_on else set()
+    under = tuple(chosen.folder)
+    fresh = every(chosen.seed, under) if chosen.all else sample(chosen.n, chosen.seed, under)
+    drawn = unnoticed(chosen.again) if chosen.again else fresh
     todo = [one for one in drawn if one.change not in known]
     with (
         tempfile.TemporaryDirectory(prefix="gearlib-mutants-") as folder,
@@ -671,14 +686,16 @@ def main() -> None:
         def keep(done: Mutant) -> None:
             log.write(json.dumps(asdict(done) | {"key": done.key}) + "\n")
             log.flush()
-            results.append(done)
 
-        for done in tried_in_place(todo, copy, chosen.budget):
+        def keep_what_is_known(done: Mutant) -> None:
             if chosen.quick or done.verdict in ("assertion", "accepted"):
                 keep(done)
-        left = {one.change for one in todo} - {one.change for one in results}
+
+        try_in_place(todo, copy, chosen.budget, keep_what_is_known)
+        left = {one.change for one in todo} - {one.change for one in logged(chosen.log)}
         for number, one in enumerate([] if chosen.quick else [one for one in todo if one.change in left], 1):
             keep(tried(one, copy, chosen.budget, number, chosen.wide))
+        results = logged(chosen.log)
         noticing = sorted({done.noticed_by for done in results if "::" in done.noticed_by})
         said = in_child(copy, partial(afresh, copy), noticing, 60.0 * len(noticing))
     idle = [test for kind in FOUND for test in said[kind]]
