@@ -13,10 +13,10 @@ from gearlib.equations.class_record import descend
 from gearlib.equations.kernel import array_function
 from gearlib.equations.template import checked, parse_column, piecewise
 from gearlib.errors import DeclarationError, nearest
-from gearlib.language.component import ASSEMBLING, Component, energies_of
+from gearlib.language.component import Component, energies_of
 from gearlib.language.declarations import Connector, Flow, Potential, declared_by
 from gearlib.language.expressions import time
-from gearlib.language.interior import connections_of, parts_of
+from gearlib.language.interior import connections_of, parts_of, reads_parts
 from gearlib.language.units import dimension
 
 ENERGY, POWER = dimension("J"), dimension("W")
@@ -101,13 +101,12 @@ class Audited:
         return [t for t in (self.through, self.heat_in, self.stored, self.heat, self.supplied) if t is not None]
 
 
+@reads_parts
 def audited(root: Component) -> tuple[Audited, ...]:
     """All components that exchange, store or dissipate energy; `Translation.energies` has those of a compiled model."""
     found = []
     formulas: dict[Any, Formula] = {}
-    with ASSEMBLING:
-        components = list(_components(root))
-    for component, path in components:
+    for component, path in _components(root):
         connectors = {} if parts_of(component) else declared_by(component).connectors  # a composite merely passes power on
         energies = energies_of(component)
         if not connectors and energies is None:

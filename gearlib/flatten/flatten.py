@@ -36,8 +36,9 @@ from gearlib.flatten.model import (
 from gearlib.flatten.specialise import Special, simplified, with_values
 from gearlib.flatten.tree import Tree
 from gearlib.flatten.unused import refuse_unused
-from gearlib.language.component import ASSEMBLING, Component, no_component
+from gearlib.language.component import Component, no_component
 from gearlib.language.declarations import Flow, Potential
+from gearlib.language.interior import ASSEMBLING
 
 COORDINATES = ("rad", "m", "1", "any")  # units of potentials that may be absolute; temperatures and voltages are none
 

@@ -6,15 +6,12 @@ Inside ``equations`` and ``assemble`` an attribute is a symbol named by its path
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from copy import deepcopy
 from dataclasses import dataclass
 from operator import is_
-from threading import RLock
 from typing import TYPE_CHECKING, Any, ClassVar, TypeGuard
 
 import numpy as np
@@ -34,7 +31,7 @@ from gearlib.language.declarations import (
 )
 from gearlib.language.energy import Energy
 from gearlib.language.expressions import TOO_DEEP, Eq, When, real_symbol
-from gearlib.language.interior import parts_of, path_of
+from gearlib.language.interior import ASSEMBLING, parts_of, path_of, reads_parts
 
 if TYPE_CHECKING:
     from gearlib.drawing.diagram import Diagram
@@ -43,10 +40,6 @@ if TYPE_CHECKING:
     from gearlib.drawing.scheme.stick_diagram import Scheme
 
 _scope: ContextVar[Component | None] = ContextVar("scope", default=None)
-ASSEMBLING = RLock()
-"""Held while components are assembled and read, which several threads may share; not across a fork."""
-if sys.platform != "win32":  # a child forked meanwhile would wait for it for ever
-    os.register_at_fork(before=ASSEMBLING.acquire, after_in_parent=ASSEMBLING.release, after_in_child=ASSEMBLING.release)
 RESERVED = frozenset({"time", "start", "guess", "nominal", "state", "equations", "assemble"})
 NOTHING: tuple[frozenset[str], frozenset[str]] = (frozenset(), frozenset())  # attributes and parts made by assemble()
 PRIVATE = frozenset({
@@ -682,11 +675,13 @@ def signals_of(component: Component) -> list[tuple[Any, ...]]:
     return found
 
 
-def with_parts(component: Component, path: str = "") -> Iterator[tuple[str, Component]]:
+@reads_parts
+def with_parts(component: Component, path: str = "") -> list[tuple[str, Component]]:
     """An assembled component and all of its parts, recursively, with their paths."""
-    yield path, component
+    found = [(path, component)]
     for name, part in parts_of(component).items():
-        yield from with_parts(part, f"{path}.{name}" if path else name)
+        found += with_parts(part, f"{path}.{name}" if path else name)
+    return found
 
 
 @contextmanager

@@ -30,7 +30,7 @@ from gearlib.language.component import (
 from gearlib.language.declarations import Connector, Derivative, Flow, Input, Potential, Variable, declared_by
 from gearlib.language.energy import Energy
 from gearlib.language.expressions import Eq, der
-from gearlib.language.interior import connections_of, parts_of
+from gearlib.language.interior import connections_of, parts_of, reads_parts
 
 Given = Literal["flow", "rate", "potential", "free", "held"]
 
@@ -45,6 +45,7 @@ class Cut:
     rest: str | None = None
 
 
+@reads_parts
 def cut(
     component: Component, *places: str, given: Given | Mapping[str, Given] | None = None,
     rest: Given | Mapping[str, Given] | None = None,

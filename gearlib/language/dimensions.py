@@ -19,7 +19,16 @@ from sympy.core.relational import Relational
 from gearlib.language.component import Component, equations_of, inside, no_component, reads_of, signals_of
 from gearlib.language.declarations import Connector, Derivative, Discrete, Input, Parameter
 from gearlib.language.expressions import Eq, Reinit, When, check_depth, time, value_of
-from gearlib.language.interior import bindable_of, bindings_of, connections_of, declarations_of, guesses_of, parts_of, starts_of
+from gearlib.language.interior import (
+    bindable_of,
+    bindings_of,
+    connections_of,
+    declarations_of,
+    guesses_of,
+    parts_of,
+    reads_parts,
+    starts_of,
+)
 from gearlib.language.units import NONE, SECOND, Dimension, dimension, name_of
 
 # Expressions that should have equal dimensions (or an expression and a dimension), and their location
@@ -36,6 +45,7 @@ class _Mismatch(Exception):
     """Two dimensions that should be equal."""
 
 
+@reads_parts
 def check_units(component: Component) -> list[str]:
     """Dimension errors in the equations of a component and its parts, and in the values given to parts.
 

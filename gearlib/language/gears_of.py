@@ -67,6 +67,7 @@ def frames(name: str, values: Any, expected: str) -> Floats:
     return found
 
 
+@interior.reads_parts
 def gears_in(component: Owner, part: str | None, gears: GearSet | None) -> list[tuple[str, GearSet]]:
     """Pairs and sets by path, in the order of the parts.
 

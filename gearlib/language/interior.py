@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable, Sequence
+from functools import wraps
 from operator import attrgetter, methodcaller
-from typing import Any
+from threading import RLock
+from typing import Any, ParamSpec, TypeVar
 
 from gearlib.errors import ModelError
 
+P = ParamSpec("P")
+R = TypeVar("R")
 Values = Callable[[Any], dict[str, Any]]
+ASSEMBLING = RLock()
+"""Held while components are assembled and read, which several threads may share; not across a fork."""
+if sys.platform != "win32":  # a child forked meanwhile would wait for it for ever
+    os.register_at_fork(before=ASSEMBLING.acquire, after_in_parent=ASSEMBLING.release, after_in_child=ASSEMBLING.release)
 
 declarations_of: Values = attrgetter("_declarations")  # of a component or its class
 bindable_of: Values = attrgetter("_bindable")  # declarations that accept a value by keyword
@@ -26,6 +36,17 @@ structural_of: Values = attrgetter("_structural")  # values of all structural ch
 choices_given_to: Values = attrgetter("_given")  # those given explicitly
 choices_read_of: Callable[[Any], set[str]] = attrgetter("_read")  # names of those that ``equations`` and ``assemble`` have read
 radii_of: Callable[[Any], tuple[float, ...]] = methodcaller("_radii")  # m, of its gears; nan for missing values
+
+
+def reads_parts(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorate a function that reads an assembled component: no other thread assembles it anew meanwhile."""
+
+    @wraps(function)
+    def alone(*args: P.args, **given: P.kwargs) -> R:
+        with ASSEMBLING:
+            return function(*args, **given)
+
+    return alone
 
 
 def number_of(component: Any, name: str) -> float | None:

@@ -55,6 +55,7 @@ def html_of(component: Owner) -> str:
         return about + preformatted(str(why))
 
 
+@interior.reads_parts
 def outline(component: Owner, depth: int) -> Outline:
     """Diagram contents of a component, with nested parts down to a depth; everything is reassembled.
 

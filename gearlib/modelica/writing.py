@@ -8,12 +8,14 @@ from typing import Any
 from gearlib.arguments import shown
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component, no_component
+from gearlib.language.interior import reads_parts
 from gearlib.modelica.class_writing import PackageText, comment, safe_name
 from gearlib.modelica.flat_writing import FlatText
 
 _IDENTIFIER = re.compile(r"[A-Za-z_]\w*$", re.ASCII)
 
 
+@reads_parts
 def to_modelica(component: Component, *, flat: bool = False, standard_library: bool = True, name: str | None = None) -> str:
     """Write a component as Modelica text, which other tools can simulate and `read_modelica` can read.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import Any
@@ -17,6 +17,8 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.equations.class_record import class_record
 from gearlib.errors import DeclarationError, ModelError
+from gearlib.flatten.energies import audited
+from gearlib.run.sampling.controllers import read_by_controllers
 
 GAIN = 1.0
 
@@ -229,6 +231,25 @@ def test_threads_share_components_and_systems() -> None:
     with ThreadPoolExecutor(6) as pool:
         for run in (compiled, shared):
             np.testing.assert_array_equal(list(pool.map(run, range(9))), right * 3)
+
+
+@pytest.mark.usefixtures("restless")
+def test_what_threads_read_of_a_component_is_not_that_of_an_assembly_under_way() -> None:
+    one = Driven()
+    readings: list[Callable[[], object]] = [
+        lambda: gl.compile(one).states,
+        lambda: read_by_controllers(one),
+        lambda: one.diagram().svg,
+        lambda: one.scheme().svg,
+        lambda: gl.to_modelica(one),
+        lambda: gl.check_units(one),
+        lambda: [each.path for each in audited(one)],
+        lambda: gl.compile(gl.cut(one, "end")).states,
+    ]
+    right = [reading() for reading in readings]
+    with ThreadPoolExecutor(6) as pool:
+        for found in pool.map(lambda k: readings[k % len(readings)](), range(12 * len(readings))):
+            assert found in right
 
 
 def test_an_assembly_that_failed_is_not_taken_for_a_model(monkeypatch: pytest.MonkeyPatch) -> None:
