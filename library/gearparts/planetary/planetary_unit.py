@@ -181,6 +181,20 @@ class PlanetaryUnit(gl.Component):
         self.refuse_what_has_no_effect()
         if self.Z_s or self.Z_p or self.Z_r:
             check_assembly("PlanetaryUnit", self.Z_s, self.Z_p, self.Z_r, self.planets, self.positions or None)
+            self.check_radii()
+
+    def check_radii(self) -> None:
+        """Refuse pitch radii of sun and ring that are not in the ratio of their teeth, to half a tooth of the ring.
+
+        The radii determine the speeds, the teeth the mesh phases: both meshes of a planet must have one frequency. The planet's own
+        radius is not compared, since its working pitch circles at sun and ring differ with profile shift.
+        """
+        R_s, R_r = radii_of(self)
+        if R_s > 0 and abs(self.Z_s * R_r / R_s - self.Z_r) > 0.5:
+            raise BindingError(
+                f"{path_of(self) or type(self).__name__}: R_r / R_s = {R_r:g} / {R_s:g} = {R_r / R_s:.6g}, but Z_r / Z_s = {self.Z_r} / "
+                f"{self.Z_s} = {self.Z_r / self.Z_s:.6g}; expected R_r = {R_s * self.Z_r / self.Z_s:.6g} m (by default R_s + 2 R_p)"
+            )
 
     def drawn_gears(self) -> GearSet | None:
         """With numbers of teeth, from the sun's pitch radius."""

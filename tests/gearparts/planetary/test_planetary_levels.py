@@ -118,15 +118,18 @@ def test_detailed_meshes_of_constant_stiffness_are_the_plain_ones(probe: Callabl
 def ripple(Z_s: int, Z_p: int, in_phase: bool) -> tuple[float, Any]:
     """Fluctuation of the sun's speed under a transmission error of its meshes, and their phases at the start."""
     error = (("error_terms", ((1.0, 1e-6, 0.0),)),)
-    given = {**LEVELS["detailed"], "Z_s": Z_s, "Z_p": Z_p, "Z_r": Z_s + 2 * Z_p, "sun_details": error, "ring_details": ()}
+    R_p = R_S * Z_p / Z_s
+    R_h = R_S + R_p
+    teeth = {"Z_s": Z_s, "Z_p": Z_p, "Z_r": Z_s + 2 * Z_p, "R_p": R_p}
+    given = {**LEVELS["detailed"], **teeth, "sun_details": error, "ring_details": ()}
     names = [f"unit.{side}_meshes[{n}].phase" for side in ("sun", "ring") for n in range(N)]
     outputs = ["sun_body.w", *names]
     system = gl.compile(driven(**given), outputs=outputs)
     still = dict.fromkeys(("tau_sun", "tau_carrier", "tau_ring"), 0.0)
     if in_phase:
         still |= {f"unit.sun_meshes[{n}].phase0": 0.0 for n in range(N)}
-    start = {"sun_body.w": 30.0, "carrier_body.w": 30.0 * R_S / (2 * R_H), "ring_body.w": 0.0}
-    start |= {f"unit.planet[{n}].spin.w": -(R_S * 30.0 - R_H * start["carrier_body.w"]) / R_P for n in range(N)}
+    start = {"sun_body.w": 30.0, "carrier_body.w": 30.0 * R_S / (2 * R_h), "ring_body.w": 0.0}
+    start |= {f"unit.planet[{n}].spin.w": -(R_S * 30.0 - R_h * start["carrier_body.w"]) / R_p for n in range(N)}
     result = system.simulate(0.02, samples=101, parameters=still, start=start, method="rk", rtol=1e-9)
     return float(np.ptp(result["sun_body.w"])), [result[n] / (2 * np.pi) for n in names]
 
@@ -146,6 +149,30 @@ def test_phases_from_teeth_cancel_or_add_up_on_the_sun() -> None:
         assert (sun[0][0] - sun[n][0]) % 1.0 == pytest.approx(phasing.sun[n], abs=1e-9)
         assert (ring[n][0] - ring[0][0]) % 1.0 == pytest.approx(phasing.ring[n], abs=1e-9)
     assert (ring[0][0] - sun[0][0]) % 1.0 == pytest.approx(phasing.ring_to_sun, abs=1e-9)
+
+
+@pytest.mark.parametrize("level", ["ideal", "detailed", "planar"])
+@pytest.mark.parametrize(
+    ("given", "right"),
+    [
+        ({"Z_s": 20, "Z_p": 30, "Z_r": 80}, True),
+        ({"Z_s": 20, "Z_p": 29, "Z_r": 80}, True),  # a planet with profile shift
+        ({"Z_s": 24, "Z_p": 30, "Z_r": 84}, False),
+        ({"Z_s": 24, "Z_p": 30, "Z_r": 84, "R_p": 0.0375}, True),
+        ({"Z_s": 20, "Z_p": 30, "Z_r": 84}, False),
+        ({"Z_s": 20, "Z_p": 30, "Z_r": 84, "R_r": 0.126}, True),
+        ({"Z_s": 20, "Z_p": 30, "Z_r": 80, "R_r": 0.1207}, True),  # rounded: 80.47 teeth
+        ({"Z_s": 20, "Z_p": 30, "Z_r": 80, "R_r": 0.1209}, False),  # 80.6 teeth
+        ({"Z_s": 20, "Z_p": 30, "Z_r": 80, "R_r": 0.1192}, False),  # 79.47 teeth
+    ],
+)
+def test_pitch_radii_are_in_the_ratio_of_the_teeth(level: str, given: dict[str, Any], right: bool) -> None:
+    train = driven(**{**LEVELS[level], **given})
+    if right:
+        gl.compile(train, outputs=["sun_body.w"])
+        return
+    with pytest.raises(BindingError, match=r"unit: R_r / R_s = 0\.1.* / 0\.03 = .*, but Z_r / Z_s = .*; expected R_r = 0\.1"):
+        gl.compile(train)
 
 
 def test_the_lossy_unit_has_the_losses_of_both_meshes() -> None:
