@@ -145,7 +145,7 @@ def steady_state(
     program = build(translation.structure, [*dict.fromkeys(nodes)], states, dynamic=True)
     at = LinearizedProgram(scene, prepare(program, translation.structure, numbers), point, tuple(range(len(states))))
 
-    _warn_of_instability(translation.name, at)
+    warn_of_instability(translation.name, at)
 
     def of(slots: Floats) -> Floats:
         return np.array([sign * slots[program.slots[node]] if sign else 0.0 for node, sign in known])
@@ -161,8 +161,8 @@ def _warn_of_time(translation: Translation, numbers: Floats) -> None:
         warn(f"{translation.name}: {some(names, ', ')} {in_words(names)} in the steady state", InputWarning)
 
 
-def _warn_of_instability(name: str, at: LinearizedProgram) -> None:
-    """Warn of a steady state that a run leaves."""
+def warn_of_instability(name: str, at: LinearizedProgram) -> None:
+    """Warn of a steady state that a run leaves, where it has no more than `MOST_EXAMINED` states."""
     states, slots = at.scene.states, at.prepared.program.slots
     if 0 < len(states) <= MOST_EXAMINED:
         found = poles(at.derivatives[[slots[v, k + 1] for v, k in states]])

@@ -13,10 +13,16 @@ from gearlib.errors import ArgumentError, InputWarning, ModelError, SolverError,
 from gearlib.flatten.model import FlatModel
 from gearlib.flatten.time_means import held_in_time, in_words
 from gearlib.language.declarations import Flow, Potential
+from gearlib.linear.linearized_program import LinearizedProgram
+from gearlib.linear.operating_point import Point
+from gearlib.linear.steady_state import warn_of_instability
+from gearlib.program.build import build
+from gearlib.program.interpret import prepare
 from gearlib.reduce.coefficients import some
 from gearlib.run.sampling.controllers import refuse_instants
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled, Translation
+from gearlib.solvers.inputs.table import values
 from gearlib.statics.closed_gaps import drifting, refuse_drift, with_gaps_closed
 from gearlib.statics.load_sharing import shared
 from gearlib.statics.power_flow import FlangePower, PowerFlow
@@ -37,6 +43,7 @@ from gearlib.statics.steady_motion import (
 
 Floats = NDArray[np.float64]
 SAME = 1e-6  # relative to the fastest speed: motions that differ by less are equal
+MOST_JUDGED = 100  # states of a linear train whose stability is worth a search for its steady state
 UNDETERMINED = 1e-8  # of a scaled free motion of about 1; such motions are accurate to about 1e-13
 
 
@@ -52,7 +59,7 @@ def power_flow(
     (`InputWarning`). Quantities that vary with the mesh phase are averaged over its period. Where speed-dependent loads allow several
     motions, the result is the one that the train reaches from its start values, or the one closest to these. Parallel paths that could
     be preloaded against each other, such as planets with separate meshes, share the load by stiffness, equal planets equally
-    (`PowerFlow.shared`). If all torques are given, gaps are closed or open, and clutches and brakes locked or sliding, as in the steady
+    (`PowerFlow.shared`). A motion that a run would leave, since it is unstable, comes with a warning. If all torques are given, gaps are closed or open, and clutches and brakes locked or sliding, as in the steady
     state that the train reaches. If a speed is given, gaps are closed on the side that the torques press together; of a clutch that is
     locked, the speeds of both sides are needed, of a brake the speed 0.
 
@@ -140,22 +147,20 @@ def _reached(translation: Translation, numbers: Floats, given: list[Given]) -> t
     """
     model = translation.structure.complete
     motion = solve(model, numbers, given)
-    if all(group.template.linear for group in model.groups):
+    is_linear = all(group.template.linear for group in model.groups)
+    point = _steady_point(translation, numbers, given, MOST_JUDGED if is_linear else np.inf)
+    if is_linear:
+        _warn_of_instability(translation, numbers, point)
         return motion, given
-    inputs = {int(model.representative[v]): int(model.sign[v]) for v in model.inputs}
-    values = {g.variable: g.value for g in given if g.order == VALUE}
-    if not any(g.order for g in given) and set(values) == set(inputs):
-        try:
-            reached, twisted = _steady_state(translation, numbers, [values[v] * sign for v, sign in inputs.items()])
-        except (StartError, SolverError, ModelError):
-            reached, twisted = [], []
-        if reached:
-            found = solve(model, numbers, given, [*reached, *twisted])
-            sticking = held(model, numbers, found)
-            if sticking:
-                found = solve(model, numbers, [*given, *sticking], [*reached, *twisted])
-            if not (found.residual > CONTRADICTION).any() and _agree(found, reached):
-                return found, [*given, *sticking]
+    reached, twisted = ([], []) if point is None else _speeds_and_deflections(model, point)
+    if reached:
+        found = solve(model, numbers, given, [*reached, *twisted])
+        sticking = held(model, numbers, found)
+        if sticking:
+            found = solve(model, numbers, [*given, *sticking], [*reached, *twisted])
+        if not (found.residual > CONTRADICTION).any() and _agree(found, reached):
+            _warn_of_instability(translation, numbers, point)
+            return found, [*given, *sticking]
     motion = with_gaps_closed(model, numbers, given, motion)
     if (motion.residual > CONTRADICTION).any() or guesses(model, numbers):
         return motion, given
@@ -173,17 +178,43 @@ def _reached(translation: Translation, numbers: Floats, given: list[Given]) -> t
     )
 
 
-def _steady_state(translation: Translation, numbers: Floats, inputs: Sequence[float]) -> tuple[list[Given], list[Given]]:
-    """Speeds in the steady state that the train reaches, and deflections, which tell where gaps are closed."""
-    scene, model = translation.scene, translation.model
-    begin = translation.start(scene, numbers, 0.0, "steady", list(inputs))
+def _steady_point(translation: Translation, numbers: Floats, given: Sequence[Given], most: float) -> Point | None:
+    """The steady state that the train reaches from its start values, if it has no more than ``most`` states.
+
+    None if there is none, or not all that drives the train is given.
+    """
+    scene, model = translation.scene, translation.structure.complete
+    inputs = {int(model.representative[v]): int(model.sign[v]) for v in model.inputs}
+    known = {g.variable: g.value for g in given if g.order == VALUE}
+    if len(scene.states) > most or any(g.order for g in given) or set(known) != set(inputs):
+        return None
+    signals = [known[v] * sign for v, sign in inputs.items()]
+    try:
+        begin = translation.start(scene, numbers, 0.0, "steady", signals)
+    except (StartError, SolverError, ModelError):
+        return None
+    states = dict(zip(scene.states, begin.states.tolist(), strict=True))
+    return Point(0.0, states, values(signals, np.array([0.0]))[:, 0], begin.guess, steady=True)
+
+
+def _speeds_and_deflections(model: FlatModel, point: Point) -> tuple[list[Given], list[Given]]:
+    """Speeds at a steady state, and deflections, which tell where gaps are closed."""
     speeds, deflections = [], []
-    for (v, k), value in zip(scene.states, begin.states.tolist(), strict=True):
+    for (v, k), value in point.states.items():
         if (k == 0 and model.unit(v) in ("rad/s", "m/s")) or (k == 1 and model.potential[v]):
             speeds.append(Given("speed", v, k, value))
         elif k == 0 and not model.potential[v]:
             deflections.append(Given("deflection", v, k, value))
     return speeds, deflections
+
+
+def _warn_of_instability(translation: Translation, numbers: Floats, point: Point | None) -> None:
+    """Warn of a steady state that a run leaves: the power flow is no run's mean."""
+    if point is not None and point.states:
+        structure, states = translation.structure, tuple(point.states)
+        program = build(structure, [], states, dynamic=True)
+        prepared = prepare(program, structure, numbers)
+        warn_of_instability(translation.name, LinearizedProgram(translation.scene, prepared, point, tuple(range(len(states)))))
 
 
 def _agree(motion: Motion, speeds: Sequence[Given]) -> bool:

@@ -732,3 +732,30 @@ def test_a_pressure_is_no_angle() -> None:
     assert flow["motor.flange"].speed == pytest.approx(speed)
     assert flow.beside == ("pump", "motor")
     assert str(flow).endswith("those of pump, motor)")
+
+
+class Pushed(gl.Component):
+    """A torque of 5 N.m on a body whose load pushes the more, the faster it turns (gain > 0), or holds it (gain < 0)."""
+
+    gain = gl.Parameter("N.m", "torque of the load at 1 rad/s")
+    is_quadratic = gl.Structural(False)
+
+    def assemble(self) -> list[gl.Connection]:
+        load = gp.QuadraticSpeedDependentTorque if self.is_quadratic else gp.LinearSpeedDependentTorque
+        self.torque, self.body = gp.Torque(), gp.Inertia(J=2.0, guess={"w": 3.0})
+        self.load = load(tau_nominal=self.gain, w_nominal=1.0, torque_direction=False)
+        return [gl.connect(self.torque.flange, self.body.flange_a, self.load.flange)]
+
+
+@pytest.mark.parametrize("is_quadratic", [False, True])
+def test_a_motion_that_a_run_leaves_comes_with_a_warning(is_quadratic: bool) -> None:
+    """2 der(w) = tau + gain w, or tau + gain w abs(w): unstable where the slope is positive."""
+    held = gl.compile(Pushed(gain=-1.25, is_quadratic=is_quadratic))
+    pushed = gl.compile(Pushed(gain=1.25, is_quadratic=is_quadratic))
+    speed = 2.0 if is_quadratic else 4.0
+    slope = 1.25 * (2 * speed if is_quadratic else 1.0)
+    assert gl.power_flow(held, torques={"torque.tau": 5.0})["load.flange"].speed == pytest.approx(speed, rel=1e-9)
+    with pytest.warns(gl.GearlibWarning, match=f"Pushed: the steady state is unstable.* factor of e in {2.0 / slope:.3g} s"):
+        flow = gl.power_flow(pushed, torques={"torque.tau": -5.0})
+    assert flow["load.flange"].speed == pytest.approx(speed, rel=1e-9)
+    assert gl.power_flow(pushed, speeds={"body.w": speed})["torque.flange"].torque == pytest.approx(5.0)  # the torque is free
