@@ -121,6 +121,8 @@ def _text(model: FlatModel, v: int, value: float, least: float) -> str:
 
 def _fix(model: FlatModel, v: int, least: float, at_start: bool) -> str:
     name = model.name(v)
+    if model.unit(v) not in ("rad/s", "m/s"):
+        return f"the equations hold down to there; let start values, parameters and inputs leave {name} at {least:g} or more"
     if at_start:
         return f"choose start values that make {name} {least:g} or more (start={{...}}), or turn the part round"
     return (

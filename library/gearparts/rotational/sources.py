@@ -164,8 +164,10 @@ class SignTorque(SpeedDependentTorque):
 class EddyCurrentTorque(OneFlange, Dissipative):
     """Eddy current brake after Kloss: ``tau = 2 tau_nominal excitation**2 w_n / (1 + w_n**2)``, ``flange.tau = +tau``.
 
-    ``w_n = w / (w_nominal (1 + alpha (T - T_ref)))`` with ``alpha = alpha20 / (1 + alpha20 (T_ref - 293.15))``: a hot disc has its peak
-    torque at a higher speed. The temperature is that of the heat port or, without one, ``T``. It dissipates ``tau w``.
+    ``w_n = w / (w_nominal R)`` with the disc's resistance over that at T_ref, ``R = 1 + alpha (T - T_ref)``, and ``alpha = alpha20 / (1 +
+    alpha20 (T_ref - 293.15))``: a hot disc has its peak torque at a higher speed. The temperature is that of the heat port or, without
+    one, ``T``. It dissipates ``tau w``. Where the linear law gives a negative resistance, as for copper (0.004/K) below 43 K, runs are
+    refused: the brake would drive.
     """
 
     icon = "eddy_brake"
@@ -177,6 +179,7 @@ class EddyCurrentTorque(OneFlange, Dissipative):
     T = gl.Parameter("K", "temperature without heat port", default=lambda brake: brake.T_ref, min=0)
     excitation = gl.Input("1", "excitation current over its nominal value", default=1.0)
     w = gl.Variable("rad/s", "speed of the flange relative to the support", state="avoid")
+    resistance = gl.Variable("1", "resistance of the disc over that at T_ref", min=0)
     w_normalized = gl.Variable("1", "speed over the speed of the largest torque")
     tau = gl.Variable("N.m", "braking torque")
 
@@ -185,7 +188,8 @@ class EddyCurrentTorque(OneFlange, Dissipative):
         alpha = self.alpha20 / (1 + self.alpha20 * (self.T_ref - 293.15))
         return [
             gl.Eq(self.w, gl.der(self.angle())),
-            gl.Eq(self.w_normalized * self.w_nominal * (1 + alpha * (temperature - self.T_ref)), self.w),
+            gl.Eq(self.resistance, 1 + alpha * (temperature - self.T_ref)),
+            gl.Eq(self.w_normalized * self.w_nominal * self.resistance, self.w),
             gl.Eq(self.tau, 2 * self.tau_nominal * self.excitation**2 * self.w_normalized / (1 + self.w_normalized**2)),
             gl.Eq(self.flange.tau, self.tau),
             gl.Eq(self.loss_power, self.tau * self.w),

@@ -11,7 +11,7 @@ from scipy.signal import lsim, lti
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import BindingError, BoundError
+from gearlib.errors import BindingError, BoundError, StartError
 
 TAU, WN, W0 = -2.5, 2.0, 0.6
 
@@ -234,3 +234,23 @@ def test_filters_cut_off_at_50_hz_unless_told_otherwise(source: str, lag: float)
 
     error = "drive.phi_error" if source == "Position" else "drive.w_error"
     assert gl.simulate(Ramp(), t_end=1.0, samples=2, rtol=1e-9)[error][-1] == pytest.approx(-lag / (100 * np.pi), rel=1e-6)
+
+
+class Braked(gl.Component):
+    """An eddy current brake of copper on a turning body."""
+
+    def assemble(self) -> Any:
+        self.body = gp.Inertia(J=1.0, start={"w": 1.0})
+        self.brake = gp.EddyCurrentTorque(tau_nominal=10.0, w_nominal=20.0, alpha20=0.004, T=300.0)
+        return [gl.connect(self.body.flange_a, self.brake.flange)]
+
+
+@pytest.mark.parametrize("method", ["rk", "ida", "auto"])
+def test_an_eddy_current_brake_is_refused_where_its_disc_would_have_a_negative_resistance(method: str) -> None:
+    """1 + 0.004 (T - 293.15) vanishes at 43.15 K."""
+    system = gl.compile(Braked())
+    result = system.simulate(1e-3, samples=2, method=method, parameters={"brake.T": 43.65})
+    assert result["brake.resistance"][-1] == pytest.approx(0.002, rel=1e-12)
+    assert result["body.w"][-1] < 1.0
+    with pytest.raises(StartError, match=r"brake.resistance is -0.002 .* let start values, parameters and inputs"):
+        system.simulate(1e-3, samples=2, method=method, parameters={"brake.T": 42.65})
