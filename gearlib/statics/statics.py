@@ -54,14 +54,15 @@ def power_flow(
     """Speeds, torques and powers of a train in steady motion.
 
     Nothing accelerates, so inertias take no torque; springs and meshes turn with constant deflections, as if rigid. Unbound inputs that
-    are not given are solved for: given the speed of the drive and the torque of the load, the drive's torque follows. A bound input that
-    is a function of time counts with its mean where it is a constant with sinusoids, and otherwise with its value at t = 0 and a warning
-    (`InputWarning`). Quantities that vary with the mesh phase are averaged over its period. Where speed-dependent loads allow several
-    motions, the result is the one that the train reaches from its start values, or the one closest to these. Parallel paths that could
-    be preloaded against each other, such as planets with separate meshes, share the load by stiffness, equal planets equally
-    (`PowerFlow.shared`). A motion that a run would leave, since it is unstable, comes with a warning. If all torques are given, gaps are closed or open, and clutches and brakes locked or sliding, as in the steady
-    state that the train reaches. If a speed is given, gaps are closed on the side that the torques press together; of a clutch that is
-    locked, the speeds of both sides are needed, of a brake the speed 0.
+    are not given are solved for: given the speed of the drive and the torque of the load, the drive's torque follows. A bound input
+    that is a function of time counts with its mean where it is a constant with sinusoids, and otherwise with its value at t = 0 and a
+    warning (`InputWarning`). Quantities that vary with the mesh phase are averaged over its period. Where speed-dependent loads allow
+    several motions, the result is the one that the train reaches from its start values, or the one closest to these. Parallel paths
+    that could be preloaded against each other, such as planets with separate meshes, share the load by stiffness, equal planets equally
+    (`PowerFlow.shared`). A motion that a run would leave, since it is unstable, comes with a warning. If all torques are given, gaps
+    are closed or open, and clutches and brakes locked or sliding, as in the steady state that the train reaches. If a speed is given,
+    gaps are closed on the side that the torques press together; of a clutch that is locked, the speeds of both sides are needed, of a
+    brake the speed 0.
 
     Parameters
     ----------
