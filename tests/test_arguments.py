@@ -56,7 +56,7 @@ def test_numbers_of_any_kind_are_real(value: Any) -> None:
 
 @pytest.mark.parametrize("value", [True, np.bool_(1), "3", None, 1j, np.inf, -np.inf, np.nan, np.float64("nan"), 10**400,
                                    pytest.param(HUGE, id="huge"),
-                                   np.timedelta64(3), Decimal(3), [1.0], Failing()])  # fmt: skip
+                                   np.timedelta64(3, "s"), Decimal(3), [1.0], Failing()])  # fmt: skip
 def test_what_is_no_finite_real_number_is_refused(value: Any) -> None:
     assert not arguments.is_real(value)
     with pytest.raises(ArgumentError, match=r"gain is .*; expected a finite number$"):
