@@ -84,3 +84,15 @@ def test_what_needs_equations_is_downstream_of_their_unknowns() -> None:
         rates = {e for e, row in drawn.rows.items() if any(v >= GIVEN and order for v, order in row)}
         assert found.with_rates_of_given == {(e, 0) for e in rates}
         assert drawn.dependence(given=False).with_rates_of_given == frozenset()
+
+
+def test_what_is_given_may_stay_in_a_derivative_without_its_rate() -> None:
+    """y = x floor(u), whose derivative is y' = x' floor(u); z = x u has z' = x' u + x u'."""
+    x, y, z, u = range(4)
+    rows = {
+        (0, 0): [(x, 1)], (0, 1): [(x, 2)], (1, 0): [(y, 0), (x, 0), (u, 0)], (1, 1): [(y, 1), (x, 1), (u, 0)],
+        (2, 0): [(z, 0), (x, 0), (u, 0)], (2, 1): [(z, 1), (z, 0), (x, 1), (u, 0), (u, 1)],
+    }  # fmt: skip
+    solved: dict[Node, Node] = {(x, 1): (0, 0), (y, 0): (1, 0), (z, 0): (2, 0)}
+    found = Dependence(((x, 0),), solved, lambda e, k: rows[e, k], frozenset({u}))
+    assert (found.computes((y, 1)), found.computes((z, 1))) == (True, False)
