@@ -1,0 +1,151 @@
+"""Sums in which derivatives cancel, against the sums of their equations' residuals at random values."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+from gearlib.equations.kernel import differentiated
+from gearlib.equations.template import column_symbol, relation_symbol
+from gearlib.flatten.flatten import flatten
+from gearlib.flatten.model import EquationGroup, FlatModel
+from gearlib.language.expressions import real_symbol, time
+from gearlib.reduce.combinations import CancellingSum, cancel, combinations, dependent_rows, replaced
+from gearlib.reduce.reduction import Structure, analyse
+from tests.reduce.test_combinations import Block, Counting, Geared, Leaking, Pushed, Stiffening
+
+MODELS = {
+    "block": lambda: Block(),
+    "pushed": lambda: Block(planetary=Pushed),
+    "leaking": lambda: Block(planetary=Leaking),
+    "counting": lambda: Block(planetary=Counting),
+    "stiffening": lambda: Block(spring=Stiffening),
+    "geared": lambda: Geared(),
+}
+FOUND: dict[str, tuple[Structure, Any, tuple[CancellingSum, ...]]] = {}
+
+
+def found_in(name: str) -> tuple[Structure, Any, tuple[CancellingSum, ...]]:
+    """The structure of a model without the inertia of a wheel, its parameters, and the sums."""
+    if name not in FOUND:
+        model = flatten(MODELS[name]())
+        index = model.parameters.index
+        if "wheel.J" in index:
+            model = flatten(MODELS[name](), frozenset({(index["wheel.J"], 0.0)}))
+        parameters = model.parameters.defaults
+        structure = analyse(model, parameters)
+        FOUND[name] = structure, parameters, combinations(structure, parameters, [(v, k + 1) for v, k in structure.states])
+    return FOUND[name]
+
+
+class Point:
+    """Random values of time, of all variables and their derivatives, of relations and of discrete variables."""
+
+    def __init__(self, model: FlatModel, parameters: Any, flags: list[int], seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        self.t, self.nodes = 0.7, rng.uniform(-2, 2, (model.n_variables, 6))
+        self.discretes = rng.uniform(-2, 2, 2 * len(model.discretes) + 1)
+        self.parameters, self.flags = parameters, flags
+
+    def residual(self, group: EquationGroup, i: int, times: int, first_flag: int = 0) -> float:
+        template, own = differentiated(group.template, times), group.template
+        where = {name: j for j, name in enumerate(own.locals)}
+        values: dict[Any, Any] = {time: self.t}
+        for name, order in template.columns:
+            values[column_symbol((name, order))] = (
+                group.signs[i, where[name]] * self.nodes[group.variables[i, where[name]], order]
+            )
+        values |= {real_symbol(n): self.parameters[group.parameters[i, j]] for j, n in enumerate(own.parameters)}
+        values |= {real_symbol(n): self.discretes[group.discretes[i, j]] for j, n in enumerate(own.discretes)}
+        values |= {relation_symbol(j): self.flags[first_flag + j] for j in range(len(own.relations))}
+        return float(template.residual.xreplace(values))
+
+    def relations(self, group: EquationGroup, i: int) -> list[tuple[float, bool, bool]]:
+        where = {name: j for j, name in enumerate(group.template.locals)}
+        values: dict[Any, Any] = {time: self.t}
+        for name, order in group.template.relation_columns:
+            j = where[name]
+            values[column_symbol((name, order))] = group.signs[i, j] * self.nodes[group.variables[i, j], order]
+        values |= {real_symbol(n): self.parameters[group.parameters[i, j]] for j, n in enumerate(group.template.parameters)}
+        values |= {real_symbol(n): self.discretes[group.discretes[i, j]] for j, n in enumerate(group.template.discretes)}
+        return [(float(r.g.xreplace(values)), r.strict, r.negated) for r in group.template.relations]
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_sum_is_what_its_equations_leave_of_each_other(name: str) -> None:
+    """With any values of what cancels, any states of relations and of discrete variables."""
+    structure, parameters, found = found_in(name)
+    model = structure.model
+    assert len(found) == 2
+    for number, c in enumerate(found):
+        terms = [(model.groups[model.places[e][0]], model.places[e][1], k, w) for e, k, w in c.terms]
+        (group,) = [g for g in replaced(structure, [c]).groups if g.template.label.startswith("what ")]
+        assert len(replaced(structure, [c]).places) == len(model.places)
+        assert c.replaced in [e for e, k, _ in c.terms if k == 0]
+        g, i = model.places[c.replaced]
+        assert group.owners.tolist() == [model.groups[g].owners[i]]
+        held = {(v, order) for v, order in group.nodes[0]}
+        assert held
+        assert not held & set(c.gone)
+        before = [{n for e, k, _ in c.terms for n in model.nodes(e, k)}]
+        assert held | set(c.gone) == before[0]
+        flags = [(number + j) % 2 for j in range(9)]
+        for seed in range(2):
+            point = Point(model, parameters, flags, seed)
+            total, taken, compared = 0.0, 0, []
+            for own, row, k, weight in terms:
+                total += weight * point.residual(own, row, k, taken)
+                compared += point.relations(own, row)
+                taken += len(own.template.relations)
+            assert point.residual(group, 0, 0) == pytest.approx(total, rel=1e-9, abs=1e-9)
+            assert point.relations(group, 0) == [(pytest.approx(g), strict, negated) for g, strict, negated in compared]
+
+
+@pytest.mark.parametrize(
+    ("name", "decisive"),
+    [
+        ("block", [set(), {"p.ratio"}]), ("pushed", [set(), {"p.ratio"}]), ("leaking", [{"p.share"}, {"p.ratio"}]),
+        ("geared", [{"first.ratio", "second.ratio"}] * 2),
+    ],
+)  # fmt: skip
+def test_values_are_decisive_without_which_nothing_cancels(name: str, decisive: list[set[str]]) -> None:
+    structure, parameters, found = found_in(name)
+    names = structure.model.parameters.names
+    assert [{names[p] for p in c.decisive} for c in found] == decisive
+    assert cancel(structure, found, parameters)
+    for p in range(len(names)):
+        beside = parameters.copy()
+        beside[p] += 0.01
+        assert cancel(structure, found, beside) == (names[p] not in set().union(*decisive)), names[p]
+
+
+def test_labels_name_the_components_whose_equations_are_added() -> None:
+    structure, _, found = found_in("block")
+    labels = {g.template.label for g in replaced(structure, found).groups if g.template.label.startswith("what ")}
+    assert labels == {"what the equations of p leave of each other", "what the equations of d, p leave of each other"}
+
+
+def test_only_the_unknowns_of_some_targets_are_examined() -> None:
+    structure, parameters, _ = found_in("block")
+    assert combinations(structure, parameters, []) == ()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_weights_of_dependent_rows_span_the_left_null_space(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    m, rank, n = (int(k) for k in (rng.integers(3, 8), rng.integers(1, 3), rng.integers(3, 7)))
+    matrix = rng.integers(-2, 3, (m, rank)) @ rng.integers(-2, 3, (rank, n)) * 1.0
+    matrix[~matrix.any(axis=1)] = 1.0
+    matrix *= 10.0 ** rng.integers(-4, 5, (m, 1))
+    found = dependent_rows(matrix)
+    scaled = matrix / np.abs(matrix).max(axis=1, keepdims=True)
+    assert len(found) == m - np.linalg.matrix_rank(scaled)
+    for weights in found:
+        assert np.abs(weights @ matrix).max() <= 1e-9 * np.abs(weights[:, None] * matrix).max()
+        assert weights[np.flatnonzero(weights)[0]] == 1.0
+    leads = [np.flatnonzero(w)[0] for w in found]
+    assert leads == sorted(set(leads))
+    assert all(w[other] == 0 for k, w in enumerate(found) for j, other in enumerate(leads) if j != k)
