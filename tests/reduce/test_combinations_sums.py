@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import gearlib as gl
 from gearlib.equations.kernel import differentiated
 from gearlib.equations.template import column_symbol, relation_symbol
 from gearlib.flatten.flatten import flatten
