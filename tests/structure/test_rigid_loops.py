@@ -239,3 +239,9 @@ def test_a_row_with_several_variables_of_its_own_leaves_once() -> None:
     """The variable that is seen first belongs to another row, which leaves too."""
     assert core([{0: 1.0}, {1: 1.0, 2: 1.0}]) == []
     assert core([{0: 1.0, 5: 2.0}, {1: 1.0, 2: 1.0, 5: 0.0}, {3: 1.0}, {3: 2.0}]) == [2, 3]
+
+
+@pytest.mark.parametrize("factor", [1.0, -1.0, 2.0])
+def test_a_chain_of_rows_leaves_from_its_end(factor: float) -> None:
+    assert core([{k: 1.0, k + 1: factor} for k in range(5)]) == []
+    assert core([*({k: 1.0, k + 1: factor} for k in range(5)), {5: 1.0, 0: 1.0}]) == list(range(6))
