@@ -121,3 +121,10 @@ def test_there_may_be_no_equations_and_no_unknowns() -> None:
     assert (none.rank, none.open.tolist(), none.solve(np.zeros(0)).tolist()) == (0, [0, 1], [0.0, 0.0])
     nothing = factorise(sparse.csr_matrix((2, 0)))
     assert (nothing.rank, nothing.open.tolist(), nothing.undetermined.tolist()) == (0, [], [])
+
+
+def test_an_unknown_of_no_known_size_is_scaled_beside_those_of_known_ones() -> None:
+    """Of 2 x + 4 y, where x is about 10, y is about 5."""
+    found = factorise(sparse.csr_matrix([[2.0, 4.0]]), np.array([10.0, np.nan]))
+    assert found.row == pytest.approx([1 / 20], rel=1e-12)
+    assert found.column == pytest.approx([10.0, 5.0], rel=1e-12)
