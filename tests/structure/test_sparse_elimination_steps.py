@@ -128,3 +128,10 @@ def test_an_unknown_of_no_known_size_is_scaled_beside_those_of_known_ones() -> N
     found = factorise(sparse.csr_matrix([[2.0, 4.0]]), np.array([10.0, np.nan]))
     assert found.row == pytest.approx([1 / 20], rel=1e-12)
     assert found.column == pytest.approx([10.0, 5.0], rel=1e-12)
+
+
+@pytest.mark.parametrize(("difference", "rank"), [(1e-7, 2), (1e-9, 1)])
+def test_rows_of_the_dense_remainder_are_dependent_relative_to_its_largest(difference: float, rank: int) -> None:
+    """Where it is larger than 1: here all is left to it, since no pivot is large enough."""
+    rows, columns = independent(sparse.csr_matrix([[1e3, 1e3], [1e3, 1e3 + difference]]), safe=1e9)
+    assert (len(rows), len(columns)) == (rank, rank)

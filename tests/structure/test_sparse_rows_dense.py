@@ -56,3 +56,19 @@ def test_without_sizes_the_larger_number_decides(old: float, kept: bool) -> None
     list(eliminate(rows, holders, 0, 7, {1}, None, 1e-12))
     assert set(rows[1]) == ({8} if kept else set())
     assert holders[8] == ({0, 1} if kept else {0})
+
+
+def test_what_cancels_exactly_is_gone_without_any_rounding() -> None:
+    rows = {0: {7: 2.0, 8: 3.0}, 1: {7: 2.0, 8: 3.0, 9: 1.0}}
+    holders = holders_of(rows)
+    assert list(eliminate(rows, holders, 0, 7, {1})) == [(1, 1.0)]
+    assert rows[1] == {9: 1.0}
+    assert holders[8] == {0}
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e6])
+@pytest.mark.parametrize(("left", "kept"), [(1e-13, False), (1e-11, True)])
+def test_without_sizes_rounding_grows_with_the_numbers(size: float, left: float, kept: bool) -> None:
+    rows = {0: {7: 1.0, 8: size}, 1: {7: 1.0, 8: size * (1 + left)}}
+    list(eliminate(rows, holders_of(rows), 0, 7, {1}, None, 1e-12))
+    assert set(rows[1]) == ({8} if kept else set())

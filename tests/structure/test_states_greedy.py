@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from gearlib.structure.incidence import Node
-from gearlib.structure.states import select_columns
+from gearlib.structure.pantelides import Differentiation
+from gearlib.structure.states import constraints, select_columns
 
 Rows = dict[Node, dict[Node, float]]
 
@@ -90,3 +91,22 @@ def test_a_pivot_is_a_tenth_of_the_largest_in_its_column_or_more(share: float, l
     p, a = (0, 0), (1, 0)
     rows: Rows = {(0, 0): {p: 1 / share, a: 1.0}, (1, 0): {a: 1.0}, (2, 0): {p: 1.0}}
     assert select_columns(rows, {p: (1.0,)}) == ({p, a}, [left])
+
+
+def test_a_column_of_no_known_badness_counts_as_zero() -> None:
+    a, b = (0, 0), (1, 0)
+    rows: Rows = {(0, 0): {a: 1.0, b: 1.0}}
+    assert select_columns(rows, {a: (-0.5,)}) == ({b}, [])
+    assert select_columns(rows, {b: (0.5,)}) == ({b}, [])
+    assert select_columns(rows, {b: (0.0,)}) == ({a}, [])
+
+
+def test_coefficients_of_one_node_are_added_at_each_order() -> None:
+    """An equation f(v, v') twice differentiated, in which v stands twice: rows of f and f'."""
+    v, w = 3, 4
+    result = Differentiation((2,), {v: 3, w: 2}, {0: v})
+    entries = [(0, v, 0, 2.0), (0, v, 1, 5.0), (0, v, 0, 0.5), (0, w, 0, 1.0), (0, w, 0, 0.25)]
+    assert constraints(result, entries) == {
+        (0, 0): {(v, 0): 2.5, (v, 1): 5.0, (w, 0): 1.25},
+        (0, 1): {(v, 1): 2.5, (v, 2): 5.0, (w, 1): 1.25},
+    }
