@@ -110,3 +110,8 @@ def test_coefficients_of_one_node_are_added_at_each_order() -> None:
         (0, 0): {(v, 0): 2.5, (v, 1): 5.0, (w, 0): 1.25},
         (0, 1): {(v, 1): 2.5, (v, 2): 5.0, (w, 1): 1.25},
     }
+
+
+def test_of_a_variable_and_its_derivative_the_variable_is_no_state() -> None:
+    for nodes in ([(1, 0), (1, 1)], [(1, 1), (1, 0)]):
+        assert select_columns({(0, 0): dict.fromkeys(nodes, 1.0)}, {}) == ({(1, 0)}, [])
