@@ -115,3 +115,9 @@ def test_coefficients_of_one_node_are_added_at_each_order() -> None:
 def test_of_a_variable_and_its_derivative_the_variable_is_no_state() -> None:
     for nodes in ([(1, 0), (1, 1)], [(1, 1), (1, 0)]):
         assert select_columns({(0, 0): dict.fromkeys(nodes, 1.0)}, {}) == ({(1, 0)}, [])
+
+
+@pytest.mark.parametrize("size", [100.0, 1.0, 0.01])
+@pytest.mark.parametrize(("share", "taken"), [(0.5e-11, 1), (2e-11, 0)])
+def test_a_coefficient_counts_from_a_share_of_its_rows_largest_on(size: float, share: float, taken: int) -> None:
+    assert select_columns({(0, 0): {(0, 0): share * size, (1, 0): -size}}, {(0, 0): (9.0,)}) == ({(taken, 0)}, [])
