@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+import gearlib as gl
 from gearlib.equations.kernel import differentiated
 from gearlib.equations.template import column_symbol, relation_symbol
 from gearlib.flatten.flatten import flatten
 from gearlib.flatten.model import EquationGroup, FlatModel
 from gearlib.language.expressions import real_symbol, time
+from gearlib.reduce import combinations as rules
 from gearlib.reduce.combinations import CancellingSum, cancel, combinations, dependent_rows, replaced
 from gearlib.reduce.reduction import Structure, analyse
 from tests.reduce.test_combinations import Block, Counting, Geared, Leaking, Pushed, Stiffening
@@ -148,3 +150,42 @@ def test_weights_of_dependent_rows_span_the_left_null_space(seed: int) -> None:
     leads = [np.flatnonzero(w)[0] for w in found]
     assert leads == sorted(set(leads))
     assert all(w[other] == 0 for k, w in enumerate(found) for j, other in enumerate(leads) if j != k)
+
+
+class Pair(gl.Component):
+    """Two equations for u + v leave x = y, of which the derivative gives u = 2 v: so x' = 2 x / 3."""
+
+    x, y, z = gl.Variable("1", start=1.0), gl.Variable("1"), gl.Variable("1", start=0.0)
+    u, v = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.u),
+            gl.Eq(gl.der(self.y), 2 * self.v),
+            gl.Eq(gl.der(self.z), self.x),
+            gl.Eq(self.u + self.v, self.x),
+            gl.Eq(self.u + self.v, self.y),
+        ]
+
+
+def test_two_equations_that_say_almost_the_same() -> None:
+    result = gl.simulate(Pair(), 1.0, samples=2, rtol=1e-9)
+    assert result["x"] == pytest.approx(np.exp([0.0, 2 / 3]), rel=1e-7)
+    assert result["y"] == pytest.approx(result["x"])
+    assert result["z"][-1] == pytest.approx(1.5 * (np.exp(2 / 3) - 1), rel=1e-7)
+
+
+@pytest.mark.parametrize(("most", "count"), [(1, 0), (2, 1), (400, 1)])
+def test_blocks_up_to_a_size_are_examined_that_some_rates_need(most: int, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """That of z needs x, the rate of which is in the block."""
+    monkeypatch.setattr(rules, "MOST", most)
+    model = flatten(Pair())
+    structure = analyse(model, model.parameters.defaults)
+    node = {name: int(model.representative[model.variable(name)]) for name in "xyzuv"}
+    found = combinations(structure, model.parameters.defaults, [(node["z"], 1)])
+    assert len(found) == count
+    for c in found:
+        assert [(k, weight) for _, k, weight in c.terms] == [(0, 1.0), (0, -1.0)]
+        assert c.replaced == c.terms[0][0]
+        assert set(c.gone) == {(node["u"], 0), (node["v"], 0)}
+        assert c.decisive == ()
