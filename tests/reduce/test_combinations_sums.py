@@ -189,3 +189,40 @@ def test_blocks_up_to_a_size_are_examined_that_some_rates_need(most: int, count:
         assert c.replaced == c.terms[0][0]
         assert set(c.gone) == {(node["u"], 0), (node["v"], 0)}
         assert c.decisive == ()
+
+
+def test_coefficients_that_are_not_finite_leave_nothing_of_each_other() -> None:
+    class Divided(gl.Component):
+        p, x = gl.Parameter("1", default=1.0), gl.Variable("1", start=1.0)
+        u, v = gl.Variable("1"), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            law, other = gl.Eq(self.u / self.p + self.v, self.x), gl.Eq(self.u - self.v, gl.sin(self.x))
+            return [gl.Eq(gl.der(self.x), self.u), law, other]
+
+    model = flatten(Divided())
+    structure = analyse(model, model.parameters.defaults)
+    for p in (0.0, np.nan):
+        values = model.parameters.defaults.copy()
+        values[model.parameters.index["p"]] = p
+        assert combinations(structure, values, [(v, k + 1) for v, k in structure.states]) == ()
+
+
+def test_a_sum_of_which_nothing_is_left_is_none() -> None:
+    class Same(gl.Component):
+        p, x = gl.Parameter("1", default=2.0), gl.Variable("1", start=1.0)
+        u, v = gl.Variable("1"), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            one, other = gl.Eq(self.u + self.v, self.x), gl.Eq(self.p * self.u + self.p * self.v, self.p * self.x)
+            return [gl.Eq(gl.der(self.x), self.u), one, other]
+
+    model = flatten(Same())
+    structure = analyse(model, model.parameters.defaults)
+    assert combinations(structure, model.parameters.defaults, [(v, k + 1) for v, k in structure.states]) == ()
+
+
+def test_columns_of_any_size_tell_rows_apart() -> None:
+    assert dependent_rows(np.array([[1.0, 1e-8], [1.0, 2e-8]])) == []
+    (weights,) = dependent_rows(np.array([[1.0, 1e-8], [-2.0, -2e-8]]))
+    assert weights.tolist() == [1.0, 0.5]
