@@ -214,8 +214,8 @@ def test_a_sum_of_which_nothing_is_left_is_none() -> None:
         u, v = gl.Variable("1"), gl.Variable("1")
 
         def equations(self) -> list[gl.Eq]:
-            one, other = gl.Eq(self.u + self.v, self.x), gl.Eq(self.p * self.u + self.p * self.v, self.p * self.x)
-            return [gl.Eq(gl.der(self.x), self.u), one, other]
+            one, rate = self.u + self.v, gl.der(self.x)
+            return [gl.Eq(rate, self.u), gl.Eq(one, rate), gl.Eq(self.p * self.u + self.p * self.v, self.p * rate)]
 
     model = flatten(Same())
     structure = analyse(model, model.parameters.defaults)
@@ -225,4 +225,4 @@ def test_a_sum_of_which_nothing_is_left_is_none() -> None:
 def test_columns_of_any_size_tell_rows_apart() -> None:
     assert dependent_rows(np.array([[1.0, 1e-8], [1.0, 2e-8]])) == []
     (weights,) = dependent_rows(np.array([[1.0, 1e-8], [-2.0, -2e-8]]))
-    assert weights.tolist() == [1.0, 0.5]
+    assert weights == pytest.approx([1.0, 0.5], rel=1e-12)
