@@ -210,12 +210,12 @@ def test_coefficients_that_are_not_finite_leave_nothing_of_each_other() -> None:
 
 def test_a_sum_of_which_nothing_is_left_is_none() -> None:
     class Same(gl.Component):
-        p, x = gl.Parameter("1", default=2.0), gl.Variable("1", start=1.0)
-        u, v = gl.Variable("1"), gl.Variable("1")
+        p, q = gl.Parameter("1", default=2.0), gl.Parameter("1", default=2.0)
+        x, u, v = gl.Variable("1", start=1.0), gl.Variable("1"), gl.Variable("1")
 
         def equations(self) -> list[gl.Eq]:
             one, rate = self.u + self.v, gl.der(self.x)
-            return [gl.Eq(rate, self.u), gl.Eq(one, rate), gl.Eq(self.p * self.u + self.p * self.v, self.p * rate)]
+            return [gl.Eq(rate, self.u), gl.Eq(one, rate), gl.Eq(self.p * self.u + self.q * self.v, self.q * rate)]
 
     model = flatten(Same())
     structure = analyse(model, model.parameters.defaults)
@@ -226,3 +226,28 @@ def test_columns_of_any_size_tell_rows_apart() -> None:
     assert dependent_rows(np.array([[1.0, 1e-8], [1.0, 2e-8]])) == []
     (weights,) = dependent_rows(np.array([[1.0, 1e-8], [-2.0, -2e-8]]))
     assert weights == pytest.approx([1.0, 0.5], rel=1e-12)
+
+
+@pytest.mark.parametrize("size", [0.1, 1e6 / 7])
+def test_coefficients_of_any_size_cancel_and_values_of_any_size_are_decisive(size: float) -> None:
+    """As the pair, with equations of other sizes, and parameters without which u would not cancel."""
+
+    def equations(self: Any) -> list[gl.Eq]:
+        law = gl.Eq(size * self.u + size * self.v, size * self.x)
+        other = gl.Eq(self.p * self.u + self.q * self.v, self.q * self.y)
+        return [gl.Eq(gl.der(self.x), self.u), gl.Eq(gl.der(self.y), 2 * self.v), gl.Eq(gl.der(self.z), self.x), law, other]
+
+    declared = {n: gl.Variable("1", start=1.0) if n == "x" else gl.Variable("1") for n in "xyzuv"}
+    declared |= {n: gl.Parameter("1", default=3.3 * size) for n in "pq"}
+    model = flatten(type("Sized", (gl.Component,), {**declared, "equations": equations})())
+    structure = analyse(model, model.parameters.defaults)
+    (c,) = combinations(structure, model.parameters.defaults, [(v, k + 1) for v, k in structure.states])
+    assert {model.parameters.names[p] for p in c.decisive} == {"p", "q"}
+    assert [weight for _, _, weight in c.terms] == pytest.approx([1.0, -1 / 3.3])
+
+
+def test_whole_weights_are_whole() -> None:
+    one, other = np.array([0.1, 0.7, 0.3]), np.array([0.3, 0.2, 0.7])
+    for factor in (7.0, 300.0):
+        (weights,) = dependent_rows(np.array([one, other, one + factor * other]))
+        assert weights.tolist() == [1.0, factor, -1.0]
