@@ -109,3 +109,28 @@ def test_a_step_jumps_wherever_it_is_and_a_bend_does_not(place: float) -> None:
     for name, levels in (("y", [[0], []]), ("z", [[], [0]])):
         g, i = found.places[equation_of(found, name)]
         assert [jumping(found.groups[g], i, level, found.parameters.defaults) for level in (0, 1)] == levels
+
+
+def test_both_sides_are_compared_with_what_is_around_and_at_values_of_either_sign() -> None:
+    """1e9 sin(x), from where it is positive on, is 1e-4 off zero there by rounding; a step by y where y < 0 is one."""
+
+    class Mixed(gl.Component):
+        x, y, stiff, once, never = gl.Variable("1", start=0.0), gl.Variable("1"), *(gl.Variable("1") for _ in range(3))
+
+        def equations(self) -> list[Any]:
+            x, y, zero = self.x, self.y, (0, True)
+            return [
+                gl.Eq(gl.der(x), 1), gl.Eq(gl.der(y), 1), gl.Eq(self.stiff, gl.Piecewise((1e9 * gl.sin(x), gl.sin(x) > 0), zero)),
+                gl.Eq(self.once, gl.Piecewise((gl.Piecewise((y, y < 0), zero), x > 2), zero)),
+                gl.Eq(self.never, gl.Piecewise((gl.Piecewise((x - 2, y < 0), zero), x > 2), zero)),
+            ]  # fmt: skip
+
+    found = flatten(Mixed())
+    jumps = {}
+    for name in ("stiff", "once", "never"):
+        g, i = found.places[equation_of(found, name)]
+        relations = found.groups[g].template.relations
+        jumps[name] = [str(relations[j].g) for j in jumping(found.groups[g], i, 0, found.parameters.defaults)]
+    assert jumps["stiff"] == []
+    assert [g.replace(" ", "") for g in jumps["once"]] == ["x-2"]
+    assert jumps["never"] == ["y"]
