@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gearlib as gl
+from gearlib.errors import ModelError
 from gearlib.flatten.flatten import flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.reduce.discontinuities import jumping, with_corners
@@ -134,3 +136,45 @@ def test_both_sides_are_compared_with_what_is_around_and_at_values_of_either_sig
     assert jumps["stiff"] == []
     assert [g.replace(" ", "") for g in jumps["once"]] == ["x-2"]
     assert jumps["never"] == ["y"]
+
+
+class Scaled(gl.Component):
+    """A bend times a mode, which is 0 or 1 from the start on: with an event or without."""
+
+    x, y, w, a = gl.Variable("1", start=0.0), *(gl.Variable("1") for _ in range(3))
+    on, value, silent = gl.Discrete("mode", start=1.0), gl.Parameter("1", default=1.0), gl.Structural(False)
+
+    def equations(self) -> list[Any]:
+        bend = gl.Piecewise((self.x - 0.3, self.x > 0.3), (0, True))
+        law = gl.pre(self.on) * (gl.no_event(bend) if self.silent else bend)
+        mode = gl.Eq(self.on, gl.Piecewise((9.0, gl.time > 10), (self.value, True)))
+        return [
+            gl.Eq(gl.der(self.x), 1),
+            mode,
+            gl.Eq(self.y, law),
+            gl.Eq(self.w, gl.der(self.y)),
+            gl.Eq(self.a, gl.der(self.w)),
+        ]
+
+
+@pytest.mark.parametrize("silent", [False, True])
+def test_a_bend_that_a_mode_scales_cannot_be_differentiated_twice(silent: bool) -> None:
+    """Its rate jumps unless the mode is zero. (With a mode of zero, no jump was seen whatever the mode was.)"""
+    found = flatten(Scaled(silent=silent))
+    e = equation_of(found, "y")
+    counts = [2 if k == e else 0 for k in range(len(found.places))]
+    g, i = found.places[e]
+    template = found.groups[g].template
+    if silent:
+        (template,) = with_corners(found, counts, found.parameters.defaults).values()
+    assert len(template.relations) == 1
+    group = found.groups[g].take(np.array([i]), template)
+    levels = [jumping(group, 0, level, found.parameters.defaults) for level in (0, 1)]
+    assert levels == [[1], [0, 1]], "the mode at both, the relation at the second"
+    if silent:
+        return
+    system = gl.compile(Scaled(), ["a"])
+    with pytest.raises(ModelError, match=r"has a kink between t = 0.2 s and t = 0.4 s, but must be differentiated"):
+        system.simulate(0.6, samples=4)["a"]
+    flat = gl.compile(Scaled(value=0.0, start={"on": 0.0}), ["a"]).simulate(0.6, samples=4)
+    assert flat["a"].tolist() == [0.0] * 4
