@@ -9,7 +9,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import LoopError
+from gearlib.errors import BalanceError, LoopError
 from gearlib.flatten.flatten import flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.reduce.coefficients import at_start
@@ -117,3 +117,58 @@ def test_the_last_name_among_aliases_stands_for_all() -> None:
     aliases = [model.name(v) for v in np.flatnonzero(model.representative[: model.auxiliary] == flow)]
     assert last_names(model, [flow]) == {flow: max(aliases)}
     assert last_names(model, []) == {}
+
+
+def losing(**more: Any) -> Any:
+    return lambda: gp.LossyGear(ratio=2.0, loss_table=((0.0, 0.9, 0.8, 0.1, 0.1),), **more)
+
+
+@pytest.mark.parametrize("second", [losing(), lambda: gp.IdealGear(ratio=2.0)])
+def test_losses_in_one_of_two_paths_are_refused_with_a_remedy(second: Any) -> None:
+    model = side_by_side(upper=losing(), lower=second)
+    said = (
+        r"^the model is not balanced\. A rigid loop goes through lower, upper: its paths share .* Make one of the paths elastic"
+    )
+    with pytest.raises(BalanceError, match=said):
+        analyse(model, model.parameters.defaults)
+
+
+def test_what_lacks_an_equation_beside_paths_with_losses_is_told_first() -> None:
+    """As it is where there are no losses; two torques are open, too many for one loop."""
+
+    class Paths(gl.Component):
+        x, y = gl.Variable("1"), gl.Variable("1")
+
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.upper, self.lower = gp.Inertia(J=1.0), gp.Inertia(J=1.0), losing()(), losing()()
+            return [
+                gl.connect(self.a.flange_a, self.upper.flange_a, self.lower.flange_a),
+                gl.connect(self.b.flange_a, self.upper.flange_b, self.lower.flange_b),
+            ]
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.x + self.y, 1)]
+
+    model = flatten(Paths())
+    with pytest.raises(BalanceError, match=r"under-determined: .* x; y"):
+        analyse(model, model.parameters.defaults)
+
+
+def test_equations_too_many_beside_a_loop_are_told_as_such() -> None:
+    class Over(gl.Component):
+        x = gl.Variable("1")
+
+        def assemble(self) -> list[Any]:
+            self.a, self.b = gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+            self.upper, self.lower = gp.IdealGear(ratio=2.0), gp.IdealGear(ratio=2.0)
+            return [
+                gl.connect(self.a.flange_a, self.upper.flange_a, self.lower.flange_a),
+                gl.connect(self.b.flange_a, self.upper.flange_b, self.lower.flange_b),
+            ]
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.x, gl.sin(gl.time)), gl.Eq(self.x**3, gl.exp(gl.time))]
+
+    model = flatten(Over())
+    with pytest.raises(BalanceError, match=r"over-determined: 2 equations for 1 variables, 1 too many"):
+        analyse(model, model.parameters.defaults)
