@@ -11,7 +11,8 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.flatten.flatten import flatten
 from gearlib.reduce.reduction import Structure, analyse, choose_again, discrete_nodes, reinit_nodes
-from tests.reduce.test_reduction import Pendulum
+from tests.reduce.test_discontinuities import RISES, Set
+from tests.reduce.test_reduction import Bumped, Pendulum
 
 
 def structure_of(component: gl.Component) -> Structure:
@@ -239,3 +240,31 @@ def test_derivatives_are_avoided_as_much_as_absolute_angles() -> None:
     for factor, states in ((3.0, {"b", "der(b)"}), (0.25, {"a", "b"})):
         found = structure_of(Scaled(factor=factor))
         assert named(found, found.states) == states
+
+
+def test_an_angle_that_is_the_first_variable_lends_its_kind_to_no_other() -> None:
+    class Turning(gl.Component):
+        flange = gp.Flange("turned at a speed of 1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.flange.phi), 1)]
+
+    class Both(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.turning, self.memory = Turning(), Memory()
+            return []
+
+    found = structure_of(Both())
+    assert found.model.potential[0]
+    assert named(found, found.states) == {"turning.flange.phi", "memory.y"}
+    assert named(found, found.angles) == {"turning.flange.phi"}
+
+
+def test_what_events_set_stays_a_state_when_others_give_way_to_jumps() -> None:
+    class Both(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.cam, self.jump = Bumped(), Set(u=RISES, state={"x": "prefer", "v": "never"})
+            return []
+
+    found = structure_of(Both())
+    assert named(found, found.states) == {"cam.phi", "cam.v", "jump.v"}
