@@ -268,3 +268,24 @@ def test_what_events_set_stays_a_state_when_others_give_way_to_jumps() -> None:
 
     found = structure_of(Both())
     assert named(found, found.states) == {"cam.phi", "cam.v", "jump.v"}
+
+
+def test_where_all_coefficients_vary_preferences_hold() -> None:
+    """A pendulum between the vertical and the horizontal; x and its speed have starts, which counts less."""
+    at = {"x": float(np.sin(0.7)), "u": 0.0}
+    for wishes, states in (({}, {"x", "u"}), ({"y": "prefer", "v": "prefer"}, {"y", "v"})):
+        found = structure_of(Pendulum(start=at, guess={"y": -float(np.cos(0.7))}, state=wishes))
+        assert named(found, found.states) == states
+
+
+def test_the_rate_of_a_cams_angle_is_a_state_before_a_preferred_speed_of_the_follower() -> None:
+    class Plain(gl.Component):
+        phi, s, v, f = gl.Variable("1", start=1.5), gl.Variable("1"), gl.Variable("1", state="prefer"), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            turn = gl.Eq(gl.der(gl.der(self.phi)), -self.f * gl.sin(self.phi))
+            follower = [gl.Eq(gl.der(self.s), self.v), gl.Eq(gl.der(self.v), self.f - 1)]
+            return [turn, gl.Eq(self.s, 3 * (1 - gl.cos(self.phi))), *follower]
+
+    found = structure_of(Plain())
+    assert named(found, found.states) == {"phi", "der(phi)"}
