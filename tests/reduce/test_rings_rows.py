@@ -89,3 +89,30 @@ def test_without_a_ring_a_model_is_what_it_was() -> None:
 
     model = flatten(Line())
     assert with_sums_around_rings(model) is model
+
+
+class Set(gl.Component):
+    """A spring that is turned by an angle given from outside, or not at all."""
+
+    flange_a, flange_b = gp.Flange("left"), gp.Flange("right")
+    turned, twist = gl.Input("rad"), gl.Variable("rad")
+    c, given = gl.Parameter("N.m/rad", default=3.0), gl.Structural(True)
+
+    def equations(self) -> list[gl.Eq]:
+        a, b = self.flange_a, self.flange_b
+        turned = self.turned if self.given else 0 * self.turned
+        return [gl.Eq(self.twist, b.phi - a.phi - turned), gl.Eq(b.tau, self.c * self.twist), gl.Eq(a.tau, -b.tau)]
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_what_is_given_from_outside_is_in_no_sum(given: bool) -> None:
+    class Pair(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.x, self.y, self.one, self.two = gp.Inertia(J=1.0), gp.Inertia(J=1.0), Set(given=given), Set(given=given)
+            return [
+                gl.connect(self.x.flange_a, self.one.flange_a, self.two.flange_a),
+                gl.connect(self.y.flange_a, self.one.flange_b, self.two.flange_b),
+            ]
+
+    model = flatten(Pair())
+    assert (with_sums_around_rings(model) is model) == given
