@@ -116,3 +116,14 @@ def test_what_is_given_from_outside_is_in_no_sum(given: bool) -> None:
 
     model = flatten(Pair())
     assert (with_sums_around_rings(model) is model) == given
+
+
+def test_sums_of_what_is_no_angle_stay() -> None:
+    class Sums(gl.Component):
+        x, y, z = gl.Variable("1", start=0.0), gl.Variable("1", start=0.0), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), 1), gl.Eq(gl.der(self.y), 2), gl.Eq(self.z, self.x + self.y)]
+
+    model = flatten(Sums())
+    assert with_sums_around_rings(model) is model
