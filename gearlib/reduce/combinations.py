@@ -137,14 +137,13 @@ def _of_block(structure: Structure, block: Block, parameters: Floats) -> list[Ca
     found = []
     for weights in dependent_rows(np.array(entries)):
         used = np.flatnonzero(weights).tolist()
-        least = min(rows[r][1] for r in used)
-        lead = next(r for r in used if rows[r][1] == least)
-        terms = tuple((rows[r][0], rows[r][1] - least, float(weights[r] / weights[lead])) for r in used)
+        first, least = rows[used[0]]  # they are sorted by how often they are differentiated; it has the weight 1
+        terms = tuple((rows[r][0], rows[r][1] - least, float(weights[r])) for r in used)
         gone = _cancelled(structure, terms, parameters)
         held = {node for e, k, _ in terms for _, node, _ in _row(structure, e, k).nodes()}
         if not {(v, order - least) for v, order in block} & held <= gone or held <= gone:
             continue
-        combination = CancellingSum(terms, rows[lead][0], tuple(sorted(gone)))
+        combination = CancellingSum(terms, first, tuple(sorted(gone)))
         found.append(replace(combination, decisive=_decisive(structure, combination, parameters)))
     return found
 

@@ -91,17 +91,14 @@ class _Sides:
 
 
 def _samples(group: EquationGroup, i: int, level: Template, parameters: Floats) -> dict[Any, Any]:
-    """Random values of time and of the variables of an equation, zero for those that are identically zero, and its parameters."""
+    """Random values of time, of an equation's variables, zero for those that are identically zero, and modes; and its parameters."""
     template, rng = group.template, np.random.default_rng(0)
     signs = dict(zip(template.locals, group.signs[i].tolist(), strict=True))
     found: dict[Any, Any] = {time: None}
     found.update({column_symbol(c): signs[c[0]] for c in (*template.columns, *template.relation_columns, *level.columns)})
+    found.update({real_symbol(name): int(name != "initial()") for name in template.discretes})
     for symbol in found:
         sizes = 10.0 ** rng.uniform(-DECADES, DECADES, SAMPLES)
         found[symbol] = sizes if symbol == time else np.sign(rng.uniform(-1, 1, SAMPLES)) * sizes * abs(found[symbol])
     numbers = parameters[group.parameters[i]].tolist()
-    return (
-        found
-        | {real_symbol(name): x for name, x in zip(template.parameters, numbers, strict=True)}
-        | {real_symbol(name): 0.0 for name in template.discretes}
-    )
+    return found | {real_symbol(name): x for name, x in zip(template.parameters, numbers, strict=True)}

@@ -78,7 +78,7 @@ def examine(
         pivot = min(row, key=lambda v: (abs(row[v]) < 0.1 * max(map(abs, row.values())), len(holders[v]), v))
         if len(row) == 1:
             grounded = any(i in fixing for i in combos[r])
-            if len(combos[r]) > 1 and not grounded and pivot not in may_stand and rhs[r] == 0.0:
+            if not grounded and pivot not in may_stand and rhs[r] == 0.0:
                 involved = tuple(sorted(combos[r]))
                 contradictory.append(Combination(involved, tuple(combos[r][i] for i in involved), pivot))
         for other, factor in eliminate(work, holders, r, pivot, pending, sizes, TOLERANCE):
@@ -102,7 +102,7 @@ def core(rows: Sequence[Mapping[int, float]]) -> list[int]:
     while stack:
         v = stack.pop()
         alone = next((r for r in holders[v] if r not in gone), None)
-        if alone is None or degree[v] != 1:
+        if alone is None:
             continue
         gone.add(alone)
         for u, c in rows[alone].items():

@@ -54,11 +54,8 @@ def tear(rows: Sequence[Mapping[int, bool]]) -> Tearing:
     open_rows = set(range(n))
     order: list[tuple[int, int]] = []
     tears: list[int] = []
-    open_holders = [len(holders.get(c, ())) for c in range(n)]
-    most = [
-        (-count, c) for c, count in enumerate(open_holders)
-    ]  # counts only fall: an outdated one is corrected when it is met
-    heapq.heapify(most)
+    by_count = iter(sorted(range(n), key=lambda c: -len(holders.get(c, ()))))  # no row that is solved holds an open column
+    known: set[int] = set()
     ready = [r for r in range(n) if len(unknown[r]) == 1]
     while len(order) + len(tears) < n:
         solvable = (heapq.heappop(ready) for _ in range(len(ready)))
@@ -67,14 +64,10 @@ def tear(rows: Sequence[Mapping[int, bool]]) -> Tearing:
             column = next(iter(unknown[solved]))
             order.append((solved, column))
             open_rows.remove(solved)
-            for c in rows[solved]:
-                open_holders[c] -= 1
         else:
-            count, column = heapq.heappop(most)
-            while -count != open_holders[column]:
-                count, column = heapq.heappushpop(most, (-open_holders[column], column))
+            column = next(c for c in by_count if c not in known)
             tears.append(column)
-        open_holders[column] = -1
+        known.add(column)
         for r in holders.get(column, ()):
             unknown[r].discard(column)
             if len(unknown[r]) == 1:

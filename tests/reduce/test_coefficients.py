@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gearlib as gl
+import gearparts as gp
 from gearlib.flatten.flatten import flatten
 from gearlib.reduce.coefficients import at_start, listed, partials_at, rest_at, some, start_guess
 
@@ -76,3 +77,21 @@ def test_derivatives_that_are_not_known_count_as_zero() -> None:
             found[column] = [float(v) for v in values] if group.template.on_time is False else found.get(column, [])
     assert found["x", 1] == [0.0, 2 * 5.0 * 2.0]
     assert found["y", 0] == [0.0, 25.0]
+
+
+def test_what_is_identically_zero_counts_as_zero_in_coefficients() -> None:
+    """The torque of a flange that nothing is connected to."""
+
+    class Loose(gl.Component):
+        flange = gp.Flange("free")
+        x = gl.Variable("1", start=3.0)
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), self.x * (2 + self.flange.tau)), gl.Eq(self.flange.phi, gl.time)]
+
+    model = flatten(Loose())
+    known = at_start(model, model.parameters.defaults)
+    assert model.sign[model.variable("flange.tau")] == 0
+    (g,) = [g for g, group in enumerate(model.groups) if ("x", 0) in group.template.columns]
+    column = model.groups[g].template.columns.index(("x", 0))
+    assert abs(float(partials_at(model, g, column, model.parameters.defaults, known)[0])) == 2.0

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearlib.structure import pantelides as algorithms
-from gearlib.structure.pantelides import by_graph, by_lists, pantelides
+from gearlib.structure.pantelides import Differentiation, by_graph, by_lists, pantelides
 
 Rows = list[list[tuple[int, int]]]
 
@@ -119,3 +119,30 @@ def test_lists_are_used_beyond_a_number_of_equations(n: int, way: str, monkeypat
 
 def test_no_equations_have_index_zero() -> None:
     assert pantelides(0, dense([])).index == 0
+
+
+@pytest.mark.parametrize("way", [by_graph, by_lists])
+@pytest.mark.parametrize(
+    ("rows", "counts", "orders"),
+    [
+        ([[(0, 1), (1, 0)], [(1, 1), (2, 0)], [(0, 0)]], (1, 0, 2), {0: 2, 1: 1, 2: 0}),
+        ([[(0, 0)], [(0, 1), (1, 0)]], (1, 0), {0: 1, 1: 0}),
+        ([[(0, 0), (1, 1)], [(1, 0), (0, 1)]], (0, 0), {0: 1, 1: 1}),
+        ([[(1, 2), (0, 0)], [(1, 0)], [(2, 0), (1, 1)]], (0, 2, 0), {0: 0, 1: 2, 2: 0}),
+    ],
+)
+def test_derivatives_are_asked_for_in_turn_and_no_more_of_them_than_needed(
+    way: Callable[..., Differentiation], rows: Rows, counts: tuple[int, ...], orders: dict[int, int]
+) -> None:
+    asked = [-1] * len(rows)
+
+    def columns(e: int, k: int) -> list[tuple[int, int]]:
+        asked[e] += 1
+        assert k == asked[e] <= counts[e], "the next one, if it is needed"
+        return dense(rows)(e, k)
+
+    result = way(len(rows), columns)
+    assert isinstance(result, Differentiation)
+    assert (result.counts, dict(result.orders), tuple(asked)) == (counts, orders, counts)
+    assert all((v, orders[v]) in dense(rows)(e, counts[e]) for e, v in result.assignment.items())
+    assert sorted(result.assignment.values()) == sorted(orders)

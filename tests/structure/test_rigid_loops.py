@@ -222,3 +222,26 @@ def test_loops_are_found_whatever_the_sizes_of_rows_and_coefficients(seed: int) 
         terms = np.array(found.multipliers)[:, None] * mixed[list(found.rows)]
         assert np.abs(terms.sum(axis=0)).max() < 1e-8 * np.abs(terms).max()
         assert found.last in found.rows
+
+
+@pytest.mark.parametrize("small", [3.1e-10, -1.7e-8])
+def test_a_small_coefficient_is_no_pivot(small: float) -> None:
+    """Divided by it, rounding would hide that the last row is a sum of the others, whatever stands first."""
+    first, second = np.array([small, 1.37, 0.73]), np.array([0.91, 1.13, 0.3])
+    redundant, contradictory = examine(as_rows([first, second, 3 * first + 2 * second]), [0.0] * 3, frozenset(range(3)))
+    assert contradictory == []
+    assert [found.rows for found in redundant] == [(0, 1, 2)]
+    weights = np.array(redundant[0].multipliers)
+    assert weights / weights[2] == pytest.approx([-3.0, -2.0, 1.0], rel=1e-9)
+
+
+def test_a_row_with_several_variables_of_its_own_leaves_once() -> None:
+    """The variable that is seen first belongs to another row, which leaves too."""
+    assert core([{0: 1.0}, {1: 1.0, 2: 1.0}]) == []
+    assert core([{0: 1.0, 5: 2.0}, {1: 1.0, 2: 1.0, 5: 0.0}, {3: 1.0}, {3: 2.0}]) == [2, 3]
+
+
+@pytest.mark.parametrize("factor", [1.0, -1.0, 2.0])
+def test_a_chain_of_rows_leaves_from_its_end(factor: float) -> None:
+    assert core([{k: 1.0, k + 1: factor} for k in range(5)]) == []
+    assert core([*({k: 1.0, k + 1: factor} for k in range(5)), {5: 1.0, 0: 1.0}]) == list(range(6))

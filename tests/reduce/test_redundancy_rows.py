@@ -1,0 +1,174 @@
+"""Redundant equations of models that are only flattened."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import BalanceError, LoopError
+from gearlib.flatten.flatten import flatten
+from gearlib.flatten.model import FlatModel
+from gearlib.reduce.coefficients import at_start
+from gearlib.reduce.reduction import analyse
+from gearlib.reduce.redundancy import last_names, redundant_rows, without
+
+
+class Halving(gl.Component):
+    """A gear whose ratio is no parameter."""
+
+    flange_a, flange_b = gp.Flange("fast"), gp.Flange("slow")
+
+    def equations(self) -> list[gl.Eq]:
+        a, b = self.flange_a, self.flange_b
+        return [gl.Eq(a.phi, 2 * b.phi), gl.Eq(b.tau, -2 * a.tau)]
+
+
+def side_by_side(**gears: Any) -> FlatModel:
+    """Gears between two bodies, in the order in which they are given, the bodies behind them."""
+
+    class Loop(gl.Component):
+        def assemble(self) -> list[Any]:
+            for name, make in gears.items():
+                setattr(self, name, make())
+            self.x, self.y = gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+            parts = [getattr(self, name) for name in gears]
+            return [
+                gl.connect(self.x.flange_a, *(p.flange_a for p in parts)),
+                gl.connect(self.y.flange_a, *(p.flange_b for p in parts)),
+            ]
+
+    return flatten(Loop())
+
+
+def found_in(model: FlatModel) -> dict[int, tuple[int, ...]]:
+    parameters = model.parameters.defaults
+    return redundant_rows(model, parameters, at_start(model, parameters))
+
+
+@pytest.mark.parametrize("names", [("one", "two", "zero"), ("zero", "two", "one")])
+def test_of_gears_side_by_side_those_are_redundant_whose_names_come_last(names: tuple[str, ...]) -> None:
+    """Each with the equations of its loop; with and without a parameter as ratio."""
+    made = dict(zip(names, (Halving, Halving, lambda: gp.IdealGear(ratio=2.0)), strict=True))
+    model = side_by_side(**made)
+    found = found_in(model)
+    owner = {e: model.owner(*model.places[e]) for e in range(len(model.places))}
+    assert len(found) == 2
+    assert {owner[e] for e in found} == {"two", "zero"}
+    for e, loop in found.items():
+        assert e in loop
+        assert len(loop) == 2
+        assert len({owner[o] for o in loop}) == 2
+    left = without(model, found)
+    assert [row for e, row in enumerate(model.rows) if e not in found] == left.rows
+    assert [owner[e] for e in owner if e not in found] == [left.owner(*place) for place in left.places]
+    assert left.redundant == model.redundant + 2
+    assert found_in(left) == {}
+    structure = analyse(model, model.parameters.defaults)
+    assert (len(structure.redundant), len(structure.closed), len(structure.states)) == (2, 2, 2)
+
+
+@pytest.mark.parametrize("first", ["a", "b"])
+def test_gears_that_contradict_each_other_force_shafts_to_stand_still(first: str) -> None:
+    gears = {"a": lambda: gp.IdealGear(ratio=2.0), "b": lambda: gp.IdealGear(ratio=3.0)}
+    model = side_by_side(**{name: gears[name] for name in sorted(gears, reverse=first == "b")})
+    said = r"^the rigid loop through a, b cannot turn: its ratios force \S+\.phi to stand still; check the ratios"
+    with pytest.raises(LoopError, match=said):
+        found_in(model)
+
+
+def test_equations_with_flows_rates_or_varying_coefficients_are_no_candidates() -> None:
+    """Said twice, none of them is found: other checks tell of them."""
+
+    class Twice(gl.Component):
+        flange, k = gp.Flange("any"), gl.Parameter("N.m/rad", default=2.0)
+        x, y, z, p, q = gl.Variable("1"), gl.Variable("1"), gl.Variable("1"), gl.Parameter("1"), gl.Parameter("1")
+
+        def equations(self) -> list[Any]:
+            flow = [
+                gl.Eq(self.flange.tau, self.k * self.flange.phi),
+                gl.Eq(self.p * self.flange.tau, self.q * self.k * self.flange.phi),
+            ]
+            rate = [gl.Eq(gl.der(self.x), 2 * self.y), gl.Eq(self.p * gl.der(self.x), 2 * self.q * self.y)]
+            curved = [gl.Eq(gl.sin(self.z), self.y), gl.Eq(self.p * gl.sin(self.z), self.q * self.y)]
+            plain = [gl.Eq(self.x, 3 * self.z), gl.Eq(self.p * self.x, 3 * self.q * self.z)]
+            return [*flow, *rate, *curved, *plain]
+
+    class Model(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.twice, self.wall = Twice(p=1.5, q=1.5), gp.Torque(tau=1.0)
+            return [gl.connect(self.twice.flange, self.wall.flange)]
+
+    model = flatten(Model())
+    ((dropped, loop),) = found_in(model).items()
+    x, z = (int(model.representative[model.variable(f"twice.{n}")]) for n in "xz")
+    assert dropped in loop
+    assert [sorted(model.rows[e]) for e in loop] == [sorted([(x, 0), (z, 0)])] * 2
+
+
+def test_the_last_name_among_aliases_stands_for_all() -> None:
+    model = side_by_side(one=Halving)
+    shafts = {int(v) for v in model.representative[[model.variable("x.phi"), model.variable("y.phi")]]}
+    assert set(last_names(model, shafts).values()) == {"x.phi", "y.phi"}
+    flow = int(model.representative[model.variable("one.flange_a.tau")])
+    aliases = [model.name(v) for v in np.flatnonzero(model.representative[: model.auxiliary] == flow)]
+    assert last_names(model, [flow]) == {flow: max(aliases)}
+    assert last_names(model, []) == {}
+
+
+def losing(**more: Any) -> Any:
+    return lambda: gp.LossyGear(ratio=2.0, loss_table=((0.0, 0.9, 0.8, 0.1, 0.1),), **more)
+
+
+@pytest.mark.parametrize("second", [losing(), lambda: gp.IdealGear(ratio=2.0)])
+def test_losses_in_one_of_two_paths_are_refused_with_a_remedy(second: Any) -> None:
+    model = side_by_side(upper=losing(), lower=second)
+    said = (
+        r"^the model is not balanced\. A rigid loop goes through lower, upper: its paths share .* Make one of the paths elastic"
+    )
+    with pytest.raises(BalanceError, match=said):
+        analyse(model, model.parameters.defaults)
+
+
+def test_what_lacks_an_equation_beside_paths_with_losses_is_told_first() -> None:
+    """As it is where there are no losses; two torques are open, too many for one loop."""
+
+    class Paths(gl.Component):
+        x, y = gl.Variable("1"), gl.Variable("1")
+
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.upper, self.lower = gp.Inertia(J=1.0), gp.Inertia(J=1.0), losing()(), losing()()
+            return [
+                gl.connect(self.a.flange_a, self.upper.flange_a, self.lower.flange_a),
+                gl.connect(self.b.flange_a, self.upper.flange_b, self.lower.flange_b),
+            ]
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.x + self.y, 1)]
+
+    model = flatten(Paths())
+    with pytest.raises(BalanceError, match=r"under-determined: .* x; y"):
+        analyse(model, model.parameters.defaults)
+
+
+def test_equations_too_many_beside_a_loop_are_told_as_such() -> None:
+    class Over(gl.Component):
+        x = gl.Variable("1")
+
+        def assemble(self) -> list[Any]:
+            self.a, self.b = gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+            self.upper, self.lower = gp.IdealGear(ratio=2.0), gp.IdealGear(ratio=2.0)
+            return [
+                gl.connect(self.a.flange_a, self.upper.flange_a, self.lower.flange_a),
+                gl.connect(self.b.flange_a, self.upper.flange_b, self.lower.flange_b),
+            ]
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.x, gl.sin(gl.time)), gl.Eq(self.x**3, gl.exp(gl.time))]
+
+    model = flatten(Over())
+    with pytest.raises(BalanceError, match=r"over-determined: 2 equations for 1 variables, 1 too many"):
+        analyse(model, model.parameters.defaults)
