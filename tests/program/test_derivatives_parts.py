@@ -1,0 +1,69 @@
+"""What derivatives are put together from: slopes of batches, and scale factors of equations against least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gearlib.program.derivatives import At, equilibrating, slopes
+from gearlib.program.interpret import batch_values
+from tests.program.programs import KINDS, point
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_slopes_are_those_of_the_values(kind: str) -> None:
+    """Along random changes of all slots: against central differences. Absent arguments are left out."""
+    p, rng = point(kind), np.random.default_rng(5)
+    now, slots, flags = p.t[:1], p.slots[:, :1], p.flags[:, :1]
+    at = At(p.numbers, now, slots, flags)
+    change = rng.normal(size=len(slots)) * np.maximum(np.abs(slots[:, 0]), 1e-2)
+    for batch in p.batches:
+        found, size = np.zeros((2, len(batch)))
+        met: set[tuple[int, int, int]] = set()
+        for number, (rows, places, values) in enumerate(slopes(batch, at)):
+            assert (batch.argument_signs[rows, batch.active[number]] != 0).all()
+            met.update((number, row, place) for row, place in zip(rows.tolist(), places.tolist(), strict=True))
+            found[rows] += values * change[places]
+            size[rows] += np.abs(values * change[places])
+        shown = [(k, a) for k, a in enumerate(batch.active)]
+        table, signs = batch.arguments.tolist(), batch.argument_signs
+        assert met == {(k, row, table[row][a]) for k, a in shown for row in range(len(batch)) if signs[row, a]}
+        h = 1e-6
+        high, low = (
+            np.broadcast_to(
+                batch_values(batch, now, slots + sign * h * change[:, None], p.numbers.parameters, flags), (len(batch), 1)
+            )
+            for sign in (1, -1)
+        )
+        noise = 1e-7 * size + 1e-9 * np.abs(high[:, 0])
+        assert (np.abs(found - (high - low)[:, 0] / (2 * h)) <= noise + 1e-12).all()
+
+
+def scales(matrix: np.ndarray, counted: np.ndarray) -> tuple[list[float], list[float]]:
+    """Powers of 2 next to the least scale factors that bring the entries that count nearest to 1, all weighted alike."""
+    n = len(matrix)
+    rows, columns = np.nonzero(counted)
+    terms = np.zeros((len(rows), 2 * n))
+    terms[np.arange(len(rows)), rows] = terms[np.arange(len(rows)), n + columns] = 1.0
+    found = 2.0 ** np.round(np.linalg.lstsq(terms, -np.log2(np.abs(matrix[rows, columns])), rcond=1e-10)[0])
+    return found[:n].tolist(), found[n:].tolist()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_scale_factors_are_powers_of_two_that_bring_entries_near_one(seed: int) -> None:
+    """Rows without entries keep theirs, and compliances far below the largest entry of an equation count as nothing."""
+    rng = np.random.default_rng(seed)
+    n = 1 + seed % 6
+    matrix = np.where(rng.random((n, n)) < 0.6, rng.choice([-1, 1], (n, n)) * 10.0 ** rng.uniform(-4, 4, (n, n)), 0.0)
+    matrix *= 10.0 ** rng.uniform(-5, 5, (n, 1))
+    large = np.abs(matrix).max(axis=1, keepdims=True)
+    small = (matrix == 0) & (rng.random((n, n)) < 0.5)
+    found = equilibrating(np.where(small, 1e-21 * large * (1 - 2 * (rng.random((n, n)) < 0.5)), matrix))
+    assert tuple(x.tolist() for x in found) == scales(matrix, matrix != 0)
+
+
+@pytest.mark.parametrize(("share", "counts"), [(1e-19, True), (1e-21, False)])
+def test_a_compliance_is_a_share_of_the_largest_entry_of_its_equation(share: float, counts: bool) -> None:
+    matrix = np.array([[5.0, 5.0 * share], [3.0 * share, 3.0]])
+    found = equilibrating(matrix)
+    assert tuple(x.tolist() for x in found) == scales(matrix, np.full((2, 2), True) if counts else np.eye(2, dtype=bool))
