@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import gearlib as gl
-from gearlib.program.build import build
+from gearlib.program.build import build, slot_table
 from gearlib.program.event_iteration import compares_with_before, relation_of, right_hand
 from gearlib.program.interpret import owner_of
-from gearlib.program.relations import relations_of, slot_table, used_discrete
+from gearlib.program.relations import relations_of, used_discrete
 
 
 class Counters(gl.Component):

@@ -1,0 +1,123 @@
+"""What a program is asked for: its states, outputs and slots; and that the equations of the model hold for what it computes."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+from gearlib.equations.kernel import residual_kernel
+from gearlib.program.build import Builder, build
+from gearlib.structure.sorting import reach, sort_blocks
+from tests.program.programs import KINDS, point
+
+
+class Chain(gl.Component):
+    """x follows from an input, y from x, and z from nothing but time; s equals x, r is a rate of a rate."""
+
+    rate = gl.Parameter("1/s", default=2.0)
+    u = gl.Input("1")
+    x, y, z, s, r, sharp = (gl.Variable("1") for _ in range(6))
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.rate * (self.u - self.x)),
+            gl.Eq(self.y**3 + self.y, self.x),
+            gl.Eq(gl.der(self.z), self.rate * gl.time),
+            gl.Eq(self.s, self.x),
+            gl.Eq(self.r, gl.der(self.s) / self.rate),
+            gl.Eq(self.sharp, gl.Piecewise((self.x, self.z > 1.0), (-self.x, True))),
+        ]
+
+
+@cache
+def chain() -> Any:
+    return gl.compile(Chain(), outputs=["y", "r", "sharp"]).translation
+
+
+def node(name: str, order: int = 0) -> tuple[int, int]:
+    return chain().model.variable(name), order
+
+
+def test_states_and_outputs_of_what_is_asked_for() -> None:
+    X, Z = node("x"), node("z")
+    rates = build(chain().structure, [], (Z, X), dynamic=True)
+    assert (rates.states, rates.outputs) == ((Z, X), (node("z", 1), node("x", 1)))
+    assert rates.slots.keys() == {Z, X, (chain().model.inputs[0], 0), *rates.outputs}
+    value = build(chain().structure, [node("y"), node("y")], None, dynamic=False)
+    assert (value.states, value.outputs) == ((X,), (node("y"),))
+    assert value.slots.keys() == {X, (chain().model.inputs[0], 0), node("y")}
+    assert build(chain().structure, [node("y")], None, dynamic=True).outputs == (node("x", 1),)
+    given = build(chain().structure, [node("y")], (Z, X), dynamic=False)
+    assert (given.states, given.slots[Z], given.slots[X], given.slots[node("y")]) == ((Z, X), 0, 1, 3)
+    for program in (rates, value, given):
+        assert program.n_slots == 1 + max(program.slots.values())
+        assert program.residuals == ()
+    plain = gl.compile(Bare()).translation
+    empty = build(plain.structure, [], (), dynamic=False)
+    assert (empty.states, empty.outputs, empty.n_slots, empty.steps) == ((), (), 0, ())
+
+
+class Bare(gl.Component):
+    x = gl.Variable("1")
+    rate = gl.Parameter("1/s", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), -self.rate * self.x)]
+
+
+@pytest.mark.parametrize("states", [("x", "z"), ("z", "x")])
+def test_slots_before_they_are_put_in_order(states: tuple[str, ...]) -> None:
+    """States, inputs, then the unknowns of the blocks; the table has the same by order of derivative and variable."""
+    order = tuple(node(name) for name in states)
+    unknowns, _ = reach(chain().structure, [node("y"), node("r"), node("sharp"), *((v, 1) for v, _ in order)], dynamic=False)
+    blocks = sort_blocks(chain().structure, unknowns)
+    builder = Builder(chain().structure, blocks, order)
+    nodes = [*order, (chain().model.inputs[0], 0), *(n for block in blocks for n in block)]
+    assert builder.inputs == ((chain().model.inputs[0], 0),)
+    assert [*builder.slots.items()] == [(n, i) for i, n in enumerate(nodes)]
+    assert builder.n_slots == len(nodes)
+    expected = np.full((2, chain().model.n_variables), -1)
+    for i, (v, k) in enumerate(nodes):
+        expected[k, v] = i
+    assert builder.table.tolist() == expected.tolist()
+    assert len(builder.groups) == len(chain().model.groups) + len(chain().model.updates)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_equations_of_the_model_hold(kind: str) -> None:
+    """Those all of whose variables the program has computed: with the variables that the instances name, and no rows of a program."""
+    p = point(kind)
+    model, held = p.scene.model, 0
+    for g, group in enumerate(model.groups):
+        kernel = residual_kernel(group.template)
+        columns = [*group.template.columns, *group.template.relation_columns]
+        where = {name: c for c, name in enumerate(group.template.locals)}
+        own = {name: c for c, name in enumerate(group.template.parameters)}
+        for i in range(len(group.variables)):
+            pairs = [(where[columns[c][0]], columns[c][1]) for c in kernel.columns]
+            nodes = [(int(group.variables[i, c]), k) for c, k in pairs]
+            signs = [int(group.signs[i, c]) for c, _ in pairs]
+            if any(sign and n not in p.program.slots for n, sign in zip(nodes, signs, strict=True)):
+                continue
+            zero = np.zeros(2)
+            x = [sign * p.slots[p.program.slots[n]] if sign else zero for n, sign in zip(nodes, signs, strict=True)]
+            constants = [
+                p.numbers.parameters[group.parameters[i, own[group.template.parameters[c]]]] for c in kernel.parameters
+            ]
+            n = len(group.template.relations)
+            flags = [
+                p.flags[model.first_relations[g] + i * n + c]
+                if c < n
+                else p.flags[model.n_relations + group.discretes[i, c - n]]
+                for c in kernel.relations
+            ]
+            with np.errstate(all="ignore"):
+                rest = np.asarray(kernel.function(p.t, *x, *constants, *flags), float) * np.ones(2)
+            size = 1.0 + np.abs(p.slots).max(axis=0)
+            assert (np.abs(rest) <= 1e-9 * size).all(), group.template.label
+            held += 1
+    assert held
