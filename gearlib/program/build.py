@@ -103,11 +103,10 @@ class Builder:
             g = len(model.groups) + u
             kernel = residual_kernel(update.equations.template)
             for i, target in enumerate(update.targets.tolist()):
-                node = (int(model.representative[target]), 0) if update.reinit else (-1, 0)
-                if update.reinit and node in position:
+                if not update.reinit:
+                    found += [(kernel, g, i, 1, n_relations + target, 1)] if target in variables else []
+                elif (node := (int(model.representative[target]), 0)) in position:
                     found.append((kernel, g, i, 2, position[node], int(model.sign[target])))
-                elif not update.reinit and target in variables:
-                    found.append((kernel, g, i, 1, n_relations + target, 1))
         return found
 
     def nodes(self, kernel: Kernel, g: int, i: int) -> list[Node]:

@@ -13,6 +13,7 @@ from gearlib.equations.kernel import residual_kernel
 from gearlib.program.build import Builder, build
 from gearlib.structure.sorting import reach, sort_blocks
 from tests.program.programs import KINDS, point
+from tests.program.test_relations import Counters
 
 
 class Chain(gl.Component):
@@ -121,3 +122,54 @@ def test_the_equations_of_the_model_hold(kind: str) -> None:
             assert (np.abs(rest) <= 1e-9 * size).all(), group.template.label
             held += 1
     assert held
+
+
+class Two(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.one, self.other = Counters(), Counters()
+        return []
+
+
+# what a discrete variable of one component follows, besides its own value before and its condition, now and before
+FOLLOWS = {"used": ("when_0", ["behind"]), "behind": ("when_1", []), "alone": ("when_2", [])}
+
+
+def test_what_is_evaluated_at_events_for_each_entry_of_the_discrete_state() -> None:
+    """A relation by itself; a discrete variable for its value and for that before; re-initialised states in any case."""
+    translation = gl.compile(Two(), outputs=["one.x", "other.x"]).translation
+    model, states = translation.model, translation.scene.states
+    builder, n, d = Builder(translation.structure, (), states), model.n_relations, len(model.discretes)
+    names = [f"relation {i}" for i in range(n)] + [*model.discretes, *(f"pre({name})" for name in model.discretes)]
+    reinits = [("one.x", ["pre(one.when_3)", "one.when_3"]), ("other.x", ["pre(other.when_3)", "other.when_3"])]
+    relation_of, met = {}, set()
+    for entry in range(n + 2 * d + 1):  # the last is the flag of the start of a run
+        places = builder.places(np.array([entry]))
+        for (kernel, g, i, kind, target, sign), (state, read) in zip(places[-2:], reinits, strict=True):
+            assert (kind, sign, states[target]) == (2, 1, (model.variable(state), 0))
+            assert builder.nodes(kernel, g, i) == [states[target]]
+            assert sorted(names[e] for e in builder.discrete(kernel, g, i)) == sorted(read)
+        if entry == n + 2 * d:
+            assert len(places) == 2
+            continue
+        ((kernel, g, i, kind, target, sign),) = places[:-2]
+        nodes, read = builder.nodes(kernel, g, i), [names[e] for e in builder.discrete(kernel, g, i)]
+        assert sign == 1
+        if entry < n:
+            assert (kind, target, read) == (0, entry, [])
+            level = float(kernel.function(10.0, *[20.0] * len(nodes)))
+            owner = model.name(nodes[0][0]).split(".")[0] if nodes else ("one", "other")[entry % 2]
+            assert nodes in ([], [(model.variable(f"{owner}.x"), 0)])
+            met.add((owner, 20.0 - level if nodes else 10.0 - level))
+            relation_of[owner, 20.0 - level if nodes else "time"] = f"relation {entry}"
+            continue
+        assert (kind, target, nodes) == (1, n + (entry - n) % d, [])
+        owner, _, name = model.discretes[(entry - n) % d].partition(".")
+        if name in FOLLOWS:
+            condition, others = FOLLOWS[name]
+            expected = [f"{owner}.{x}" for x in (condition, *others)] + [f"pre({owner}.{x})" for x in (name, condition)]
+            assert sorted(read) == sorted(expected)
+        else:
+            limit = {"when_0": 1.0, "when_1": -2.0, "when_2": "time", "when_3": 7.0}[name]
+            assert read == [relation_of[owner, limit]]
+    assert met == {(owner, level) for owner in ("one", "other") for level in (3.0, 1.0, -2.0, 0.5, 7.0)}
+    assert builder.places(np.arange(0)) == builder.places(np.array([n + 2 * d]))
