@@ -12,6 +12,7 @@ import pytest
 import gearlib as gl
 from gearlib.program.held_speeds import held_speeds
 from gearlib.program.interpret import evaluate
+from gearlib.program.program import Newton
 from tests.linear.test_held_states import Bent, Coasting
 
 
@@ -19,7 +20,7 @@ class Braked(gl.Component):
     """A body under a reaction; ``soft`` is how far the locked brake gives way, in proportion to the reaction."""
 
     w, r, common = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
-    J, held, soft, other = (gl.Parameter("1", default=value) for value in (2.0, 1.0, 1e-25, 0.0))
+    J, held, soft, other, drag = (gl.Parameter("1", default=value) for value in (2.0, 1.0, 1e-25, 0.0, 0.3))
     rate = gl.Parameter("1/s", default=1.0)
 
     def equations(self) -> list[gl.Eq]:
@@ -29,7 +30,7 @@ class Braked(gl.Component):
             gl.Eq(
                 gl.Piecewise(
                     (acceleration + self.soft * self.r + self.other * self.common, self.held > 0.5),
-                    (self.r - 0.3 * self.w, True),
+                    (self.r - 0.4 - self.drag * self.w, True),
                 ),
                 0,
             ),
@@ -53,11 +54,11 @@ def bodies() -> Any:
     return gl.compile(Bodies()).translation
 
 
-def found(translation: Any, values: dict[str, float], x: Any, t: float = 0.3) -> Any:
+def found(translation: Any, values: dict[str, float], x: Any, u: Any = (), t: float = 0.3) -> Any:
     """The rows at a point, in the order of the states' names."""
     scene = translation.scene
-    numbers, none = scene.numbers(translation.parameter_values(values)), np.zeros((0, 1))
-    at = np.array([t]), np.array(x, float)[:, None], none
+    numbers = scene.numbers(translation.parameter_values(values))
+    at = np.array([t]), np.array(x, float)[:, None], np.array(u, float).reshape(-1, 1)
     flags = scene.discrete(numbers, *at)
     slots = evaluate(numbers, *at, flags)
     return held_speeds(translation.structure, numbers, t, slots[:, 0], flags[:, 0])[:, np.argsort(scene.state_names)]
@@ -74,6 +75,8 @@ def test_a_braked_body_is_held_and_another_is_not(held: tuple[float, ...]) -> No
     [
         ({}, 3), ({"body[1].soft": 1e-22}, 3), ({"body[1].soft": 1e-3}, 2), ({"body[1].soft": -1e-3}, 2),
         ({"body[0].other": 0.1, "body[2].other": -0.1}, 1), ({"body[1].other": 1e-24}, 3),
+        ({"body[1].rate": 1e-3, "body[1].soft": 1e-18}, 3), ({"body[1].rate": 1e3, "body[1].soft": 1e-22}, 2),
+        ({f"body[{i}].{name}": 0.0 for i in range(3) for name in ("held", "drag")}, 0),
     ],
     ids=str,
 )  # fmt: skip
@@ -101,6 +104,28 @@ def test_nothing_holds_a_rotor_that_coasts() -> None:
     coasting = gl.compile(Coasting()).translation
     for x in ([0.5, 0.5], [1.5, 1.5]):
         assert found(coasting, {}, x).shape == (0, 2)
+
+
+@pytest.mark.parametrize("x", [0.5, 1.5])
+def test_a_drive_that_is_off_holds_nothing_though_it_is_solved_together_with_the_rotor(x: float) -> None:
+    """Its torque is unknown, but does not answer to the acceleration where x is 0.5; two inputs drive what it has nothing to do with."""
+
+    class Off(gl.Component):
+        w, tau, x = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+        u, v = gl.Input("1"), gl.Input("1")
+        rate = gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            a = gl.der(self.w) / self.rate
+            return [
+                gl.Eq(2.0 * a, gl.Piecewise((0, self.x < 1), (self.tau, True))),
+                gl.Eq(self.tau, 3 * self.x - 0.1 * self.w - (self.x - 0.5) * a),
+                gl.Eq(gl.der(self.x), self.rate * (self.u - self.v - self.x)),
+            ]
+
+    off = gl.compile(Off()).translation
+    assert any(isinstance(step, Newton) for step in off.scene.program.steps)
+    assert found(off, {}, [x, x], [0.3, 0.4]).shape == (0, 2)
 
 
 def test_brakes_side_by_side_hold_a_body_together() -> None:
