@@ -52,7 +52,7 @@ class RelationsPhase:
     def comparison(self) -> str:
         """The comparison with zero under which the relations hold."""
         strict, negated = relation_of(self.batch)
-        return ("<" if negated else ">") + ("" if strict else "=")
+        return f"{'<' if negated else '>'}{'' if strict else '='}"
 
     def hold(self, values: Floats) -> Floats:
         """1 where a relation holds, 0 where it does not."""

@@ -128,6 +128,24 @@ def test_a_drive_that_is_off_holds_nothing_though_it_is_solved_together_with_the
     assert found(off, {}, [x, x], [0.3, 0.4]).shape == (0, 2)
 
 
+@pytest.mark.parametrize("J", [1e-16, 1.0, 1e16])
+def test_a_body_of_any_inertia_is_held(J: float) -> None:
+    """The reaction answers with the inertia times the acceleration."""
+
+    class Alone(gl.Component):
+        w, r = gl.Variable("1"), gl.Variable("1")
+        rate, J, held = gl.Parameter("1/s", default=1.0), gl.Parameter("1"), gl.Parameter("1", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            a = gl.der(self.w) / self.rate
+            return [
+                gl.Eq(self.J * a, 1.0 - self.r),
+                gl.Eq(gl.Piecewise((a, self.held > 0.5), (self.r - 0.3 * self.w, True)), 0),
+            ]
+
+    assert found(gl.compile(Alone(J=J)).translation, {}, [0.4]).tolist() == [[1.0]]
+
+
 def test_brakes_side_by_side_hold_a_body_together() -> None:
     """They share the reaction in any way."""
 
