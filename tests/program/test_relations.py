@@ -149,6 +149,11 @@ def test_rules_know_their_components() -> None:
             owners.add(owner_of(structure, equation))
             assert model.discretes[target - model.n_relations].startswith(f"{owner_of(structure, equation)}.")
     assert owners == {"one", "other"}
+    assert len(found.timed) == 0
+    everything = relations_of(structure, program, range(len(model.discretes)))
+    of_time = {int(t) for b in everything.batches if b.kernel.on_time for t in b.targets}
+    assert len(of_time) == 2
+    assert everything.timed.tolist() == sorted(of_time)
     (reinit,) = found.reinits
     assert [owner_of(structure, e) for e in reinit.equations] == [
         model.name(program.states[state][0]).rpartition(".")[0] for state in reinit.targets
