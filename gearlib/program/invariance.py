@@ -42,24 +42,20 @@ def symmetries(prepared: Prepared, targets: Sequence[int], events: tuple[Relatio
     -------
     array, shape (states, how many)
     """
-    rows = [_Carried(prepared, scale)]
-    parts = [rows[0].run(targets)]
+    n = len(scale)
+    parts = [_Carried(prepared, scale).run(targets)]
     if events is not None:
         relations, numbers = events
         carried = _Carried(numbers, scale)
-        parts += [carried.run(()), *(carried.change(batch) for batch in (*relations.batches, *relations.discretes))]
-        parts += [carried.constraints()]
-        rows.append(carried)
-    n, widths = len(scale), [carried.width for carried in rows]
-    total = n + sum(width - n for width in widths)
-    wide = []  # the iteration unknowns of each program have columns of their own
-    for k, part in enumerate(parts):
-        at = n if k == 0 else total - (widths[-1] - n)
-        here = np.zeros((len(part), total))
-        here[:, :n] = part[:, :n]
-        here[:, at : at + part.shape[1] - n] = part[:, n:]
-        wide.append(here)
-    kept = _null_space(np.vstack(wide))[:n]
+        changes = [carried.run(()), *(carried.change(batch) for batch in (*relations.batches, *relations.discretes))]
+        parts.append(np.vstack([*changes, carried.constraints()]))
+    wide = np.zeros((sum(map(len, parts)), n + sum(part.shape[1] - n for part in parts)))
+    row, column = 0, n  # the iteration unknowns of each program have columns of their own
+    for part in parts:
+        here, own = slice(row, row + len(part)), slice(column, column + part.shape[1] - n)
+        wide[here, :n], wide[here, own] = part[:, :n], part[:, n:]
+        row, column = here.stop, own.stop
+    kept = _null_space(wide)[:n]
     left, sizes, _ = np.linalg.svd(kept, full_matrices=False)
     found = left[:, sizes > INDEPENDENT]
     return np.where(np.abs(found) > INDEPENDENT, found, 0.0)

@@ -79,6 +79,21 @@ KNOWN: dict[str, tuple[Any, Any, list[list[float]]]] = {
         [[1, 1, 0]],
     ),
     "condition on one": (lambda s: (gl.Piecewise((1.0, s.a > 1), (2.0, True)), 0, s.c), lambda s: [], [[0, 1, 0]]),
+    "condition on a block beside another": (
+        lambda s: (gl.Piecewise((1.0, s.y > 1), (2.0, True)), 0, s.z),
+        lambda s: [gl.Eq(s.y**3 + s.p * s.y, s.a - s.b), gl.Eq(s.z**3 + s.p * s.z, s.b - s.c)],
+        [[1, 1, 1]],
+    ),
+    "condition on a block of two": (
+        lambda s: (gl.Piecewise((1.0, s.y > 1), (2.0, True)), 0, 0),
+        lambda s: [gl.Eq(s.y**3 + s.z, s.a - s.p * s.b), gl.Eq(s.z**3 - s.y, s.b - s.c)],
+        [[P, 1, 1]],
+    ),
+    "condition on one unknown of a block that the rates need": (
+        lambda s: (s.y, gl.Piecewise((1.0, s.z > 1), (2.0, True)), 0),
+        lambda s: [gl.Eq(s.y**3 + s.z, s.a - s.b), gl.Eq(s.z**3 - s.y, s.b - s.c)],
+        [[1, 1, 1]],
+    ),
     "vanishes with a parameter": (
         lambda s: ((1 - gl.cos(s.none)) * gl.sin(s.a) + s.b - s.c, gl.sin(s.none * s.a * s.b), 0),
         lambda s: [],
