@@ -94,6 +94,20 @@ KNOWN: dict[str, tuple[Any, Any, list[list[float]]]] = {
         lambda s: [gl.Eq(s.y**3 + s.z, s.a - s.b), gl.Eq(s.z**3 - s.y, s.b - s.c)],
         [[1, 1, 1]],
     ),
+    "constant block": (  # y = a - b, but for rounding
+        lambda s: (s.y, 0, 0),
+        lambda s: [
+            gl.Eq(0.1 * s.p * s.y + 0.7 * s.z, 0.1 * s.p * (s.a - s.b) + 0.7 * (s.b - s.c)),
+            gl.Eq(0.3 * s.y - 0.9 * s.p * s.z, 0.3 * (s.a - s.b) - 0.9 * s.p * (s.b - s.c)),
+        ],
+        [[1, 1, 0], [0, 0, 1]],
+    ),
+    "function of a difference from nothing": (lambda s: (gl.sin(s.a - s.z), 0, 0), lambda s: [], [[0, 1, 0], [0, 0, 1]]),
+    "another function later": (
+        lambda s: (gl.Piecewise((gl.sin(s.a - s.b), s.rate * gl.time > 1), (gl.sin(s.a + s.b), True)), 0, 0),
+        lambda s: [],
+        [[0, 0, 1]],
+    ),
     "vanishes with a parameter": (
         lambda s: ((1 - gl.cos(s.none)) * gl.sin(s.a) + s.b - s.c, gl.sin(s.none * s.a * s.b), 0),
         lambda s: [],
