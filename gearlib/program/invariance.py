@@ -137,7 +137,7 @@ class _Carried:
         shape = (looks, len(batch.kernel.columns))
         points = np.where(random.random(shape) < 0.5, -1, 1) * 10.0 ** random.uniform(*DECADES, shape)
         flags = (random.random((looks, len(batch.kernel.relations))) < 0.5).astype(float)
-        values = [self._slope(batch.kernel, slope, points, flags) * np.ones((len(batch), looks)) for slope in slopes]
+        values = [np.broadcast_to(self._slope(batch.kernel, slope, points, flags), (len(batch), looks)) for slope in slopes]
         table = np.stack(values, axis=2)  # (rows, looks, arguments)
         absent = np.stack([self._absent(slope) for slope in slopes], axis=1)
         table[np.broadcast_to(absent[:, None], table.shape)] = 0.0

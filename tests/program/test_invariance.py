@@ -94,6 +94,9 @@ KNOWN: dict[str, tuple[Any, Any, list[list[float]]]] = {
         lambda s: [gl.Eq(s.y**3 + s.z, s.a - s.b), gl.Eq(s.z**3 - s.y, s.b - s.c)],
         [[1, 1, 1]],
     ),
+    "large and small parts of one function": (
+        lambda s: ((s.a - s.b) ** 4 + gl.sin(s.b - s.c), 0, 0), lambda s: [], [[1, 1, 1]],
+    ),
     "constant block": (  # y = a - b, but for rounding
         lambda s: (s.y, 0, 0),
         lambda s: [
