@@ -19,7 +19,7 @@ from gearlib.program.program import Batch, Linear, Newton
 from gearlib.program.relations import Relations
 
 Floats = NDArray[np.float64]
-LOOKS = 24  # random arguments at which a nonlinear kernel is sampled, besides one for each slope
+LOOKS = 24  # random times and arguments at which a nonlinear kernel is sampled, besides one for each slope
 DECADES = (-6.0, 4.0)  # range of magnitudes of these arguments
 INDEPENDENT = 1e-9  # smallest singular value at which directions count as independent
 CANCELLED = 1e-13  # of the terms of a sum: a change that small is their rounding
@@ -137,7 +137,10 @@ class _Carried:
         shape = (looks, len(batch.kernel.columns))
         points = np.where(random.random(shape) < 0.5, -1, 1) * 10.0 ** random.uniform(*DECADES, shape)
         flags = (random.random((looks, len(batch.kernel.relations))) < 0.5).astype(float)
-        values = [np.broadcast_to(self._slope(batch.kernel, slope, points, flags), (len(batch), looks)) for slope in slopes]
+        times = 10.0 ** random.uniform(*DECADES, looks)  # any: what vanishes at the start may not do so later
+        values = [
+            np.broadcast_to(self._slope(batch.kernel, slope, times, points, flags), (len(batch), looks)) for slope in slopes
+        ]
         table = np.stack(values, axis=2)  # (rows, looks, arguments)
         absent = np.stack([self._absent(slope) for slope in slopes], axis=1)
         table[np.broadcast_to(absent[:, None], table.shape)] = 0.0
@@ -155,13 +158,13 @@ class _Carried:
         sets = [tuple(p for p, none in zip(names, row, strict=True) if none) for row in zero.tolist()]
         return np.array([bool(zeros) and is_zero_without(slope.kernel, zeros) for zeros in sets], bool)
 
-    def _slope(self, kernel: Kernel, slope: Batch, points: Floats, flags: Floats) -> Floats:
-        """A partial derivative of a kernel, with the parameters of each row, at some points."""
+    def _slope(self, kernel: Kernel, slope: Batch, times: Floats, points: Floats, flags: Floats) -> Floats:
+        """A partial derivative of a kernel, with the parameters of each row, at some times and points."""
         arguments = [points[:, kernel.columns.index(c)] for c in slope.kernel.columns]
         constants = [self._prepared.parameters[slope.parameters[:, [p]]] for p in range(slope.parameters.shape[1])]
         relations = [flags[:, kernel.relations.index(r)] for r in slope.kernel.relations]
         with np.errstate(all="ignore"):
-            return np.asarray(slope.kernel.function(0.0, *arguments, *constants, *relations), float)
+            return np.asarray(slope.kernel.function(times, *arguments, *constants, *relations), float)
 
 
 def _without_rounding(change: Floats, terms: Floats) -> Floats:

@@ -97,6 +97,13 @@ KNOWN: dict[str, tuple[Any, Any, list[list[float]]]] = {
     "large and small parts of one function": (
         lambda s: ((s.a - s.b) ** 4 + gl.sin(s.b - s.c), 0, 0), lambda s: [], [[1, 1, 1]],
     ),
+    "very weak spring": (lambda s: (1e-12 * (s.a - s.b), 1e3 * (s.b - s.c), 0), lambda s: [], [[1, 1, 1]]),
+    "function of a sum with a parameter that is zero": (lambda s: (gl.sin(s.a + s.none), 0, 0), lambda s: [], [[0, 1, 0], [0, 0, 1]]),
+    "spring that time changes": (lambda s: (gl.sin(s.rate * gl.time) * (s.a - s.b), 0, s.c), lambda s: [], [[1, 1, 0]]),
+    "function that time changes": (
+        lambda s: (gl.sin(s.rate * gl.time) * gl.sin(s.a - s.b), 0, (gl.cos(s.rate * gl.time) - 1) * (s.c - s.b)), lambda s: [],
+        [[1, 1, 1]],
+    ),
     "constant block": (  # y = a - b, but for rounding
         lambda s: (s.y, 0, 0),
         lambda s: [
