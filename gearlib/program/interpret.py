@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -267,7 +268,7 @@ def evaluate(
     guess : array, shape (slots,) or (slots, times), optional
         Initial guess of Newton's iterations: for the first time (each later time starts from the solution before it), or for each time.
     forgiving : bool
-        Whether equations without a solution leave their unknowns at the guess.
+        Whether equations without a solution leave their unknowns at the guess, at the times at which they have none.
 
     Returns
     -------
@@ -292,6 +293,11 @@ def evaluate(
             except SolverError:
                 if not forgiving:
                     raise
+                for i in range(len(t)) if len(t) > 1 else ():  # at one of them there is none, at others there may be
+                    one = slice(i, i + 1)
+                    own = guess[:, one] if guess is not None and guess.ndim == 2 else guess
+                    with suppress(SolverError):
+                        _solve_block(step, prepared, t[one], slots[:, one], relations[:, one], own)
     return slots
 
 
@@ -330,7 +336,7 @@ def _iterate(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relatio
                 for i, column in enumerate(left.tolist()):
                     own = z[:, column], float(now[i])
                     change[:, column] = _sparse_step(
-                        step, prepared.structure, order.matrix(entries[:, i]), residual[:, i], *own
+                        step, prepared.structure, order.matrix(entries[:, i].copy()), residual[:, i], *own
                     )
                 return change
 
