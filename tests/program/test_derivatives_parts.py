@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from gearlib.program.derivatives import At, equilibrating, slopes
-from gearlib.program.interpret import batch_values
-from tests.program.programs import KINDS, point
+from gearlib.program.derivative_plan import derivative_plan
+from gearlib.program.derivatives import At, dense, entries, equilibrating, slopes
+from gearlib.program.interpret import batch_values, solutions_of_runs
+from gearlib.program.program import Batch
+from tests.program.programs import KINDS, compiled, point
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -37,6 +41,33 @@ def test_slopes_are_those_of_the_values(kind: str) -> None:
         )
         noise = 1e-7 * size + 1e-9 * np.abs(high[:, 0])
         assert (np.abs(found - (high - low)[:, 0] / (2 * h)) <= noise + 1e-12).all()
+
+
+def test_derivatives_of_many_runs_are_those_of_each() -> None:
+    """Of a linear program with other parameters in each run, some of them the same in all; two seeds with weights of their own."""
+    translation = compiled("bound").translation
+    scene, program = translation.scene, translation.scene.program
+    given: list[dict[str, float]] = [{}, {"size": 0.31}, {"b.J": 0.02, "stiffness": 3e3}]
+    tables = [translation.parameter_values(values) for values in given]
+    solutions, solved = solutions_of_runs(program, np.stack(tables, axis=1))
+    assert solved.all()
+    numbers = replace(scene.numbers(tables[0]), parameters=np.stack(tables, axis=1), solutions=tuple(solutions))
+    n, none = len(program.states) + len(program.inputs), np.zeros((0, 3))
+    plan = derivative_plan(program, [(i, i) for i in range(n)], program.output_slots)
+    slots, weights = np.zeros((program.n_slots, 3)), np.linspace(1.0, 2.0, 3 * n).reshape(n, 3)
+    found = dense(plan, entries(plan, At(numbers, np.zeros(3), slots, none), weights))
+    for run, table in enumerate(tables):
+        one = At(scene.numbers(table), np.zeros(1), slots[:, :1], none[:, :1])
+        expected = dense(plan, entries(plan, one))[0] * weights[:, run]
+        assert found[run] == pytest.approx(expected, rel=1e-12, abs=1e-13 * np.abs(expected).max())
+        assert dense(plan, entries(plan, one, weights[:, run]))[0] == pytest.approx(expected, rel=1e-13)
+        for step in program.steps:
+            for batch in (step,) if isinstance(step, Batch) else ():
+                for a in batch.active:
+                    slope = batch.derivative(a)
+                    values = At(numbers, np.zeros(3), slots, none).values(slope)
+                    assert values.shape == (len(batch), 3)
+                    assert values[:, run] == pytest.approx(one.values(slope)[:, 0], rel=1e-14)
 
 
 def scales(matrix: np.ndarray, counted: np.ndarray) -> tuple[list[float], list[float]]:
