@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gearlib.program.derivative_plan import derivative_plan
-from gearlib.program.derivatives import At, dense, entries, equilibrating, slopes
+from gearlib.program.derivatives import At, dense, entries, equilibrating, pulled_back, slopes
 from gearlib.program.interpret import batch_values, solutions_of_runs
 from gearlib.program.program import Batch
 from tests.program.programs import KINDS, compiled, point
@@ -68,6 +68,29 @@ def test_derivatives_of_many_runs_are_those_of_each() -> None:
                     values = At(numbers, np.zeros(3), slots, none).values(slope)
                     assert values.shape == (len(batch), 3)
                     assert values[:, run] == pytest.approx(one.values(slope)[:, 0], rel=1e-14)
+
+
+@pytest.mark.parametrize("constants", [False, True], ids=["states", "parameters"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_reverse_of_a_plan_is_its_transpose(kind: str, constants: bool) -> None:
+    """At two times; by states and inputs, or also by what the matrices of blocks are made of."""
+    p, rng = point(kind), np.random.default_rng(8)
+    program, at = p.program, At(p.numbers, p.t, p.slots, p.flags)
+    places = [*range(len(program.states) + len(program.inputs)), int(program.output_slots[-1])]
+    if constants:
+        blocks = [
+            b for step in program.steps if not isinstance(step, Batch) for b in (getattr(step, "matrix", ()) or step.jacobian)
+        ]
+        places += [program.n_slots + q for q in sorted({int(q) for b in blocks for q in b.parameters.ravel()})]
+    wanted = rng.permutation(program.n_slots)[:30]
+    one, each = (derivative_plan(program, [(slot, k * i) for k, slot in enumerate(places)], wanted) for i in (0, 1))
+    matrices = dense(each, entries(each, at))
+    weights = rng.normal(size=(len(wanted), 2))
+    found = pulled_back(one, at, weights)
+    assert found.shape == (len(places), 2)
+    for i in range(2):
+        size = np.abs(matrices[i]).max(axis=0) + 1e-300
+        assert found[:, i] / size == pytest.approx(matrices[i].T @ weights[:, i] / size, rel=1e-10, abs=1e-11)
 
 
 def scales(matrix: np.ndarray, counted: np.ndarray) -> tuple[list[float], list[float]]:
