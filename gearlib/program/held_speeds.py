@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.program.build import build
-from gearlib.program.derivatives import COMPLIANCE, At, derivatives, newton_matrix, slopes
-from gearlib.program.interpret import Prepared, evaluate, prepare
+from gearlib.program.derivatives import At, derivatives, newton_matrix, slopes
+from gearlib.program.interpret import COMPLIANCE, Prepared, evaluate, prepare
 from gearlib.program.program import Newton
 from gearlib.reduce.reduction import Structure
 from gearlib.structure.incidence import Node
