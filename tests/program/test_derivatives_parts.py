@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import gearlib as gl
 from gearlib.program.derivative_plan import derivative_plan
-from gearlib.program.derivatives import At, dense, entries, equilibrating, pulled_back, slopes
+from gearlib.program.derivatives import At, dense, entries, equilibrating, pulled_back, slopes, undetermined
 from gearlib.program.interpret import batch_values, solutions_of_runs
 from gearlib.program.program import Batch
 from tests.program.programs import KINDS, compiled, point
+from tests.program.test_derivatives import Root
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -121,3 +123,45 @@ def test_a_compliance_is_a_share_of_the_largest_entry_of_its_equation(share: flo
     matrix = np.array([[5.0, 5.0 * share], [3.0 * share, 3.0]])
     found = equilibrating(matrix)
     assert tuple(x.tolist() for x in found) == scales(matrix, np.full((2, 2), True) if counts else np.eye(2, dtype=bool))
+
+
+@pytest.mark.parametrize(("y", "count"), [(0.0, 1), (1e-3, 0), (-2.0, 0)])
+def test_where_the_slope_of_a_cube_vanishes_its_root_is_undetermined(y: float, count: int) -> None:
+    translation = gl.compile(Root()).translation
+    scene, numbers = translation.scene, translation.scene.numbers(translation.parameter_values({}))
+    place = scene.program.slots[scene.model.variable("y"), 0]
+    slots, none = np.zeros(scene.program.n_slots), np.zeros(0)
+    slots[place] = y
+    found = undetermined(numbers, 0.0, slots, none, [place])
+    assert found.shape == (1, count)
+    assert found.all()
+    assert undetermined(numbers, 0.0, slots, none).shape == (len(slots), count)
+
+
+@pytest.mark.parametrize(("x", "count"), [(1.0, 0), (15.0 / 224.0, 1)])
+def test_undetermined_unknowns_of_a_chain(x: float, count: int) -> None:
+    """Four unknowns between neighbours, 4 on the diagonal and 1 beside it, but 4 x at the first: 4 x 56 - 15 = 0 leaves one open."""
+
+    class Chain(gl.Component):
+        x = gl.Variable("1")
+        y0, y1, y2, y3 = (gl.Variable("1") for _ in range(4))
+        rate = gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            y = (self.y0, self.y1, self.y2, self.y3)
+            return [
+                gl.Eq(gl.der(self.x), self.rate * self.y3),
+                gl.Eq(4 * self.x * y[0] + y[1], 1.0),
+                *(gl.Eq(y[i - 1] + 4 * y[i] + y[i + 1], self.x) for i in (1, 2)),
+                gl.Eq(y[2] + 4 * y[3], 0.5),
+            ]
+
+    translation = gl.compile(Chain()).translation
+    scene, numbers = translation.scene, translation.scene.numbers(translation.parameter_values({}))
+    slots, none = np.zeros(scene.program.n_slots), np.zeros(0)
+    slots[0] = x
+    places = [scene.program.slots[scene.model.variable(f"y{i}"), 0] for i in range(4)]
+    found = undetermined(numbers, 0.0, slots, none, places)
+    assert found.shape == (4, count)
+    for y in found.T:  # y3 = 1, and upwards from there
+        assert y / y[3] == pytest.approx([-56.0, 15.0, -4.0, 1.0], rel=1e-9)
