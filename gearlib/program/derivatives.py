@@ -281,14 +281,11 @@ def undetermined(prepared: Prepared, t: float, slots: Floats, relations: Floats,
 def _null_space(matrix: Floats) -> Floats:
     """Orthonormal null space of a square matrix, after scaling its rows and columns."""
     rows, columns = equilibrating(matrix)
-    if np.linalg.cond(matrix * rows[:, None] * columns) < SINGULAR:
+    scaled = matrix * rows[:, None] * columns
+    if np.linalg.cond(scaled) < SINGULAR:
         return np.zeros((len(matrix), 0))
-    row = np.abs(matrix).max(axis=1)
-    scaled = matrix / np.where(row > 0.0, row, 1.0)[:, None]
-    column = np.abs(scaled).max(axis=0)
-    column[column == 0.0] = 1.0
-    _, sizes, right = np.linalg.svd(scaled / column)
-    return np.asarray(right[sizes * SINGULAR <= sizes.max()].T / column[:, None], float)
+    _, sizes, right = np.linalg.svd(scaled)
+    return np.asarray(right[sizes * SINGULAR <= sizes.max()].T * columns[:, None], float)
 
 
 def equilibrating(matrix: Floats) -> tuple[Floats, Floats]:

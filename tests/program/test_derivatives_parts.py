@@ -138,17 +138,21 @@ def test_where_the_slope_of_a_cube_vanishes_its_root_is_undetermined(y: float, c
     assert undetermined(numbers, 0.0, slots, none).shape == (len(slots), count)
 
 
+@pytest.mark.parametrize("s", [1.0, 1e-6, 1e6])
 @pytest.mark.parametrize(("x", "count"), [(1.0, 0), (15.0 / 224.0, 1)])
-def test_undetermined_unknowns_of_a_chain(x: float, count: int) -> None:
-    """Four unknowns between neighbours, 4 on the diagonal and 1 beside it, but 4 x at the first: 4 x 56 - 15 = 0 leaves one open."""
+def test_undetermined_unknowns_of_a_chain(x: float, count: int, s: float) -> None:
+    """Four unknowns between neighbours, 4 on the diagonal and 1 beside it, but 4 x at the first: 4 x 56 - 15 = 0 leaves one open.
+
+    In units of which each is s times the one before.
+    """
 
     class Chain(gl.Component):
         x = gl.Variable("1")
         y0, y1, y2, y3 = (gl.Variable("1") for _ in range(4))
-        rate = gl.Parameter("1/s", default=1.0)
+        rate, s = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=1.0)
 
         def equations(self) -> list[gl.Eq]:
-            y = (self.y0, self.y1, self.y2, self.y3)
+            y = (self.y0, self.s * self.y1, self.s**2 * self.y2, self.s**3 * self.y3)
             return [
                 gl.Eq(gl.der(self.x), self.rate * self.y3),
                 gl.Eq(4 * self.x * y[0] + y[1], 1.0),
@@ -157,11 +161,11 @@ def test_undetermined_unknowns_of_a_chain(x: float, count: int) -> None:
             ]
 
     translation = gl.compile(Chain()).translation
-    scene, numbers = translation.scene, translation.scene.numbers(translation.parameter_values({}))
+    scene, numbers = translation.scene, translation.scene.numbers(translation.parameter_values({"s": s}))
     slots, none = np.zeros(scene.program.n_slots), np.zeros(0)
     slots[0] = x
     places = [scene.program.slots[scene.model.variable(f"y{i}"), 0] for i in range(4)]
     found = undetermined(numbers, 0.0, slots, none, places)
     assert found.shape == (4, count)
-    for y in found.T:  # y3 = 1, and upwards from there
+    for y in found.T * s ** np.arange(4):  # y3 = 1, and upwards from there
         assert y / y[3] == pytest.approx([-56.0, 15.0, -4.0, 1.0], rel=1e-9)
