@@ -18,12 +18,12 @@ N = 26
 
 class Cell(gl.Component):
     y, following, x = gl.Variable("1", guess=0.4), gl.Variable("1"), gl.Variable("1")
-    cubic = gl.Structural(True)
+    cubic, p, q = gl.Structural(True), gl.Parameter("1", default=1.0), gl.Parameter("1", default=1.0)
 
     def equations(self) -> list[gl.Eq]:
         if self.cubic:
             return [gl.Eq(self.y**3 + 2.0 * self.y - 0.5 * self.following, self.x)]
-        return [gl.Eq(self.x * self.y + self.following, 1.0)]
+        return [gl.Eq(self.p * self.x * self.y + self.q * self.following, self.q)]
 
 
 class Cells(gl.Component):
@@ -48,10 +48,13 @@ def cells(cubic: bool) -> Any:
     return gl.compile(Cells(cubic=cubic)).translation
 
 
-def values(cubic: bool, x: list[float], guess: Any = None, forgiving: bool = False) -> Any:
+def values(
+    cubic: bool, x: list[float], guess: Any = None, forgiving: bool = False, pq: tuple[float, float] = (1.0, 1.0)
+) -> Any:
     """The unknowns of the ring, in its order, shape (cells, times)."""
     scene = cells(cubic).scene
-    numbers, none = scene.numbers(scene.model.parameters.values), np.empty((0, len(x)))
+    table = {f"cell[{i}].{name}": value for i in range(N) for name, value in zip("pq", pq, strict=True)}
+    numbers, none = scene.numbers(cells(cubic).parameter_values(table)), np.empty((0, len(x)))
     (step,) = (s for s in scene.program.steps if isinstance(s, Newton))
     assert (step.linear, len(step.unknowns), step.order is not None) == (not cubic, N, True)
     if guess is not None:
@@ -83,6 +86,16 @@ def test_linear_equations_in_a_ring(most: int, entries: int, monkeypatch: pytest
     np.testing.assert_allclose(y[:, x != 1], np.tile(1 / (1 + x[x != 1]), (N, 1)), rtol=1e-12)
     if most > N:
         np.testing.assert_allclose(y[:, 1], np.full(N, 0.5), rtol=1e-12)  # the smallest
+
+
+@pytest.mark.parametrize("most", [400, 10], ids=["dense", "sparse"])
+def test_equations_in_a_ring_that_depend_on_each_other_up_to_rounding(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """0.1 times 3 is not 0.3: one of the many solutions, and no large numbers."""
+    monkeypatch.setattr("gearlib.program.interpret.MOST_DENSE", most)
+    y = values(False, [3.0, 1.0], pq=(0.1, 0.3))
+    np.testing.assert_allclose((y + np.roll(y, -1, axis=0))[:, 0], np.ones(N), rtol=1e-12)
+    assert np.abs(y).max() < 10.0
+    np.testing.assert_allclose(y[:, 1], np.full(N, 0.75), rtol=1e-12)
 
 
 @pytest.mark.parametrize("most", [400, 10], ids=["dense", "sparse"])
