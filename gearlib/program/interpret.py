@@ -424,7 +424,9 @@ def _singular_step(step: Newton, structure: Structure, matrix: Any, residual: Fl
     change: Floats = np.zeros(len(z))
     if finite:
         change = _least(matrix, residual) if dense else factorise(matrix).solve(residual)
-    if not finite or np.abs(residual - matrix @ change).max() > 1e-9 * np.abs(residual).max():
+    largest = np.abs(matrix).max(axis=1) if dense else np.abs(matrix).max(axis=1).toarray().ravel()
+    units = np.where(largest > 0.0, largest, 1.0)  # of each equation
+    if not finite or np.abs((residual - matrix @ change) / units).max() > 1e-9 * np.abs(residual / units).max():
         if step.linear or not finite:
             raise SolverError(
                 f"the equations {_labels(step, structure)} have no solution at t = {t:g} s: they depend on each other there. Where "

@@ -11,6 +11,7 @@ import pytest
 import gearlib as gl
 from gearlib.equations.kernel import residual_kernel
 from gearlib.program.build import Builder, build
+from gearlib.program.interpret import evaluate
 from gearlib.structure.sorting import reach, sort_blocks
 from tests.program.programs import KINDS, point
 from tests.program.test_relations import Counters
@@ -173,3 +174,37 @@ def test_what_is_evaluated_at_events_for_each_entry_of_the_discrete_state() -> N
             assert read == [relation_of[owner, limit]]
     assert met == {(owner, level) for owner in ("one", "other") for level in (3.0, 1.0, -2.0, 0.5, 7.0)}
     assert builder.places(np.arange(0)) == builder.places(np.array([n + 2 * d]))
+
+
+@pytest.mark.parametrize(
+    ("factor", "pivots"),
+    [
+        (lambda s: s.p, ["p"]),
+        (lambda s: 2.0, []),
+        (lambda s: s.x, []),
+        (lambda s: s.p * s.x, []),
+        (lambda s: s.p + s.q**2, ["p", "q"]),
+    ],
+    ids=["parameter", "number", "state", "parameter and state", "two parameters"],
+)
+def test_what_is_divided_by_and_does_not_change_is_checked_beforehand(factor: Any, pivots: list[str]) -> None:
+    """``f y = 1``; a divisor that a state changes may vanish at some time, but not always."""
+
+    class Quotient(gl.Component):
+        x, y = gl.Variable("1"), gl.Variable("1")
+        rate, p, q = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=3.0), gl.Parameter("1", default=0.5)
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), self.rate * self.y), gl.Eq(factor(self) * self.y, 1.0)]
+
+    translation = gl.compile(Quotient()).translation
+    scene, table = translation.scene, translation.model.parameters
+    assert [table.names[p] for batch in scene.program.pivots for p in batch.parameters[0]] == pivots
+    numbers, none = scene.numbers(table.values), np.empty((0, 1))
+    found = evaluate(numbers, np.zeros(1), np.array([[0.8]]), none, none)[scene.program.output_slots, 0]
+    divisor = {"p": 3.0, "pq": 3.25}.get("".join(pivots)) or float(factor(Values()))
+    assert found == pytest.approx([1.0 / divisor], rel=1e-14)
+
+
+class Values:
+    p, q, x = 3.0, 0.5, 0.8

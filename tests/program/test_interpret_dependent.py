@@ -22,17 +22,18 @@ class Locked(gl.Component):
     a, b, r, q, x = (gl.Variable("1") for _ in range(5))
     rate, k = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=3.0)
     c, d, give = gl.Parameter("1", default=0.1), gl.Parameter("1", default=0.2), gl.Parameter("1", default=1e-25)
+    w = gl.Parameter("1", default=1.0)  # weight of the equation of one of them
 
     def equations(self) -> list[Any]:
-        def element(lever: Any, reaction: Any) -> Any:
-            held = lever * self.c * self.a + lever * self.d * self.b + self.give * reaction
+        def element(lever: Any, reaction: Any, w: Any = 1.0) -> Any:
+            held = w * lever * self.c * self.a + w * lever * self.d * self.b + w * self.give * reaction
             return gl.Eq(gl.Piecewise((held, self.x > -1.0), (reaction, True)), 0)
 
         return [
             gl.Eq(gl.der(self.x), self.rate * (self.a + self.b)),
             gl.Eq(self.a + self.c * self.r + self.k * self.c * self.q, self.x),
             gl.Eq(self.b + self.d * self.r + self.k * self.d * self.q, 0 * self.x),
-            element(1.0, self.r), element(self.k, self.q),
+            element(1.0, self.r), element(self.k, self.q, self.w),
         ]  # fmt: skip
 
 
@@ -42,15 +43,15 @@ def locked() -> Any:
 
 
 @pytest.mark.parametrize("count", [1, 2])
-@pytest.mark.parametrize("give", [1e-25, 1e-30])
+@pytest.mark.parametrize(("give", "w"), [(1e-25, 1.0), (1e-30, 1e15), (1e-25, 1e-15)])
 @pytest.mark.parametrize("k", [1.0, 2.0, 3.0, 0.7, -1.9])
-def test_stuck_elements_share_their_load(k: float, give: float, count: int) -> None:
+def test_stuck_elements_share_their_load(k: float, give: float, w: float, count: int) -> None:
     """The load u = c x / (c^2 + d^2) = r + k q, with the least r^2 + q^2; at several times together as at one, and so do derivatives.
 
     0.1 times 3 is not 0.3, so that the equations of both elements seem to say something different.
     """
     scene = locked().scene
-    numbers = scene.numbers(locked().parameter_values({"k": k, "give": give}))
+    numbers = scene.numbers(locked().parameter_values({"k": k, "give": give, "w": w}))
     (step,) = (s for s in scene.program.steps if isinstance(s, Newton))
     x, none, t = np.array([[0.7e6, 0.9e-6][:count]]), np.zeros((0, count)), np.zeros(count)
     flags = scene.discrete(numbers, t, x, none)
