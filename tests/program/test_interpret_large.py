@@ -118,3 +118,21 @@ def test_an_iteration_that_does_not_end_names_its_first_equations() -> None:
             values(True, [0.5, np.nan, 2.0], guess)
         found = values(True, [0.5, np.nan, 2.0], guess, forgiving=True)
         np.testing.assert_allclose(found[:, [0, 2]], values(True, [0.5, 2.0], guess), rtol=1e-13)
+
+
+class CubeRoot(gl.Component):
+    rate = gl.Parameter("1/s", default=1.0)
+    x, y = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.rate * self.y), gl.Eq(self.y**3, self.x)]
+
+
+def test_small_roots_far_from_their_guess_are_exact() -> None:
+    """Cube roots of which the iteration needs many steps, at many times together and one after the other."""
+    scene = gl.compile(CubeRoot()).translation.scene
+    numbers, roots = scene.numbers(scene.model.parameters.values), np.geomspace(1e-5, 1e-2, 12)
+    none = np.empty((0, len(roots)))
+    for guess in (np.ones(scene.program.n_slots), np.ones((scene.program.n_slots, len(roots)))):
+        slots = evaluate(numbers, np.zeros(len(roots)), roots[None, ::-1] ** 3, none, none, guess)
+        np.testing.assert_allclose(slots[scene.program.output_slots[0]], roots[::-1], rtol=1e-9)
