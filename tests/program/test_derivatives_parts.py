@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import gearlib as gl
-from gearlib.program.derivative_plan import derivative_plan
+from gearlib.program.derivative_plan import TIME, Solved, derivative_plan, discrete_entry
 from gearlib.program.derivatives import At, dense, entries, equilibrating, pulled_back, slopes, undetermined
 from gearlib.program.interpret import batch_values, solutions_of_runs
-from gearlib.program.program import Batch
+from gearlib.program.program import Batch, Linear
 from tests.program.programs import KINDS, compiled, point
 from tests.program.test_derivatives import Root
 
@@ -93,6 +93,24 @@ def test_the_reverse_of_a_plan_is_its_transpose(kind: str, constants: bool) -> N
     for i in range(2):
         size = np.abs(matrices[i]).max(axis=0) + 1e-300
         assert found[:, i] / size == pytest.approx(matrices[i].T @ weights[:, i] / size, rel=1e-10, abs=1e-11)
+
+
+@pytest.mark.parametrize("kind", ["held", "latch", "bound"])
+def test_constants_have_places_of_their_own(kind: str) -> None:
+    """Every parameter, every entry of the discrete state, and time: all at once as each by itself."""
+    p = point(kind)
+    program, at = p.program, At(p.numbers, p.t, p.slots, p.flags)
+    places = [*(program.n_slots + q for q in range(len(p.numbers.parameters))), *map(discrete_entry, range(len(p.flags))), TIME]
+    plan = derivative_plan(program, [(place, k) for k, place in enumerate(places)], program.output_slots)
+    together = dense(plan, entries(plan, at))
+    linear = iter(range(len(program.linear_blocks)))
+    for step in plan.steps:
+        if isinstance(step, Solved):
+            assert step.block == (next(linear) if isinstance(step.step, Linear) else -1)
+    for k, place in enumerate(places):
+        own = derivative_plan(program, [(place, 0)], program.output_slots)
+        expected = dense(own, entries(own, at)) if len(own.sources) else np.zeros((2, len(program.output_slots), 1))
+        assert together[:, :, [k]] == pytest.approx(expected, rel=1e-13)
 
 
 def scales(matrix: np.ndarray, counted: np.ndarray) -> tuple[list[float], list[float]]:
