@@ -202,6 +202,7 @@ class Stepped(gl.Component):
             "bend": lambda: gl.Piecewise((0.0, self.u > 1), (self.p * (self.u - 1), True)),
             "curve": lambda: gl.Piecewise((0.0, self.u > 1), (self.p * (self.u - 1) ** 2, True)),
             "discrete": lambda: self.p * self.m,
+            "both": lambda: gl.Piecewise((0.0, self.u > 1), (self.p, True)) + self.rate * self.m,
             "smooth": lambda: self.p * gl.sin(self.u),
         }
         return [
@@ -220,7 +221,9 @@ class TwoStepped(gl.Component):
         return []
 
 
-@pytest.mark.parametrize(("kind", "orders"), [("step", [0]), ("bend", [1]), ("curve", []), ("discrete", [0]), ("smooth", [])])
+@pytest.mark.parametrize(
+    ("kind", "orders"), [("step", [0]), ("bend", [1]), ("curve", []), ("discrete", [0]), ("both", [0]), ("smooth", [])]
+)
 def test_equations_that_jump_below_the_derivatives_that_are_used(kind: str, orders: list[int]) -> None:
     """The constraint is used twice differentiated: its value and its first derivative may jump, and do if p is not zero."""
     outputs = [f"{part}.{name}" for part in "ab" for name in "xy"]
@@ -232,16 +235,18 @@ def test_equations_that_jump_below_the_derivatives_that_are_used(kind: str, orde
         (constraint,) = (e for e in range(len(model.places)) if tied <= {v for v, _ in model.nodes(e, 0)})
         g, i = model.places[constraint]
         first = int(model.first_relations[g])
+        value = model.n_relations + model.discretes.index(f"{part}.m")
         places[part, constraint] = {
-            "discrete": [model.n_relations + model.discretes.index(f"{part}.m")],
+            "discrete": [value],
+            "both": [first + i, value],
             "step": [first + 2 * i, first + 2 * i + 1],
         }.get(kind, [first + i])
-    for p in ((0.2, 0.3), (0.0, 0.2), (-3.0, 0.0)):
+    for p in ((0.2, 0.3), (0.0, 0.2), (-3.0, 0.0))[: 1 if kind == "both" else 3]:
         own = dict(zip("ab", p, strict=True))
         values[[model.parameters.index[f"{part}.p"] for part in "ab"]] = p
         found = {(jump.equation, jump.order, tuple(jump.places.tolist())) for jump in jumps_below(structure, program, values)}
         assert found == {
             (e, k, tuple(where)) for (part, e), where in places.items() for k in orders if own[part] or kind == "discrete"
         }
-    if kind not in ("discrete", "smooth"):
+    if kind not in ("discrete", "both", "smooth"):
         assert {e for where in places.values() for e in where} <= {*relations_of(structure, program).used.tolist()}
