@@ -14,9 +14,8 @@ from gearlib.equations.kernel import array_function, differentiated
 from gearlib.equations.template import Column, Template, column_symbol, memoised, relation_symbol, with_events, without_events
 from gearlib.errors import GearlibWarning, warn
 from gearlib.language.expressions import real_symbol, time
-from gearlib.program.build import build
+from gearlib.program.build import build, slot_table
 from gearlib.program.program import Program
-from gearlib.program.relations import slot_table
 from gearlib.reduce.coefficients import some
 from gearlib.reduce.reduction import Structure
 from gearlib.run.scene import needed_states

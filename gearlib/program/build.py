@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,14 @@ def build(structure: Structure, targets: Iterable[Node], states: Sequence[Node] 
     return Builder(structure, blocks, order).program(tuple(outputs))
 
 
+def slot_table(slots: Mapping[Node, int], n_variables: int) -> Integers:
+    """The slot of each variable and order of derivative, -1 where there is none."""
+    table = np.full((1 + max((k for _, k in slots), default=0), n_variables), -1)
+    for (v, k), slot in slots.items():
+        table[k, v] = slot
+    return table
+
+
 class Builder:
     """Collects the steps of a program, block by block."""
 
@@ -60,9 +68,7 @@ class Builder:
                 self.slots.setdefault(node, len(self.slots))
         self.n_slots = len(self.slots)
         self.residuals: dict[Node, int] = {}  # slots of residuals, keyed by the tearing variables that are among the states
-        self.table = np.full((1 + max((k for _, k in self.slots), default=0), self.model.n_variables), -1)
-        for (v, k), slot in self.slots.items():
-            self.table[k, v] = slot
+        self.table = slot_table(self.slots, self.model.n_variables)
         self.groups = (*self.model.groups, *(u.equations for u in self.model.updates))
 
     def program(self, outputs: tuple[Node, ...]) -> Program:
@@ -97,11 +103,10 @@ class Builder:
             g = len(model.groups) + u
             kernel = residual_kernel(update.equations.template)
             for i, target in enumerate(update.targets.tolist()):
-                node = (int(model.representative[target]), 0) if update.reinit else (-1, 0)
-                if update.reinit and node in position:
+                if not update.reinit:
+                    found += [(kernel, g, i, 1, n_relations + target, 1)] if target in variables else []
+                elif (node := (int(model.representative[target]), 0)) in position:
                     found.append((kernel, g, i, 2, position[node], int(model.sign[target])))
-                elif not update.reinit and target in variables:
-                    found.append((kernel, g, i, 1, n_relations + target, 1))
         return found
 
     def nodes(self, kernel: Kernel, g: int, i: int) -> list[Node]:

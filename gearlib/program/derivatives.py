@@ -12,15 +12,12 @@ from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
 from gearlib.program.derivative_plan import DerivativePlan, Solved, Sums, derivative_plan
-from gearlib.program.interpret import Prepared, assemble, batch_values, block_solve, constant_values
+from gearlib.program.interpret import COMPLIANCE, Prepared, assemble, batch_values, block_solve, constant_values, solve_regular
 from gearlib.program.program import Batch, Linear, Newton
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Added = tuple[int, int, float]  # slot, index of the added seed, weight
-# Relative to the largest coefficient of an equation: smaller ones are artificial compliances (`gearparts.rotational.friction.YIELD` is
-# 1e-25), which determine reactions that would be undetermined otherwise.
-COMPLIANCE = 1e-20
 SINGULAR = 1e13  # condition number beyond which equations count as linearly dependent
 MOST_DENSE = 4_000_000  # slots times seeds up to which a dense matrix is returned
 
@@ -242,7 +239,7 @@ def newton_solved(step: Newton, at: At, right: Floats) -> Floats:
     matrices = newton_matrix(step, at)
     if len(matrices) > 1:
         with suppress(np.linalg.LinAlgError):
-            return np.asarray(np.moveaxis(np.linalg.solve(matrices, -np.moveaxis(right, 2, 0)), 0, 2), float)
+            return np.asarray(np.moveaxis(solve_regular(matrices, -np.moveaxis(right, 2, 0)), 0, 2), float)
     try:
         return -np.stack([solve_shared(m, right[:, :, i]) for i, m in enumerate(matrices)], axis=2)
     except np.linalg.LinAlgError:
@@ -284,14 +281,11 @@ def undetermined(prepared: Prepared, t: float, slots: Floats, relations: Floats,
 def _null_space(matrix: Floats) -> Floats:
     """Orthonormal null space of a square matrix, after scaling its rows and columns."""
     rows, columns = equilibrating(matrix)
-    if np.linalg.cond(matrix * rows[:, None] * columns) < SINGULAR:
+    scaled = matrix * rows[:, None] * columns
+    if np.linalg.cond(scaled) < SINGULAR:
         return np.zeros((len(matrix), 0))
-    row = np.abs(matrix).max(axis=1)
-    scaled = matrix / np.where(row > 0.0, row, 1.0)[:, None]
-    column = np.abs(scaled).max(axis=0)
-    column[column == 0.0] = 1.0
-    _, sizes, right = np.linalg.svd(scaled / column)
-    return np.asarray(right[sizes * SINGULAR <= sizes.max()].T / column[:, None], float)
+    _, sizes, right = np.linalg.svd(scaled)
+    return np.asarray(right[sizes * SINGULAR <= sizes.max()].T * columns[:, None], float)
 
 
 def equilibrating(matrix: Floats) -> tuple[Floats, Floats]:

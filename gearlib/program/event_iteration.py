@@ -51,7 +51,8 @@ class RelationsPhase:
     @property
     def comparison(self) -> str:
         """The comparison with zero under which the relations hold."""
-        return {(False, False): ">=", (True, False): ">", (False, True): "<=", (True, True): "<"}[relation_of(self.batch)]
+        strict, negated = relation_of(self.batch)
+        return f"{'<' if negated else '>'}{'' if strict else '='}"
 
     def hold(self, values: Floats) -> Floats:
         """1 where a relation holds, 0 where it does not."""

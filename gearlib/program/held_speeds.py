@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.program.build import build
-from gearlib.program.derivatives import COMPLIANCE, At, derivatives, newton_matrix, slopes
-from gearlib.program.interpret import Prepared, evaluate, prepare
+from gearlib.program.derivatives import At, derivatives, newton_matrix, slopes
+from gearlib.program.interpret import COMPLIANCE, Prepared, evaluate, prepare
 from gearlib.program.program import Newton
 from gearlib.reduce.reduction import Structure
 from gearlib.structure.incidence import Node
@@ -72,7 +72,7 @@ def _held_in(
     at = At(prepared, np.array([t]), slots[:, None], discrete[:, None])
     place = {int(slot): i for i, slot in enumerate(step.unknowns)}
     found = []
-    answers = rounded = None
+    response: tuple[Floats, Floats] | None = None  # of the unknowns to each equation, and the terms of its rounding
     for batch in changing:
         terms: dict[int, dict[int, float]] = {}
         for rows, columns, values in slopes(batch, at):
@@ -80,25 +80,22 @@ def _held_in(
                 terms.setdefault(r, {})[c] = value
         for r, sizes in terms.items():
             only = [c for c, size in sizes.items() if size > COMPLIANCE * max(sizes.values())]
-            (slot,) = only if len(only) == 1 else (-1,)
-            if slot not in place or slot not in nodes:
+            if len(only) != 1 or (slot := only[0]) not in place or slot not in nodes:
                 continue
             others = [place[c] for c in batch.arguments[r].tolist() if c in place and c != slot]
-            if answers is None or rounded is None:
-                matrix = newton_matrix(step, at)[0]
-                answers = _answers(matrix)
-                rounded = answers @ np.abs(matrix) @ answers
-            answer = answers[:, batch.targets[r]]
-            if others and (answer > REACTION * np.minimum(answer.max(), rounded[:, batch.targets[r]]))[others].any():
+            if response is None:
+                response = _response(newton_matrix(step, at)[0])
+            answer, rounded = (answers[:, batch.targets[r]] for answers in response)
+            if (answer > REACTION * np.minimum(answer.max(), rounded))[others].any():
                 v, k = nodes[slot]
                 found.append((v, k - 1))
     return found
 
 
-def _answers(matrix: Floats) -> Floats:
-    """Response of each unknown of a block to a perturbation of each equation; elements in parallel share it."""
+def _response(matrix: Floats) -> tuple[Floats, Floats]:
+    """Response of each unknown of a block to a perturbation of each equation, with its terms; elements in parallel share it."""
     try:
         answers: Floats = np.abs(np.linalg.inv(matrix))
     except np.linalg.LinAlgError:
         answers = np.abs(np.linalg.pinv(matrix))
-    return answers
+    return answers, answers @ np.abs(matrix) @ answers

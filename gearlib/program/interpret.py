@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,6 +28,9 @@ from gearlib.structure.sparse_elimination import factorise
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 MOST_INVERSES = 4  # matrices of linear blocks whose inverses a structure keeps
+# Relative to the largest coefficient of an equation: smaller ones are artificial compliances (`gearparts.rotational.friction.YIELD` is
+# 1e-25), which determine reactions that would be undetermined otherwise.
+COMPLIANCE = 1e-20
 SINGULAR = 1e-13  # reciprocal condition number below which a matrix counts as singular
 MOST_DENSE = 400  # unknowns up to which a block's matrix is treated as dense
 ENTRIES = 1_000_000  # matrix entries of a block at many times that are solved in one batch
@@ -267,7 +271,7 @@ def evaluate(
     guess : array, shape (slots,) or (slots, times), optional
         Initial guess of Newton's iterations: for the first time (each later time starts from the solution before it), or for each time.
     forgiving : bool
-        Whether equations without a solution leave their unknowns at the guess.
+        Whether equations without a solution leave their unknowns at the guess, at the times at which they have none.
 
     Returns
     -------
@@ -292,6 +296,11 @@ def evaluate(
             except SolverError:
                 if not forgiving:
                     raise
+                for i in range(len(t)) if len(t) > 1 else ():  # at one of them there is none, at others there may be
+                    one = slice(i, i + 1)
+                    own = guess[:, one] if guess is not None and guess.ndim == 2 else guess
+                    with suppress(SolverError):
+                        _solve_block(step, prepared, t[one], slots[:, one], relations[:, one], own)
     return slots
 
 
@@ -330,7 +339,7 @@ def _iterate(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relatio
                 for i, column in enumerate(left.tolist()):
                     own = z[:, column], float(now[i])
                     change[:, column] = _sparse_step(
-                        step, prepared.structure, order.matrix(entries[:, i]), residual[:, i], *own
+                        step, prepared.structure, order.matrix(entries[:, i].copy()), residual[:, i], *own
                     )
                 return change
 
@@ -340,7 +349,7 @@ def _iterate(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relatio
         def correction(residual: Floats) -> Floats:
             change = np.zeros_like(z)
             try:
-                change[:, left] = np.linalg.solve(matrix, residual.T[:, :, None])[:, :, 0].T
+                change[:, left] = solve_regular(matrix, residual.T[:, :, None])[:, :, 0].T
             except np.linalg.LinAlgError:
                 if len(left) > 1:
                     raise
@@ -374,6 +383,26 @@ def _iterate(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relatio
         )
 
 
+def solve_regular(matrices: Floats, right: Floats) -> Floats:
+    """Solve many systems of linear equations, (times, n, n) and (times, n, sides).
+
+    Raises
+    ------
+    LinAlgError
+        One of them is singular, or so nearly that rounding decides what it leaves open: locked elements that hold the same motion by
+        ratios that are no short binary numbers. By another right-hand side, of irregular numbers, on equations in units of their own.
+    """
+    n = matrices.shape[1]
+    rows = np.ldexp(1.0, -np.frexp(np.abs(matrices).max(axis=2, initial=0.0))[1])[:, :, None]
+    columns = np.ldexp(1.0, -np.frexp(np.abs(matrices * rows).max(axis=1, initial=0.0))[1])[:, :, None]
+    irregular = np.broadcast_to(np.cos(1.0 + np.arange(n) ** 2)[:, None], (len(matrices), n, 1))
+    scaled = matrices * rows * np.swapaxes(columns, 1, 2)
+    found = np.linalg.solve(scaled, np.concatenate([right * rows, irregular], axis=2))
+    if (np.abs(found[:, :, -1]) >= 1 / SINGULAR).any():
+        raise np.linalg.LinAlgError
+    return np.asarray(found[:, :, :-1] * columns, float)
+
+
 def _sparse_step(step: Newton, structure: Structure, matrix: Any, residual: Floats, z: Floats, t: float) -> Floats:
     """Newton step of a large block."""
     from scipy.sparse.linalg import splu
@@ -394,12 +423,10 @@ def _singular_step(step: Newton, structure: Structure, matrix: Any, residual: Fl
     finite = bool(np.isfinite(matrix if dense else matrix.data).all() and np.isfinite(residual).all())
     change: Floats = np.zeros(len(z))
     if finite:
-        change = (
-            np.asarray(np.linalg.lstsq(matrix, residual, rcond=None)[0], np.float64)
-            if dense
-            else factorise(matrix).solve(residual)
-        )
-    if not finite or np.abs(residual - matrix @ change).max() > 1e-9 * np.abs(residual).max():
+        change = _least(matrix, residual) if dense else factorise(matrix).solve(residual)
+    largest = np.abs(matrix).max(axis=1) if dense else np.abs(matrix).max(axis=1).toarray().ravel()
+    units = np.where(largest > 0.0, largest, 1.0)  # of each equation
+    if not finite or np.abs((residual - matrix @ change) / units).max() > 1e-9 * np.abs(residual / units).max():
         if step.linear or not finite:
             raise SolverError(
                 f"the equations {_labels(step, structure)} have no solution at t = {t:g} s: they depend on each other there. Where "
@@ -407,6 +434,29 @@ def _singular_step(step: Newton, structure: Structure, matrix: Any, residual: Fl
             )
         change = np.asarray(change - 1e-3 * np.maximum(np.abs(z), 1.0), np.float64)
     return change
+
+
+def _least(matrix: Floats, right: Floats) -> Floats:
+    """The smallest solution of equations that depend on each other up to rounding.
+
+    Where artificial compliances tell the unknowns that shall be small, these are made as small as can be, so that locked elements share
+    what is open as the compliances would have it.
+    """
+    scale = np.ldexp(1.0, -np.frexp(np.abs(matrix).max(axis=1))[1])
+    size = np.abs(matrix)
+    compliant = (size > 0.0) & (size <= COMPLIANCE * size.max(axis=1)[:, None])
+    stiff = np.where(compliant, 0.0, matrix) * scale[:, None]
+    left, sizes, back = np.linalg.svd(stiff)
+    rank = int((sizes > SINGULAR * sizes[0]).sum())
+    found = back[:rank].T @ (left[:, :rank].T @ (right * scale) / sizes[:rank])
+    counted, free = compliant.any(axis=0), back[rank:].T
+    found = found - free @ np.linalg.lstsq(free[counted], found[counted], rcond=SINGULAR)[0]
+    if np.abs(right * scale - stiff @ found).max() <= 1e-12 * np.abs(right * scale).max():
+        return np.asarray(found, float)
+    try:
+        return np.asarray(np.linalg.solve(matrix, right), float)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], float)
 
 
 def _labels(step: Newton, structure: Structure) -> str:

@@ -19,7 +19,7 @@ from gearlib.program.program import Batch, Linear, Newton
 from gearlib.program.relations import Relations
 
 Floats = NDArray[np.float64]
-LOOKS = 24  # random arguments at which a nonlinear kernel is sampled, besides one for each slope
+LOOKS = 24  # random times and arguments at which a nonlinear kernel is sampled, besides one for each slope
 DECADES = (-6.0, 4.0)  # range of magnitudes of these arguments
 INDEPENDENT = 1e-9  # smallest singular value at which directions count as independent
 CANCELLED = 1e-13  # of the terms of a sum: a change that small is their rounding
@@ -42,24 +42,20 @@ def symmetries(prepared: Prepared, targets: Sequence[int], events: tuple[Relatio
     -------
     array, shape (states, how many)
     """
-    rows = [_Carried(prepared, scale)]
-    parts = [rows[0].run(targets)]
+    n = len(scale)
+    parts = [_Carried(prepared, scale).run(targets)]
     if events is not None:
         relations, numbers = events
         carried = _Carried(numbers, scale)
-        parts += [carried.run(()), *(carried.change(batch) for batch in (*relations.batches, *relations.discretes))]
-        parts += [carried.constraints()]
-        rows.append(carried)
-    n, widths = len(scale), [carried.width for carried in rows]
-    total = n + sum(width - n for width in widths)
-    wide = []  # the iteration unknowns of each program have columns of their own
-    for k, part in enumerate(parts):
-        at = n if k == 0 else total - (widths[-1] - n)
-        here = np.zeros((len(part), total))
-        here[:, :n] = part[:, :n]
-        here[:, at : at + part.shape[1] - n] = part[:, n:]
-        wide.append(here)
-    kept = _null_space(np.vstack(wide))[:n]
+        changes = [carried.run(()), *(carried.change(batch) for batch in (*relations.batches, *relations.discretes))]
+        parts.append(np.vstack([*changes, carried.constraints()]))
+    wide = np.zeros((sum(map(len, parts)), n + sum(part.shape[1] - n for part in parts)))
+    row, column = 0, n  # the iteration unknowns of each program have columns of their own
+    for part in parts:
+        here, own = slice(row, row + len(part)), slice(column, column + part.shape[1] - n)
+        wide[here, :n], wide[here, own] = part[:, :n], part[:, n:]
+        row, column = here.stop, own.stop
+    kept = _null_space(wide)[:n]
     left, sizes, _ = np.linalg.svd(kept, full_matrices=False)
     found = left[:, sizes > INDEPENDENT]
     return np.where(np.abs(found) > INDEPENDENT, found, 0.0)
@@ -141,7 +137,10 @@ class _Carried:
         shape = (looks, len(batch.kernel.columns))
         points = np.where(random.random(shape) < 0.5, -1, 1) * 10.0 ** random.uniform(*DECADES, shape)
         flags = (random.random((looks, len(batch.kernel.relations))) < 0.5).astype(float)
-        values = [self._slope(batch.kernel, slope, points, flags) * np.ones((len(batch), looks)) for slope in slopes]
+        times = 10.0 ** random.uniform(*DECADES, looks)  # any: what vanishes at the start may not do so later
+        values = [
+            np.broadcast_to(self._slope(batch.kernel, slope, times, points, flags), (len(batch), looks)) for slope in slopes
+        ]
         table = np.stack(values, axis=2)  # (rows, looks, arguments)
         absent = np.stack([self._absent(slope) for slope in slopes], axis=1)
         table[np.broadcast_to(absent[:, None], table.shape)] = 0.0
@@ -159,13 +158,13 @@ class _Carried:
         sets = [tuple(p for p, none in zip(names, row, strict=True) if none) for row in zero.tolist()]
         return np.array([bool(zeros) and is_zero_without(slope.kernel, zeros) for zeros in sets], bool)
 
-    def _slope(self, kernel: Kernel, slope: Batch, points: Floats, flags: Floats) -> Floats:
-        """A partial derivative of a kernel, with the parameters of each row, at some points."""
+    def _slope(self, kernel: Kernel, slope: Batch, times: Floats, points: Floats, flags: Floats) -> Floats:
+        """A partial derivative of a kernel, with the parameters of each row, at some times and points."""
         arguments = [points[:, kernel.columns.index(c)] for c in slope.kernel.columns]
         constants = [self._prepared.parameters[slope.parameters[:, [p]]] for p in range(slope.parameters.shape[1])]
         relations = [flags[:, kernel.relations.index(r)] for r in slope.kernel.relations]
         with np.errstate(all="ignore"):
-            return np.asarray(slope.kernel.function(0.0, *arguments, *constants, *relations), float)
+            return np.asarray(slope.kernel.function(times, *arguments, *constants, *relations), float)
 
 
 def _without_rounding(change: Floats, terms: Floats) -> Floats:

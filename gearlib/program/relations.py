@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.program.build import Builder, Found, Place, build
+from gearlib.program.build import Builder, Found, Place, build, slot_table
 from gearlib.program.event_iteration import EventIteration, event_iteration
 from gearlib.program.program import Batch, Newton, Program
 from gearlib.reduce.discontinuities import jumping
@@ -139,11 +139,3 @@ def used_discrete(program: Program) -> Integers:
         elif isinstance(step, Newton):
             parts += [b.relations.ravel() for b in (*step.residuals, *step.jacobian)]
     return np.unique(np.concatenate(parts))
-
-
-def slot_table(slots: Mapping[Node, int], n_variables: int) -> Integers:
-    """The slot of each variable and order of derivative, -1 where there is none."""
-    table = np.full((1 + max((k for _, k in slots), default=0), n_variables), -1)
-    for (v, k), slot in slots.items():
-        table[k, v] = slot
-    return table

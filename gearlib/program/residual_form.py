@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.equations.kernel import difference_kernel, residual_kernel
-from gearlib.program.build import Builder, Found, Place, build
+from gearlib.program.build import Builder, Found, Place, build, slot_table
 from gearlib.program.program import Batch, Program
-from gearlib.program.relations import Relations, relations_of, slot_table, update_rules, used_discrete
+from gearlib.program.relations import Relations, relations_of, update_rules, used_discrete
 from gearlib.reduce.reduction import Structure
 from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import reach

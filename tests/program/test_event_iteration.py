@@ -98,6 +98,49 @@ def test_phases_are_in_order() -> None:
     agree(system, 1)
 
 
+@pytest.mark.parametrize("text", [">", ">=", "<", "<="])
+def test_a_comparison_holds_on_its_side_of_zero(text: str) -> None:
+    """Of a relation with zero, as it is written: below, at and above it."""
+    compare = {">": np.greater, ">=": np.greater_equal, "<": np.less, "<=": np.less_equal}[text]
+
+    class One(gl.Component):
+        x = gl.Variable("1")
+        rate = gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), self.rate * gl.Piecewise((1.0, eval(f"x {text} 0", {"x": self.x})), (2.0, True)))]
+
+    relations = gl.compile(One()).translation.scene.relations
+    assert relations is not None
+    (phase,) = relations.event_iteration.event_functions
+    assert phase.comparison == text
+    around = np.array([-1e-9, 0.0, 1e-9])
+    assert phase.hold(around).tolist() == compare(around, 0.0).astype(float).tolist()
+
+
+@pytest.mark.parametrize("copied", [False, True])
+def test_unknowns_are_evaluated_before_discrete_variables_that_read_them(copied: bool) -> None:
+    """And after them in any case; what they are set to is a number, or an unknown."""
+
+    class Sampled(gl.Component):
+        x, n = gl.Variable("1"), gl.Discrete("1")
+        rate = gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[Any]:
+            return [
+                gl.Eq(gl.der(self.x), self.rate * (1.0 + self.n)),
+                gl.When(gl.time >= 1.0, gl.Eq(self.n, self.x if copied else self.rate)),
+            ]
+
+    relations = gl.compile(Sampled()).translation.scene.relations
+    assert relations is not None
+    kinds = [type(phase) for phase in relations.event_iteration.passed]
+    discretes = [DiscretesPhase] * len(relations.discretes)
+    assert kinds == [*[UnknownsPhase] * copied, *discretes, UnknownsPhase, RelationsPhase]
+    assert relations.event_iteration.reinits == ()
+    assert relations.event_iteration.event_functions == ()
+
+
 def test_equations_of_discrete_variables_are_named_by_their_components() -> None:
     class Two(gl.Component):
         def assemble(self) -> list[Any]:

@@ -22,7 +22,7 @@ def test_products_rows_and_solutions(n_known: int, chunk: int, monkeypatch: pyte
     known = np.sort(rng.permutation(n)[:n_known])
     operator = Factored(splu(sparse.csc_matrix(matrix)), known)
     right: Any = -np.linalg.inv(matrix)[:, known]
-    few, many = rng.normal(size=(n_known, 11)), rng.normal(size=(n, 11))
+    few, many = rng.normal(size=(n_known, 17)), rng.normal(size=(n, 17))
     assert operator.shape == right.shape
     np.testing.assert_allclose(operator @ few, right @ few, atol=1e-14)
     np.testing.assert_allclose(operator.transposed(many), right.T @ many, atol=1e-14)

@@ -79,6 +79,45 @@ KNOWN: dict[str, tuple[Any, Any, list[list[float]]]] = {
         [[1, 1, 0]],
     ),
     "condition on one": (lambda s: (gl.Piecewise((1.0, s.a > 1), (2.0, True)), 0, s.c), lambda s: [], [[0, 1, 0]]),
+    "condition on a block beside another": (
+        lambda s: (gl.Piecewise((1.0, s.y > 1), (2.0, True)), 0, s.z),
+        lambda s: [gl.Eq(s.y**3 + s.p * s.y, s.a - s.b), gl.Eq(s.z**3 + s.p * s.z, s.b - s.c)],
+        [[1, 1, 1]],
+    ),
+    "condition on a block of two": (
+        lambda s: (gl.Piecewise((1.0, s.y > 1), (2.0, True)), 0, 0),
+        lambda s: [gl.Eq(s.y**3 + s.z, s.a - s.p * s.b), gl.Eq(s.z**3 - s.y, s.b - s.c)],
+        [[P, 1, 1]],
+    ),
+    "condition on one unknown of a block that the rates need": (
+        lambda s: (s.y, gl.Piecewise((1.0, s.z > 1), (2.0, True)), 0),
+        lambda s: [gl.Eq(s.y**3 + s.z, s.a - s.b), gl.Eq(s.z**3 - s.y, s.b - s.c)],
+        [[1, 1, 1]],
+    ),
+    "large and small parts of one function": (
+        lambda s: ((s.a - s.b) ** 4 + gl.sin(s.b - s.c), 0, 0), lambda s: [], [[1, 1, 1]],
+    ),
+    "very weak spring": (lambda s: (1e-12 * (s.a - s.b), 1e3 * (s.b - s.c), 0), lambda s: [], [[1, 1, 1]]),
+    "function of a sum with a parameter that is zero": (lambda s: (gl.sin(s.a + s.none), 0, 0), lambda s: [], [[0, 1, 0], [0, 0, 1]]),
+    "spring that time changes": (lambda s: (gl.sin(s.rate * gl.time) * (s.a - s.b), 0, s.c), lambda s: [], [[1, 1, 0]]),
+    "function that time changes": (
+        lambda s: (gl.sin(s.rate * gl.time) * gl.sin(s.a - s.b), 0, (gl.cos(s.rate * gl.time) - 1) * (s.c - s.b)), lambda s: [],
+        [[1, 1, 1]],
+    ),
+    "constant block": (  # y = a - b, but for rounding
+        lambda s: (s.y, 0, 0),
+        lambda s: [
+            gl.Eq(0.1 * s.p * s.y + 0.7 * s.z, 0.1 * s.p * (s.a - s.b) + 0.7 * (s.b - s.c)),
+            gl.Eq(0.3 * s.y - 0.9 * s.p * s.z, 0.3 * (s.a - s.b) - 0.9 * s.p * (s.b - s.c)),
+        ],
+        [[1, 1, 0], [0, 0, 1]],
+    ),
+    "function of a difference from nothing": (lambda s: (gl.sin(s.a - s.z), 0, 0), lambda s: [], [[0, 1, 0], [0, 0, 1]]),
+    "another function later": (
+        lambda s: (gl.Piecewise((gl.sin(s.a - s.b), s.rate * gl.time > 1), (gl.sin(s.a + s.b), True)), 0, 0),
+        lambda s: [],
+        [[0, 0, 1]],
+    ),
     "vanishes with a parameter": (
         lambda s: ((1 - gl.cos(s.none)) * gl.sin(s.a) + s.b - s.c, gl.sin(s.none * s.a * s.b), 0),
         lambda s: [],

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import gearlib as gl
-from gearlib.program.build import build
+from gearlib.program.build import build, slot_table
 from gearlib.program.event_iteration import compares_with_before, relation_of, right_hand
 from gearlib.program.interpret import owner_of
-from gearlib.program.relations import relations_of, slot_table, used_discrete
+from gearlib.program.relations import jumps_below, relations_of, used_discrete
 
 
 class Counters(gl.Component):
@@ -149,6 +149,11 @@ def test_rules_know_their_components() -> None:
             owners.add(owner_of(structure, equation))
             assert model.discretes[target - model.n_relations].startswith(f"{owner_of(structure, equation)}.")
     assert owners == {"one", "other"}
+    assert len(found.timed) == 0
+    everything = relations_of(structure, program, range(len(model.discretes)))
+    of_time = {int(t) for b in everything.batches if b.kernel.on_time for t in b.targets}
+    assert len(of_time) == 2
+    assert everything.timed.tolist() == sorted(of_time)
     (reinit,) = found.reinits
     assert [owner_of(structure, e) for e in reinit.equations] == [
         model.name(program.states[state][0]).rpartition(".")[0] for state in reinit.targets
@@ -181,3 +186,67 @@ def test_states_on_which_a_reinit_depends_are_integrated(counted: bool, outputs:
     run = gl.compile(Restarted(counted=counted), outputs=list(outputs)).simulate(1.5, times=times, rtol=1e-10)
     assert run["x"] == pytest.approx(times, abs=1e-12)
     assert run["y"] == pytest.approx(np.where(times < 1.0, 0.5 * np.exp(-times), 3.0 * np.exp(1.0 - times)), rel=1e-8)
+
+
+class Stepped(gl.Component):
+    """Two masses whose positions are tied by ``x = 2 y + f`` where f changes at an event: f itself jumps, its slope, or its curvature."""
+
+    kind = gl.Structural("step")
+    rate, p = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=0.2)
+    x, y, v, w, u, f = (gl.Variable("1") for _ in range(6))
+    m = gl.Discrete("1")
+
+    def equations(self) -> list[Any]:
+        kinds = {
+            "step": lambda: gl.Piecewise((0.0, self.u > 1), (self.p, self.u > -7), (2 * self.p, True)),
+            "bend": lambda: gl.Piecewise((0.0, self.u > 1), (self.p * (self.u - 1), True)),
+            "curve": lambda: gl.Piecewise((0.0, self.u > 1), (self.p * (self.u - 1) ** 2, True)),
+            "discrete": lambda: self.p * self.m,
+            "both": lambda: gl.Piecewise((0.0, self.u > 1), (self.p, True)) + self.rate * self.m,
+            "smooth": lambda: self.p * gl.sin(self.u),
+        }
+        return [
+            gl.Eq(gl.der(self.x), self.rate * self.v), gl.Eq(gl.der(self.y), self.rate * self.w),
+            gl.Eq(gl.der(self.v), self.rate * (self.f + 1)), gl.Eq(2 * gl.der(self.w), -self.rate * self.f),
+            gl.Eq(self.x, 2 * self.y + kinds[self.kind]()), gl.Eq(self.u, self.y + 1),
+            gl.When(self.y > 3, gl.Eq(self.m, 1.0)),
+        ]  # fmt: skip
+
+
+class TwoStepped(gl.Component):
+    kind = gl.Structural("step")
+
+    def assemble(self) -> list[Any]:
+        self.a, self.b = Stepped(kind=self.kind), Stepped(kind=self.kind)
+        return []
+
+
+@pytest.mark.parametrize(
+    ("kind", "orders"), [("step", [0]), ("bend", [1]), ("curve", []), ("discrete", [0]), ("both", [0]), ("smooth", [])]
+)
+def test_equations_that_jump_below_the_derivatives_that_are_used(kind: str, orders: list[int]) -> None:
+    """The constraint is used twice differentiated: its value and its first derivative may jump, and do if p is not zero."""
+    outputs = [f"{part}.{name}" for part in "ab" for name in "xy"]
+    translation = gl.compile(TwoStepped(kind=kind), outputs=outputs).translation
+    model, structure, program = translation.model, translation.structure, translation.scene.program
+    values, places = model.parameters.values.copy(), {}
+    for part in "ab":
+        tied = {model.variable(f"{part}.{name}") for name in "xy"}
+        (constraint,) = (e for e in range(len(model.places)) if tied <= {v for v, _ in model.nodes(e, 0)})
+        g, i = model.places[constraint]
+        first = int(model.first_relations[g])
+        value = model.n_relations + model.discretes.index(f"{part}.m")
+        places[part, constraint] = {
+            "discrete": [value],
+            "both": [first + i, value],
+            "step": [first + 2 * i, first + 2 * i + 1],
+        }.get(kind, [first + i])
+    for p in ((0.2, 0.3), (0.0, 0.2), (-3.0, 0.0))[: 1 if kind == "both" else 3]:
+        own = dict(zip("ab", p, strict=True))
+        values[[model.parameters.index[f"{part}.p"] for part in "ab"]] = p
+        found = {(jump.equation, jump.order, tuple(jump.places.tolist())) for jump in jumps_below(structure, program, values)}
+        assert found == {
+            (e, k, tuple(where)) for (part, e), where in places.items() for k in orders if own[part] or kind == "discrete"
+        }
+    if kind not in ("discrete", "both", "smooth"):
+        assert {e for where in places.values() for e in where} <= {*relations_of(structure, program).used.tolist()}

@@ -40,3 +40,29 @@ def test_equations_that_are_almost_the_same(distance: float, determined: bool) -
     np.testing.assert_allclose(found, [[1.0], [1.0]], rtol=1e-4)
     other = solve_shared(np.array([[1.0, 1.0], [1.0, 1.0 + distance]]), np.array([[2.0], [2.0]]))
     np.testing.assert_allclose(other, [[2.0], [0.0]] if determined else [[1.0], [1.0]], atol=1e-4)
+
+
+def chain(n: int, step: float) -> np.ndarray:
+    """Equations between neighbours, regular, but each unknown in units smaller than those of the one before."""
+    matrix = 4.0 * np.eye(n) + np.eye(n, k=1) + np.eye(n, k=-1)
+    return np.asarray(matrix * step ** np.arange(n), float)
+
+
+@pytest.mark.parametrize("step", [1e-8, 1e8, -1e-5])
+def test_units_that_differ_along_a_chain(step: float) -> None:
+    """Scaled by their largest entries rows and columns would leave the diagonal negligible."""
+    right = np.array([[1.0, -2.0], [0.5, 0.0], [3.0, 1.0], [0.0, 1.0], [2.0, -1.0]])
+    plain = np.linalg.solve(chain(5, 1.0), right)
+    found = solve_shared(chain(5, step), right)
+    np.testing.assert_allclose(found * step ** np.arange(5)[:, None], plain, rtol=1e-12, atol=1e-13)
+    turned = solve_shared(chain(5, step).T, right * step ** np.arange(5)[:, None])
+    np.testing.assert_allclose(turned, plain, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_equal_elements_share_in_any_units(seed: int) -> None:
+    """As the one above, in units of their own."""
+    rows, columns = 10.0 ** np.random.default_rng(seed).uniform(-20, 20, (2, 3))
+    matrix = np.array([[1.0, 1.0, 0.0], [2.0, 2.0, 0.0], [0.0, 0.0, 4.0]])
+    found = solve_shared(rows[:, None] * matrix * columns, rows[:, None] * np.array([[6.0], [12.0], [2.0]]))
+    np.testing.assert_allclose(found * columns[:, None], [[3.0], [3.0], [0.5]], rtol=1e-12)
