@@ -30,7 +30,7 @@ from gearlib.language.declarations import (
     as_tuple,
 )
 from gearlib.language.energy import Energy
-from gearlib.language.expressions import TOO_DEEP, Eq, When, real_symbol
+from gearlib.language.expressions import TOO_DEEP, Eq, When, as_number, real_symbol
 from gearlib.language.interior import ASSEMBLING, parts_of, path_of, reads_parts
 
 if TYPE_CHECKING:
@@ -245,9 +245,14 @@ class Component:
         for base in reversed(cls.__mro__[1:]):
             inherited.update((n, d) for n, d in vars(base).get("_declarations", {}).items() if n in vars(base))
         own = {name: value for name, value in vars(cls).items() if isinstance(value, Declaration)}
-        for name in own:
+        for name, declared in own.items():
             if name.startswith("_") or name in RESERVED:
                 raise DeclarationError(f"{cls.__name__}.{name}: this name is reserved")
+            if declared.name != name:
+                raise DeclarationError(
+                    f"{cls.__name__}.{name} is the declaration of '{declared.name}'; make one for each name: "
+                    f"{type(declared).__name__}(...)"
+                )
         for name, value in vars(cls).items():
             if isinstance(value, Component):
                 raise DeclarationError(
@@ -591,8 +596,8 @@ class Component:
                 return None
             numbers[symbol] = found
         try:
-            return float(value.subs(numbers) if numbers else value)
-        except TypeError:  # not a number: no value was given
+            return float(as_number(value.subs(numbers) if numbers else value, name))
+        except (DeclarationError, TypeError):  # not a number: none was given, or what is refused where the model is compiled
             return None
 
     def _choice(self, name: str) -> Any:

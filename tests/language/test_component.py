@@ -407,6 +407,23 @@ def test_numbers_follow_from_what_encloses_a_part() -> None:
     assert radii_of(mesh) == pytest.approx((0.2, np.nan), nan_ok=True)
 
 
+@pytest.mark.parametrize("wrong", ["abc", "3", True, [1.0, 2.0], 10**400, float("nan"), 1j, gl.time, gl.sin])
+def test_what_is_no_number_is_none_where_a_model_is_drawn(wrong: Any) -> None:
+    """It is refused where the model is compiled; its picture is shown nevertheless."""
+    gear = gp.IdealGear(ratio=wrong)
+    assert number_of(gear, "ratio") is None
+    assert np.isnan(radii_of(gear)).all()
+    assert "<svg" in gear.diagram().svg
+    with pytest.raises(gl.GearlibError):
+        gl.compile(gear)
+
+
+@pytest.mark.parametrize(("given", "value"), [(gl.pi / 2, np.pi / 2), (np.float32(2.5), 2.5), (gl.sqrt(2), 2**0.5), (3, 3.0)])
+def test_numbers_of_other_kinds_are_floats(given: Any, value: float) -> None:
+    found = number_of(gp.IdealGear(ratio=given), "ratio")
+    assert (found, type(found)) == (pytest.approx(value, rel=1e-15), float)
+
+
 def test_paths_parts_and_what_encloses_them() -> None:
     plant = Plant()
     connections_of(plant)

@@ -99,6 +99,20 @@ def test_slips_in_the_class_body(value: Any, message: str) -> None:
         declare("x", value)
 
 
+def test_each_name_has_a_declaration_of_its_own() -> None:
+    """Two names of one declaration would stand for the same symbol."""
+    shared = gl.Parameter("1", default=1.0)
+    with pytest.raises(
+        DeclarationError, match=r"^Wrong\.b is the declaration of 'a'; make one for each name: Parameter\(\.\.\.\)$"
+    ):
+        type("Wrong", (gl.Component,), {"a": shared, "b": shared})
+    right: Any = type("Right", (gl.Component,), {"a": shared})
+    with pytest.raises(DeclarationError, match=r"^Wrong\.c is the declaration of 'a'"):
+        type("Wrong", (right,), {"c": right.a})
+    assert type("Again", (gl.Component,), {"a": shared})(a=2.0).a == 2.0  # type: ignore[attr-defined]
+    assert right.a.name == "a"
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
