@@ -28,6 +28,7 @@ from gearlib.language.component import (
     with_parts,
 )
 from gearlib.language.declarations import NO_VALUE
+from gearlib.language.expressions import real_symbol as signal
 from gearlib.language.interior import connections_of, number_of, parts_of, path_of, radii_of
 
 c = gl.connect
@@ -193,6 +194,8 @@ def test_forgotten_super_init() -> None:
         (lambda: gp.Inertia(J=1.0, j=2.0), "Inertia: 'j' is not a parameter, input or structural choice.*did you mean 'J'"),
         (lambda: gp.Inertia(J=1.0, w=2.0), r"Inertia: 'w' is a variable.*a start value is given as start=\{'w': \.\.\.\}"),
         (lambda: gp.Inertia(J=1.0, start=[1]), r"Inertia: start is \[1\]; expected start values by name"),
+        (lambda: gp.Inertia(1.0, 2.0), r"^Inertia\(1\.0\): give values by name"),
+        (lambda: gp.Inertia(J=1.0, start=[("w", 1.0)]), r"Inertia: start is \[\('w', 1\.0\)\]; expected start values by name"),
         (lambda: gp.Inertia(J=1.0, start="steady"), "Inertia: start is 'steady'; expected start values by name"),
         (lambda: gp.Inertia(J=1.0, guess=5), "Inertia: guess is 5; expected start values by name"),
     ],
@@ -527,6 +530,8 @@ def test_signals_of_a_composite_are_those_connected_and_those_joined_by_parts() 
     [
         (lambda: Connection([gp.Inertia(J=1.0).flange_a]), ConnectionError, r"Connection: ports is \[.*\]; expected connectors"),
         (lambda: Connection((), (3,)), ConnectionError, r"Connection: signals is \(3,\); expected signals"),
+        (lambda: c(signal("a.y")), ConnectionError, r"^connect\(\) needs two signals, got only a\.y$"),
+        (lambda: c(signal("a.y"), signal("b.u"), signal("b.u")), ConnectionError, r"^b\.u is connected to itself$"),
         (lambda: c(), ConnectionError, r"connect\(\) needs two connectors, got 0"),
         (lambda: gp.Inertia(J=1.0).flange_a._x, AttributeError, "_x"),
         (lambda: gp.Inertia(J=1.0, nominal={1, 2}), BindingError, r"nominal is .*; expected typical sizes by name, such as nominal"),
@@ -537,6 +542,7 @@ def test_signals_of_a_composite_are_those_connected_and_those_joined_by_parts() 
         (lambda: setattr(Stage(), "size", 3), DeclarationError, r"Stage\.size is declared by the class; .* is made: Stage\(size=\.\.\.\)"),
         (lambda: setattr(Stage(), "more", {"a": gp.Inertia(J=1.0)}), ModelError, r"Stage\.more is a dict of components; a family"),
         (lambda: setattr(Plant().stage, "note", 3), ModelError, r"stage\.note: Plant\.assemble\(\) made this part"),
+        (lambda: setattr(Plant().stage.bodies[0], "note", 3), ModelError, r"stage\.bodies\[0\]\.note: Stage\.assemble\(\) made this"),
         (lambda: Plant()._nothing, AttributeError, "_nothing"),
         (lambda: Plant().stage.bodies[0].nothing, AttributeError, r"stage\.bodies\[0\]: Inertia has no 'nothing'"),
     ],

@@ -284,7 +284,7 @@ def test_a_class_is_asked_for_its_declarations_and_an_instance_for_symbols() -> 
 @pytest.mark.parametrize(
     ("default", "given", "kept"),
     [(3, np.int64(4), 4), (3, 4, 4), (True, False, False), ((), [[1, 2]], ((1, 2),)), ((), np.array([1, 2]), (1, 2)),
-     (None, "anything", "anything"), (2.5, 1.5, 1.5)],
+     (None, "anything", "anything"), (None, [1, 2], [1, 2]), (2.5, 1.5, 1.5)],
 )  # fmt: skip
 def test_structural_choices_have_the_type_of_their_default(default: Any, given: Any, kept: Any) -> None:
     made = type("Made", (gl.Component,), {"s": gl.Structural(default)})(s=given)
