@@ -29,7 +29,7 @@ from gearlib.language.component import (
 )
 from gearlib.language.declarations import NO_VALUE
 from gearlib.language.expressions import real_symbol as signal
-from gearlib.language.interior import connections_of, number_of, parts_of, path_of, radii_of
+from gearlib.language.interior import connections_of, forget, number_of, parts_of, path_of, radii_of
 
 c = gl.connect
 
@@ -550,6 +550,42 @@ def test_signals_of_a_composite_are_those_connected_and_those_joined_by_parts() 
 def test_slips_outside_of_assemble(make: Callable[[], Any], error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         make()
+
+
+@pytest.mark.parametrize("value", [[1, 2], dict, {"a": 1}, "text", None, (), gp.Flange("side")])
+def test_attributes_that_are_no_parts_are_kept_as_they_are(value: Any) -> None:
+    model = composite(lambda s: [])
+    model.more = value
+    assert model.more is value
+    assert dict(parts_of(model)) == {}
+
+
+def test_what_assemble_made_is_discarded_before_it_runs_again() -> None:
+    wanted = [True]
+
+    def assemble(self: Any) -> list[Any]:
+        if wanted:
+            self.note, self.pair = "first", [body(), body()]
+        return []
+
+    model = composite(assemble)
+    model.own = body()
+    connections_of(model)
+    assert (model.note, list(parts_of(model))) == ("first", ["own", "pair[0]", "pair[1]"])
+    wanted.clear()
+    pair = model.pair
+    forget(model)
+    connections_of(model)
+    assert (vars(model).keys() & {"note", "pair", "own"}, list(parts_of(model))) == ({"own"}, ["own"])
+    other = composite(lambda s: [])
+    other.taken = pair[0]
+    assert path_of(pair[0]) == "taken"
+
+
+def test_only_a_composite_is_assembled_for_an_unknown_name() -> None:
+    leaf = type("Leaf", (gl.Component,), {"count": gl.Structural(2, min=1)})(count=0)
+    with pytest.raises(AttributeError, match="^Leaf has no 'nothing'; Valid names: count$"):
+        leaf.nothing  # noqa: B018
 
 
 def test_a_name_is_given_to_one_part() -> None:
