@@ -331,6 +331,12 @@ def test_declarations_that_have_been_replaced_are_refused() -> None:
         check_declarations(Kind)
 
 
+def test_a_declaration_in_the_base_of_all_components_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gl.Component, "stray", gl.Parameter("m"), raising=False)
+    with pytest.raises(DeclarationError, match=r"^Store\.stray was declared outside of a component class"):
+        check_declarations(Store)
+
+
 def test_what_a_base_s_equations_return_is_named_by_its_class() -> None:
     class Wrong(gl.Component):
         def equations(self) -> Any:
@@ -584,7 +590,7 @@ def test_what_assemble_made_is_discarded_before_it_runs_again() -> None:
 
 def test_only_a_composite_is_assembled_for_an_unknown_name() -> None:
     leaf = type("Leaf", (gl.Component,), {"count": gl.Structural(2, min=1)})(count=0)
-    with pytest.raises(AttributeError, match="^Leaf has no 'nothing'; Valid names: count$"):
+    with pytest.raises(AttributeError, match=r"^Leaf has no 'nothing'; Valid names: count$"):
         leaf.nothing  # noqa: B018
 
 
