@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable
+from collections import UserDict
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -337,6 +338,16 @@ def test_a_declaration_in_the_base_of_all_components_is_refused(monkeypatch: pyt
         check_declarations(Store)
 
 
+def test_sides_that_have_no_hash_are_left_to_what_refuses_them() -> None:
+    class Listed(Tap):
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.rate, [1, 2])]
+
+    assert [equation.right for equation in equations_of(Listed())][1:] == [2.0, [1, 2]]  # type: ignore[union-attr]
+    with pytest.raises(DeclarationError, match=r"rate == \[1, 2\] is not an equation"):
+        gl.compile(Listed())
+
+
 def test_what_a_base_s_equations_return_is_named_by_its_class() -> None:
     class Wrong(gl.Component):
         def equations(self) -> Any:
@@ -592,6 +603,18 @@ def test_only_a_composite_is_assembled_for_an_unknown_name() -> None:
     leaf = type("Leaf", (gl.Component,), {"count": gl.Structural(2, min=1)})(count=0)
     with pytest.raises(AttributeError, match=r"^Leaf has no 'nothing'; Valid names: count$"):
         leaf.nothing  # noqa: B018
+
+
+def test_values_that_can_not_be_read_are_refused() -> None:
+    class Unread(UserDict[str, float]):
+        def __iter__(self) -> Iterator[str]:
+            if self.pop("fails", None):
+                raise RuntimeError("no")
+            return super().__iter__()
+
+    with pytest.raises(BindingError, match=r"^Inertia: guess is .*; expected start values by name"):
+        gp.Inertia(J=1.0, guess=Unread(fails=1.0, w=2.0))
+    assert given_to(gp.Inertia(J=1.0, guess=Unread(w=2.0))).guess == {"w": 2.0}
 
 
 def test_a_name_is_given_to_one_part() -> None:

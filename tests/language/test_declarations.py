@@ -73,6 +73,8 @@ def test_a_value_that_cannot_be_compared_is_no_choice() -> None:
     assert kind(mode="one").mode == "one"
     with pytest.raises(BindingError, match=r"'mode' is <.* \.\.\.; valid choices: 'one', None"):
         kind(mode=Odd())
+    with pytest.raises(BindingError, match=r"'mode' is 'one'; valid choices: 'one', None"):
+        kind(mode=type("OddText", (str,), {"__eq__": Odd.__eq__, "__hash__": None})("one"))
 
 
 def declare(name: str, value: Any) -> type[gl.Component]:
