@@ -75,6 +75,7 @@ def errors(left: Any, right: Any) -> list[str]:
         (lambda s: s.flange.phi, lambda s: s.phi * gl.cos(2 * gl.time)), (lambda s: s.x, lambda s: s.v * gl.time**2 / gl.time),
         (lambda s: s.x, lambda s: gl.no_event(s.L)), (lambda s: s.x, lambda s: s.v * (1 + gl.time)),
         (lambda s: s.x, lambda s: s.L * gl.exp(-gl.time) * gl.sin(gl.time)),
+        (lambda s: s.x, lambda s: s.v**sympy.oo), (lambda s: s.x, lambda s: s.v ** sympy.Rational(10**400, 3)),
     ],
 )  # fmt: skip
 def test_sides_that_fit(left: Any, right: Any) -> None:
