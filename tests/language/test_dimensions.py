@@ -9,7 +9,7 @@ import sympy
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import ModelError
+from gearlib.errors import DeclarationError, ModelError
 from gearlib.language.dimensions import values_given
 from gearlib.language.units import dimension
 
@@ -140,6 +140,19 @@ class Holder(gl.Component):
 def test_values_given_to_parts(given: Any, found: list[str]) -> None:
     """A number in front may carry a unit there, but nothing else may; a pure number is in the declared unit."""
     assert gl.check_units(type("Holder", (Holder,), {"given": staticmethod(given)})()) == found
+
+
+def test_of_expressions_that_are_too_deep_the_place_is_named() -> None:
+    def deep(x: Any) -> Any:
+        for _ in range(131):
+            x = sympy.sin(x, evaluate=False)
+        return x
+
+    for left, right in ((lambda s: deep(s.n), lambda s: 1), (lambda s: s.n, lambda s: deep(s.n))):
+        with pytest.raises(DeclarationError, match=r"^Leaf: an expression is nested too deeply"):
+            errors(left, right)
+    with pytest.raises(DeclarationError, match=r"^torque\.tau: an expression is nested too deeply"):
+        gl.check_units(type("Holder", (Holder,), {"given": lambda s: {"tau": deep(s.ratio)}})())
 
 
 def test_defaults_and_derivatives_and_actions_are_compared() -> None:
