@@ -102,6 +102,8 @@ def test_sides_that_fit(left: Any, right: Any) -> None:
          "Leaf: v is in m.s-1, x is in m, together in v > x (in x = {})"),
         (lambda s: s.x, lambda s: gl.Piecewise((s.L, s.v > 0), (s.v, True)),
          "Leaf: L is in m, v is in m.s-1, together in {0} (in x = {0})"),
+        (lambda s: s.x, lambda s: gl.Piecewise((0, s.v > 0), (s.L, s.v > -1), (s.v, True)),
+         "Leaf: L is in m, v is in m.s-1, together in {0} (in x = {0})"),
         (lambda s: s.v, lambda s: gl.der(gl.der(s.x)), "Leaf: v is in m.s-1, der(der(x)) is in m.s-2"),
         (lambda s: s.m, lambda s: s.flange.tau, "Leaf: m is in kg, flange.tau is in kg.m2.s-2"),
         (lambda s: s.x, lambda s: s.v * gl.sin(3 * gl.time), "Leaf: x is in m, v*sin(3*time) is in m.s-1"),
@@ -140,6 +142,29 @@ class Holder(gl.Component):
 def test_values_given_to_parts(given: Any, found: list[str]) -> None:
     """A number in front may carry a unit there, but nothing else may; a pure number is in the declared unit."""
     assert gl.check_units(type("Holder", (Holder,), {"given": staticmethod(given)})()) == found
+
+
+def test_names_are_looked_up_in_parts_of_parts_and_in_their_connectors() -> None:
+    class Outer(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.box = Holder()
+            load = self.box.load
+            self.right, self.one = gp.Torque(tau=2 * load.flange_a.tau), gp.Torque(tau=-load.w)
+            self.two, self.three = (
+                gp.Torque(tau=load.flange_a.phi * load.w),
+                gp.Torque(tau=gl.der(load.w) * self.box.J * load.w),
+            )
+            return []
+
+    class Holder(gl.Component):
+        J = gl.Parameter("kg.m2", default=1.0)
+
+        def assemble(self) -> list[Any]:
+            self.load = gp.Inertia(J=self.J)
+            return []
+
+    found = {message.split(".")[0]: message.rpartition(" in ")[2] for message in gl.check_units(Outer())}
+    assert found == {"Outer: one": "s-1", "Outer: two": "s-1", "Outer: three": "kg.m2.s-3"}
 
 
 def test_of_expressions_that_are_too_deep_the_place_is_named() -> None:
