@@ -9,7 +9,7 @@ import pytest
 
 import gearparts as gp
 from gearlib.errors import ArgumentError, ModelError, NameLookupError
-from gearlib.language.gears_of import MOST_FRAMES, frames, gears_in, in_motion, turned
+from gearlib.language.gears_of import FARTHEST, MOST_FRAMES, frames, gears_in, in_motion, turned
 
 
 def train() -> Any:
@@ -20,7 +20,8 @@ def test_a_frame_is_an_angle() -> None:
     assert frames("angle", 0.5, "angles").tolist() == [0.5]
     assert frames("angle", [0.0, 1, 2.5], "angles").tolist() == [0.0, 1.0, 2.5]
     assert len(frames("angle", np.zeros(MOST_FRAMES), "angles")) == MOST_FRAMES
-    for wrong in (np.zeros(MOST_FRAMES + 1), [], np.zeros((2, 2))):
+    assert frames("angle", -FARTHEST, "angles").tolist() == [-FARTHEST]
+    for wrong in (np.zeros(MOST_FRAMES + 1), [0.0, -1.001 * FARTHEST], [], np.zeros((2, 2))):
         with pytest.raises(ArgumentError, match=r"^angle is .*; expected angles, 1000 at most$"):
             frames("angle", wrong, "angles")
 

@@ -9,7 +9,9 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.drawing.block_diagram import OWN, Net, Outline, Pin
+from gearlib.drawing.page import picture
 from gearlib.errors import ArgumentError, ModelError
+from gearlib.language import outline as module
 from gearlib.language.outline import domain, drawn, html_of, joined, outline
 
 
@@ -169,4 +171,26 @@ def test_notebooks_show_a_diagram_or_the_reason_why_there_is_none() -> None:
     assert "A wrong one." in shown
     assert "More about" not in shown
     assert "must return a list of connect" in shown
-    assert "<svg" in html_of(Stage()) or "svg" in html_of(Stage())
+    for shows in (Stage(), nested(0)):
+        assert html_of(shows).endswith(picture(drawn(shows, 1, True, 1400.0).svg))
+    assert drawn(nested(0), 1, True, 1400.0).svg != drawn(nested(0), 1, False, 1400.0).svg, "three alike are one box"
+
+
+def nested(levels: int) -> gl.Component:
+    class Nested(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.inner = nested(levels - 1) if levels else gp.Inertia(J=1.0)
+            self.others = [gp.Inertia(J=1.0) for _ in range(3)]
+            return []
+
+    return Nested()
+
+
+def test_parts_in_parts_are_followed_down_to_the_deepest_level(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "DEEPEST", 3)
+    found = outline(nested(2), 9)
+    for _ in range(3):
+        found = part(found, "inner")
+    assert (found.kind, found.parts) == ("Inertia", ())
+    with pytest.raises(ModelError, match=r"inner\.inner\.inner\.inner>: components within components, 3 levels deep"):
+        outline(nested(3), 9)
