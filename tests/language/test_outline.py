@@ -88,6 +88,20 @@ def test_parameters_are_no_signals() -> None:
     assert [pins(net) for net in outline(Copied(), 1).nets] == [{"one.flange_a", "torque.flange"}, {"level", "torque.tau"}]
 
 
+def test_variables_of_own_connectors_are_no_signals() -> None:
+    class Following(gl.Component):
+        flange = gp.Flange("outside")
+
+        def assemble(self) -> list[Any]:
+            self.body, self.push = gp.Inertia(J=1.0), gp.Torque(tau=0.5 * self.flange.tau)
+            return [gl.connect(self.flange, self.body.flange_a), gl.connect(self.body.flange_b, self.push.flange)]
+
+    assert [pins(net) for net in outline(Following(), 1).nets] == [
+        {"flange", "body.flange_a"},
+        {"body.flange_b", "push.flange"},
+    ]
+
+
 def test_levels_are_opened_down_to_a_depth() -> None:
     one, two = outline(Plant(), 1), outline(Plant(), 2)
     assert part(one, "stage").parts == ()
@@ -115,7 +129,7 @@ def test_domains_are_those_of_the_potentials_units() -> None:
 
 def test_nets_that_share_a_pin_are_one_in_order_of_their_first_pins() -> None:
     a, b, c, d, e = (Pin("x", name) for name in "abcde")
-    found = joined([Net((d, e), "heat"), Net((a, b), "rotation"), Net((c,), "signal"), Net((b, e), "heat")])
+    found = joined([Net((d, e), "heat"), Net((b, a), "rotation"), Net((c,), "signal"), Net((b, e), "heat")])
     assert [(set(n.pins), n.domain) for n in found] == [({d, e, a, b}, "heat"), ({c}, "signal")]
 
 
