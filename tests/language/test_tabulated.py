@@ -74,6 +74,17 @@ def test_of_several_points_at_one_place_the_first_and_the_last_count(place: int,
     assert len(lift_relations(flat)[1]) == (3 if events else 0), "no jump is left at 1"
 
 
+@pytest.mark.parametrize(
+    "pieces", [(0, 0, 0, 0), (1, 0, 0, 0), (0, 1, 0, 0), (5, 0, 1, 0), (0, 0, 0, 1), (1, 1, 0, 1), (2, 0, -1, 0)]
+)
+def test_pieces_of_zeros_and_ones(pieces: tuple[int, ...]) -> None:
+    """Terms that vanish are left out, and powers are those of the terms that remain."""
+    law = piecewise_polynomial("a table", x, np.array([-1.0, 9.0]), np.array([pieces, (7, 0, 0, 0)], float).T, True)
+    points = np.array([-1.0, -0.5, 1.0, 2.5])
+    assert at(law, points) == pytest.approx(np.polynomial.Polynomial(pieces)(points + 1.0), rel=1e-14)
+    assert at(law, np.array([-3.0, 9.0, 10.0])) == pytest.approx([pieces[0], 7.0, 7.0])
+
+
 @pytest.mark.parametrize("shape", [(2, 2), (3, 2), (2, 4), (5, 3)])
 @pytest.mark.parametrize("events", [True, False])
 def test_maps_are_bilinear_and_constant_outside(shape: tuple[int, int], events: bool) -> None:
