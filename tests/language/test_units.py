@@ -62,7 +62,9 @@ def test_any_has_no_dimension_and_names_are_written_in_base_units() -> None:
         ("furlong", r"the unit 'furlong' is not known; known: 1, rad, kg, .*, any"), ("m/", "the unit 'm/' is not known"),
         ("m12345", "not known"),
         ("m-1234", "not known"), ("m/s/s", "the factor 's/s', which is not known"), ("", "^$"),
-        ("10", "'10' is not known"), ("N/(sx", "not known"), ("N/xs)", "not known"), ("1-3", "not known"), ("1000.N", "has the factor '1000', which is not known"), ("1/12", "factor '12'"),
+        ("10", "'10' is not known"),
+        ("N/(sx", "not known"), ("N/xs)", "not known"), ("1-3", "not known"), ("1000.N", "has the factor '1000', which is not known"),
+        ("1/12", "factor '12'"),
         ("m..s", "has the factor '', which is not known"), ("2m", "not known"),
     ],
 )  # fmt: skip
