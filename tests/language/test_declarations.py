@@ -276,6 +276,13 @@ def test_declarations_of_an_instance_follow_its_choices() -> None:
     assert with_side.ends == {"flange": ([0], [1]), "extra": ([3], [4])}
 
 
+@pytest.mark.parametrize("side", [True, False])
+def test_a_connector_on_a_condition_is_there_where_it_holds(side: bool) -> None:
+    kind = type("Kind", (gl.Component,), {"side": gl.Structural(False), "extra": gp.Flange("at times", when="side")})
+    found = declared_by(kind(side=side))
+    assert (list(found.connectors), list(found.variables)) == ((["extra"], ["extra.phi", "extra.tau"]) if side else ([], []))
+
+
 def test_a_class_is_asked_for_its_declarations_and_an_instance_for_symbols() -> None:
     for name in ("side", "flange", "x", "u", "k", "n", "a"):
         assert getattr(Everything, name).name == name

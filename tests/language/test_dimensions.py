@@ -199,6 +199,13 @@ def test_defaults_and_derivatives_and_actions_are_compared() -> None:
     ]
 
 
+def test_defaults_of_a_component_with_nothing_but_parameters_are_compared() -> None:
+    class Sizes(gl.Component):
+        L, area = gl.Parameter("m", default=1.0), gl.Parameter("m2", default=lambda s: s.L**3)
+
+    assert gl.check_units(Sizes()) == ["Sizes: the default of area is in m2, its value L**3 in m3"]
+
+
 def test_signals_that_are_joined_have_the_unit_of_the_first() -> None:
     """Each of them is compared; angles count as numbers."""
 

@@ -293,6 +293,10 @@ def test_square_waves_and_times_just_before(t: float) -> None:
     assert eval(scalar_source(before), {"x": 0.0}) == -2e-15
 
 
+def test_time_goes_by_at_the_rate_of_one() -> None:
+    assert gl.der(gl.time) == 1
+
+
 def test_constants_are_not_differentiated() -> None:
     t = gl.time
     assert total_derivative(x * k + t * y, frozenset({"k"})) == dx * k + y + t * dy

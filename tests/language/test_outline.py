@@ -133,6 +133,12 @@ def test_nets_that_share_a_pin_are_one_in_order_of_their_first_pins() -> None:
     assert [(set(n.pins), n.domain) for n in found] == [({d, e, a, b}, "heat"), ({c}, "signal")]
 
 
+def test_nets_are_in_order_also_where_a_later_one_adds_to_the_first() -> None:
+    a, b, c, e = (Pin("x", name) for name in "abce")
+    found = joined([Net((a,), "heat"), Net((b, c), "heat"), Net((a, e), "heat")])
+    assert [net.pins for net in found] == [(a, e), (b, c)]
+
+
 @pytest.mark.parametrize(("length", "shown"), [(75, 75), (76, 76), (77, 73)])
 def test_long_values_are_cut_in_notes(length: int, shown: int) -> None:
     """A line of 80 letters is whole: "s = " and two quotes leave 76."""
