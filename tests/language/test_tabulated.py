@@ -85,6 +85,15 @@ def test_pieces_of_zeros_and_ones(pieces: tuple[int, ...]) -> None:
     assert at(law, np.array([-3.0, 9.0, 10.0])) == pytest.approx([pieces[0], 7.0, 7.0])
 
 
+@pytest.mark.parametrize("steps", [1, 2, 3])
+def test_between_steps_a_table_is_what_it_is_by_itself(steps: int) -> None:
+    rng = np.random.default_rng(steps)
+    table = gl.Table(np.repeat(np.arange(steps + 2.0), 2)[1:-1], rng.normal(size=2 * steps + 2))
+    law, points = table(x), np.linspace(-1.0, steps + 2.0, 41)
+    assert at(law, points) == pytest.approx(table(points), rel=1e-12, abs=1e-12)
+    assert len(lift_relations(law)[1]) == steps
+
+
 @pytest.mark.parametrize("shape", [(2, 2), (3, 2), (2, 4), (5, 3)])
 @pytest.mark.parametrize("events", [True, False])
 def test_maps_are_bilinear_and_constant_outside(shape: tuple[int, int], events: bool) -> None:
