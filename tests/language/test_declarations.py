@@ -227,6 +227,29 @@ def test_what_a_declaration_does_not_take(declare: Any, message: str) -> None:
         declare()
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        "open",
+        3,
+        ["open", "closed"],
+        {0: 5},
+        {"a": "open"},
+        {0: "open {} {}"},
+        {0: "{x}"},
+        {0: "open {0.y}"},
+        {float("nan"): "open"},
+    ],
+)
+def test_words_are_texts_by_value(words: Any) -> None:
+    with pytest.raises(
+        DeclarationError, match=r"^Variable: words is .*; expected texts by value, such as \{0: 'open: mesh \{\}'"
+    ):
+        gl.Variable("1", words=words)
+    right = {0: "open: mesh {}", 1.5: "closed", True: "in {{contact}}"}
+    assert gl.Variable("1", words=right).words == right
+
+
 def test_what_a_declaration_takes() -> None:
     assert (gl.Parameter("m", min=1, max=1).min, gl.Parameter("m").max) == (1.0, float("inf"))
     assert type(gl.Parameter("m", min=1).min) is float
