@@ -572,7 +572,12 @@ class Component:
 
     def _radii(self) -> tuple[float, ...]:
         """Values of the parameters listed in the class's ``radii``; NaN for missing values."""
-        found = [self._number(name) for name in self.radii]
+        names: Any = self.radii
+        if not isinstance(names, (tuple, list)) or not all(isinstance(n, str) and n in self._bindable for n in names):
+            raise DeclarationError(
+                f"{type(self).__name__}.radii is {shown(names)}; expected a tuple of names of its parameters"
+            )
+        found = [self._number(name) for name in names]
         return tuple(np.nan if value is None else value for value in found)
 
     def _number(self, name: str) -> float | None:

@@ -444,6 +444,14 @@ def test_numbers_of_other_kinds_are_floats(given: Any, value: float) -> None:
     assert (found, type(found)) == (pytest.approx(value, rel=1e-15), float)
 
 
+@pytest.mark.parametrize("radii", [("nope",), ("r", "flange"), ("r", 3), "r", 3, None, ([],)])
+def test_radii_are_names_of_parameters(radii: Any) -> None:
+    members = {"icon": "external_mesh", "r": gl.Parameter("m", default=0.2), "flange": gp.Flange("side"), "radii": radii}
+    for draw in (radii_of, lambda mesh: mesh.diagram(), lambda mesh: mesh.scheme()):
+        with pytest.raises(DeclarationError, match=r"^Mesh\.radii is .*; expected a tuple of names of its parameters$"):
+            draw(type("Mesh", (gl.Component,), members)())
+
+
 def test_paths_parts_and_what_encloses_them() -> None:
     plant = Plant()
     connections_of(plant)
