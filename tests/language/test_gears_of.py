@@ -45,6 +45,12 @@ def test_gears_are_found_by_path_in_the_order_of_the_parts() -> None:
         gears_in(train(), None, 3)  # type: ignore[arg-type]
 
 
+def test_what_a_component_returns_as_its_gears_is_named_if_it_is_none() -> None:
+    part = type("Odd", (gp.Inertia,), {"drawn_gears": lambda self: [3]})(J=1.0)
+    with pytest.raises(ModelError, match=r"^Odd\.drawn_gears\(\) must return gears, such as .*; got \[3\]$"):
+        part.gear_view()
+
+
 @pytest.mark.parametrize("held", [None, "ring", "carrier", "sun"])
 def test_the_view_turns_by_the_shaft_that_is_held(held: str | None) -> None:
     angles = np.array([0.0, 0.5, 2.0])
