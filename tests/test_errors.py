@@ -41,6 +41,7 @@ def test_the_bases_are_public() -> None:
 def test_a_missing_name_is_not_printed_in_quotes() -> None:
     assert str(errors.NameLookupError("the model has no output 'w'")) == "the model has no output 'w'"
     assert str(errors.NameLookupError()) == ""
+    assert str(errors.AttributeNameError("first", "second")) == "first"
 
 
 @pytest.mark.parametrize(
