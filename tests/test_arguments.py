@@ -193,7 +193,9 @@ def test_axes_are_as_many_as_are_drawn_into() -> None:
     arguments.check_axes(list(both), 2)
     for wrong, count, said in (
         (both, 1, "expected matplotlib Axes$"),
-        ([both[0]], 1, "expected matplotlib Axes$"), (both[:1], 1, "expected matplotlib Axes$"), (3, 1, "axes is 3; expected matplotlib Axes$"), (both[0], 2, r"expected 2 matplotlib"),
+        ([both[0]], 1, "expected matplotlib Axes$"), (both[:1], 1, "expected matplotlib Axes$"),
+        (3, 1, "axes is 3; expected matplotlib Axes$"),
+        (both[0], 2, r"expected 2 matplotlib"),
         (both[:1], 2, r"expected 2 matplotlib Axes, such as those of plt\.subplots\(2\)$"), ([both[0], 3], 2, "expected 2"),
         (Failing(), 2, "axes is a Failing"),
     ):  # fmt: skip
