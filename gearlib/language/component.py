@@ -557,6 +557,10 @@ class Component:
         own = {name: part for name, part in self._parts.items() if name not in parts}
         return kept | {"_parts": own, "_connections": None, "_made": NOTHING}
 
+    def __copy__(self) -> Component:
+        """As `deepcopy`: a part belongs to one component, so that a copy has parts of its own."""
+        return deepcopy(self)
+
     def _symbol(self, local: str) -> Any:
         scope = _scope.get()
         if scope is self:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
 from collections import UserDict
 from collections.abc import Callable, Iterator
@@ -524,6 +525,21 @@ def test_pickled_composites_make_their_parts_again() -> None:
     assert (port.connector.name, port.component.note) == ("flange", "mine")
 
 
+@pytest.mark.parametrize("assembled", [False, True])
+def test_a_copy_has_parts_of_its_own(assembled: bool) -> None:
+    stage = Stage(count=1)
+    stage.own = gp.Inertia(J=7.0)
+    if assembled:
+        connections_of(stage)
+    for again in (copy.copy(stage), copy.deepcopy(stage)):
+        for one in (again, stage):
+            connections_of(one)
+            assert list(parts_of(one)) == ["own", "bodies[0]"]
+            assert all(next(enclosing(part)) is one for part in parts_of(one).values())
+        assert not {*map(id, parts_of(again).values())} & {*map(id, parts_of(stage).values())}
+        assert (again.own.J, given_to(again)) == (7.0, given_to(stage))
+
+
 def test_a_change_is_made_whenever_the_parts_are() -> None:
     times: list[int] = []
 
@@ -532,9 +548,9 @@ def test_a_change_is_made_whenever_the_parts_are() -> None:
         stage.more = gp.Inertia(J=1.0)
 
     stage = Stage()
-    copy = changed(stage, add)
-    assert ("more" in parts_of(copy), "more" in parts_of(stage)) == (True, False)
-    assert gl.compile(copy, outputs=["more.w"]).states == ("more.w",)
+    more = changed(stage, add)
+    assert ("more" in parts_of(more), "more" in parts_of(stage)) == (True, False)
+    assert gl.compile(more, outputs=["more.w"]).states == ("more.w",)
     assert len(times) > 1
     assert set(times) == {2}
 
