@@ -540,6 +540,28 @@ def test_sums_of_thousands_of_terms() -> None:
     assert data[0] == sum(k % 7 + 1 for k in range(2000))
 
 
+@pytest.mark.parametrize(
+    ("head", "body", "vectors"),
+    [
+        ("range(n)", "y[k] = 2 * x[k]", False), ("parallel(n)", "y[k] = 2 * x[k]", True), ("parallel(1, n)", "y[k] = 2 * x[k]", True),
+        ("parallel(0, n, 2)", "y[k] = 2 * x[k]", False), ("parallel(n)", "y[k] = x[2 * k]", False), ("range(3)", "y[k] = x[k]", False),
+        ("parallel(n)", "y[k] += x[k]", False),
+    ],
+)  # fmt: skip
+def test_only_loops_that_ask_for_it_are_made_of_vectors(head: str, body: str, vectors: bool) -> None:
+    text = intermediate(f"def f(n: int, x: floats, y: floats) -> int32:\n    for k in {head}:\n        {body}\n    return 0\n")
+    assert (LANED in text) == vectors
+    assert text.count("ret ") == 1
+
+
+@pytest.mark.parametrize("body", ["pass", "return", "n = 3", "x[0] = 1.0\n    return\n    x[1] = 2.0"])
+def test_a_function_that_returns_nothing_ends_once(body: str) -> None:
+    text = intermediate(f"def f(n: int, x: floats) -> None:\n    {body}\n")
+    assert text.startswith("define internal void @f(i64 %a.n, ptr %a.x) nounwind {\nstart:\n")
+    assert text.count("ret void") == 1
+    assert text.endswith("  ret void\n}\n")
+
+
 def test_hundreds_of_branches() -> None:
     cases = " else ".join(f"{k}.5 if t < {k}" for k in range(700))
     kinds = "".join(f"{'elif' if k else 'if'} index[0] == {k}:\n    data[1] = {k}.25\n" for k in range(600))
