@@ -22,6 +22,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.compiler.data_flow import carried, is_elementwise, is_never_empty, stored
 from gearlib.compiler.instructions import LANED, Unsupported
+from gearlib.compiler.native_module import native_text
 from gearlib.compiler.object_code import compiled
 from gearlib.compiler.translate import intermediate
 from gearlib.equations.kernel import residual_kernel
@@ -472,6 +473,35 @@ def test_functions_of_models_do_what_their_source_says(n: int, friction: bool) -
             results.append(np.concatenate(arrays))
         assert codes[0] == codes[1]
         assert same(*results)
+
+
+def refusal(make: Callable[[], str]) -> str:
+    """Why a source is not compiled; empty where it is."""
+    try:
+        make()
+    except Unsupported as problem:
+        return str(problem)
+    return ""
+
+
+def test_what_is_of_the_language_is_not_refused() -> None:
+    """Statements, conditions and expressions; records, callbacks, tuples, lanes and blocks in the loops of a module."""
+    expressions = [f"a, b = data[0], data[1]\ndata[2] = {text}\nreturn 0" for text in EXPRESSIONS]
+    conditions = [f"a, b, c, d = t > 0, t > 1, t > 2, t > 3\nreturn 1 if {text} else 2" for text in CONDITIONS]
+    for body in (*STATEMENTS.values(), *expressions, *conditions):
+        assert refusal(lambda body=body: intermediate(module(body))) == "", body  # type: ignore[misc]
+    assert refusal(lambda: native_text("tests.compiler.sample_loops")) == ""
+    lanes = "def f(x: lanes, y: lanes, n: int, p: floats) -> int32:\n    a, b = x[0], x[1]\n    y[0] = {}\n    return 0\n"
+    for value in (
+        "in_lanes(2)", "in_lanes(p[n])", "a if a > 0 and not b > 1 or a < b else -b", "where(both(a > 0, b > 0), a, 1.0)",
+        "where(either(a > 0, b > 0, a < b), a, b)", "max(a, b, 2)", "abs(a)**3 / b + a**-2", "sin(a) + atan2(a, 1) + sqrt(b)",
+        "in_lanes(total(a) if any_of(a > 5) else 0.0)", "(1 if a < b else (2 if a < 1 else b))", "a * n - p[0] + 2",
+    ):  # fmt: skip
+        assert refusal(lambda value=value: intermediate(lanes.format(value))) == "", value  # type: ignore[misc]
+    blocks = "def f(x: floats, y: floats, n: int) -> int32:\n    for k in blocks(n):\n        y[k] = {}\n    return 0\n"
+    for value in ("x[k]", "2 * x[k] - block(3)", "where(x[k] > 1, x[k], 0.5)", "abs(x[k]) + max(x[k], y[k])", "one_by_one(x, k)",
+                  "x[k] * total(x[k])"):  # fmt: skip
+        assert refusal(lambda value=value: intermediate(blocks.format(value))) == "", value  # type: ignore[misc]
 
 
 # ---------------------------------------------------------------- what is refused
