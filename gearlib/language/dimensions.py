@@ -128,7 +128,7 @@ def values_compared(component: Component, equations: Iterable[Eq | When]) -> Ite
                 yield (action.state, action.value, "") if isinstance(action, Reinit) else (action.left, action.right, "")
     with inside(component):
         for name, declared in declarations_of(component).items():
-            if isinstance(declared, Derivative) and declared.of in declarations_of(component):
+            if isinstance(declared, Derivative):
                 unit = dimension(declared.unit)
                 yield getattr(component, name), NONE if unit is None else unit, name
 

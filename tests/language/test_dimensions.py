@@ -206,6 +206,16 @@ def test_defaults_of_a_component_with_nothing_but_parameters_are_compared() -> N
     assert gl.check_units(Sizes()) == ["Sizes: the default of area is in m2, its value L**3 in m3"]
 
 
+@pytest.mark.parametrize(
+    ("of", "unit"), [("v", "m/s2"), ("flange.phi", "rad/s"), ("flange.tau", "N.m/s"), ("mode", "m"), ("y", "m"), ("other", "m")]
+)
+def test_the_unit_of_a_derivative_is_that_of_its_variable_per_second(of: str, unit: str) -> None:
+    """Also of a connector's; what has no unit or is not there may have any."""
+    assert gl.check_units(type("Right", (Leaf,), {"rate": gl.Derivative(of, unit)})()) == []
+    found = gl.check_units(type("Wrong", (Leaf,), {"rate": gl.Derivative(of, "kg")})())
+    assert [message.partition(", its value")[0] for message in found] == ([] if unit == "m" else ["Wrong: rate is in kg"])
+
+
 def test_signals_that_are_joined_have_the_unit_of_the_first() -> None:
     """Each of them is compared; angles count as numbers."""
 
