@@ -91,13 +91,14 @@ def piecewise_polynomial(said: str, x: Any, knots: Floats, coefficients: Floats,
 def _between(x: Any, knots: Floats, coefficients: Floats, first: int, end: int, outermost: bool) -> Any:
     """The pieces between some knots; before the first knot of all, its value."""
     branches = [(sympy.Float(coefficients[0, 0]), x < sympy.Float(knots[0]))] if outermost else []
+    ends = np.append(knots[1:], np.inf)
     for k in range(first, end):
-        if k + 1 < len(knots) and knots[k + 1] == knots[k]:
+        if ends[k] == knots[k]:
             continue  # zero width: the next piece takes over
         s, law = x - sympy.Float(knots[k]), sympy.Integer(0)
         for c in coefficients[::-1, k].tolist():
             law = (law * s + sympy.Float(c)) if c or law != 0 else law
-        branches.append((law if law != 0 else sympy.Float(0.0), x < sympy.Float(knots[k + 1]) if k + 1 < end else True))
+        branches.append((law if law != 0 else sympy.Float(0.0), x < sympy.Float(ends[k])))
     return sympy.Piecewise(*branches[:-1], (branches[-1][0], True))
 
 
