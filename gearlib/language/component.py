@@ -462,6 +462,16 @@ class Component:
             raise ModelError(f"{type(self).__name__}.{name} is a dict of components; a family of parts is a list of them")
         object.__setattr__(self, name, value)
 
+    def __delattr__(self, name: str) -> None:
+        parts = [part for part in self._parts if part == name or part.startswith(f"{name}[")]
+        if self._made[1].intersection(parts):
+            raise ModelError(
+                f"{type(self).__name__}.{name}: assemble() made this part, and makes it again whenever the model is compiled"
+            )
+        object.__delattr__(self, name)
+        for part in parts:
+            object.__setattr__(self._parts.pop(part), "_parent", None)
+
     def _adopt(self, name: str, part: Component) -> None:
         if part._parent is not None:
             raise ModelError(

@@ -641,6 +641,29 @@ def test_values_that_can_not_be_read_are_refused() -> None:
     assert given_to(gp.Inertia(J=1.0, guess=Unread(w=2.0))).guess == {"w": 2.0}
 
 
+def test_a_part_that_is_deleted_is_no_part_any_more() -> None:
+    def assemble(self: Any) -> list[Any]:
+        self.tried, self.load = body(), body()
+        del self.tried
+        return []
+
+    model = composite(assemble)
+    model.own, model.pair, model.note, model.owner = body(), [body(), body()], "text", body()
+    own, pair = model.own, model.pair
+    del model.own, model.pair, model.note
+    assert list(parts_of(model)) == ["owner"]
+    assert gl.compile(model).states == ("owner.w", "load.w")
+    other = composite(lambda s: [])
+    other.own, other.pair = own, pair
+    model.own = body()
+    assert gl.compile(model).states == ("owner.w", "own.w", "load.w")
+    with pytest.raises(ModelError, match=r"^Model\.load: assemble\(\) made this part, and makes it again"):
+        del model.load
+    for missing in ("nothing", "_nothing"):
+        with pytest.raises(AttributeError, match=missing):
+            delattr(model, missing)
+
+
 def test_a_name_is_given_to_one_part() -> None:
     model = composite(lambda s: [])
     model.a = body()
