@@ -491,8 +491,8 @@ def flaw(make: Callable[[], str]) -> str:
     """Why a source is not compiled, or what LLVM finds wrong in what it is compiled to; empty where it is right."""
     try:
         binding.parse_assembly(make()).verify()
-    except (Unsupported, RuntimeError) as problem:
-        return str(problem)
+    except Exception as problem:
+        return f"{type(problem).__name__}: {problem}"
     return ""
 
 
