@@ -116,7 +116,7 @@ def reals(name: str, values: Any, expected: str) -> Floats:
     array([ 1., 10.])
     """
     try:
-        found = np.asarray(values)
+        found = _unmasked(values)
         whole_or_real = found.dtype.kind in "iuf" or (found.dtype.kind == "O" and all(map(is_real, found.ravel().tolist())))
         with np.errstate(over="ignore"):  # of extended-precision numbers
             result = found.astype(float) if whole_or_real else np.array(np.nan)
@@ -134,7 +134,7 @@ def complexes(name: str, values: Any, expected: str) -> NDArray[np.complex128]:
     array([1.+0.j , 0.+0.5j])
     """
     try:
-        found = np.asarray(values)
+        found = _unmasked(values)
         numbers = found.ravel().tolist() if found.dtype.kind in "iufcO" else [np.nan]
         pairs = [(z.real, z.imag) if isinstance(z, (complex, np.complexfloating)) else (z, 0.0) for z in numbers]
         valid = all(is_real(a) and is_real(b) for a, b in pairs)
@@ -143,6 +143,13 @@ def complexes(name: str, values: Any, expected: str) -> NDArray[np.complex128]:
     if not valid:
         raise ArgumentError(f"{name} is {shown(values)}; expected {expected}")
     return np.array([complex(float(a), float(b)) for a, b in pairs], complex).reshape(found.shape)
+
+
+def _unmasked(values: Any) -> NDArray[Any]:
+    """The values as an array, if none of them is masked: an ordinary array would show what is behind the mask."""
+    if np.ma.is_masked(values):
+        raise ValueError("values are masked")
+    return np.asarray(values)
 
 
 def increasing(name: str, values: Any, least: int, unit: str = "") -> Floats:

@@ -68,6 +68,19 @@ def test_what_is_no_finite_real_number_is_refused(value: Any) -> None:
             arguments.reals("omega", [value, 1.0], "some numbers")
 
 
+def test_what_is_masked_is_no_number() -> None:
+    """What is behind a mask is not data."""
+    for dtype in (float, int, complex):
+        values = np.ma.masked_array(np.array([1, 2, 999], dtype), mask=[False, False, True])
+        if dtype is not complex:
+            assert arguments.reals("y", values[:2], "numbers").tolist() == [1.0, 2.0]
+            with pytest.raises(ArgumentError, match=r"^y is masked_array\(.*; expected numbers$"):
+                arguments.reals("y", values, "numbers")
+        assert arguments.complexes("z", values[:2], "numbers").tolist() == [1.0, 2.0]
+        with pytest.raises(ArgumentError, match=r"^z is masked_array\(.*; expected numbers$"):
+            arguments.complexes("z", values, "numbers")
+
+
 def test_whole_numbers_from_a_least_one_on() -> None:
     assert [arguments.whole("n", value, 2) for value in (2, np.int8(3))] == [2, 3]
     assert type(arguments.whole("n", np.int8(3), 2)) is int
@@ -179,7 +192,10 @@ def test_axes_are_as_many_as_are_drawn_into() -> None:
     arguments.check_axes(both, 2)
     arguments.check_axes(list(both), 2)
     for wrong, count, said in (
-        (both, 1, "expected matplotlib Axes$"), (3, 1, "axes is 3; expected matplotlib Axes$"), (both[0], 2, r"expected 2 matplotlib"),
+        (both, 1, "expected matplotlib Axes$"),
+        ([both[0]], 1, "expected matplotlib Axes$"), (both[:1], 1, "expected matplotlib Axes$"),
+        (3, 1, "axes is 3; expected matplotlib Axes$"),
+        (both[0], 2, r"expected 2 matplotlib"),
         (both[:1], 2, r"expected 2 matplotlib Axes, such as those of plt\.subplots\(2\)$"), ([both[0], 3], 2, "expected 2"),
         (Failing(), 2, "axes is a Failing"),
     ):  # fmt: skip

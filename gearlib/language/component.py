@@ -30,7 +30,7 @@ from gearlib.language.declarations import (
     as_tuple,
 )
 from gearlib.language.energy import Energy
-from gearlib.language.expressions import TOO_DEEP, Eq, When, real_symbol
+from gearlib.language.expressions import TOO_DEEP, Eq, When, as_number, real_symbol
 from gearlib.language.interior import ASSEMBLING, parts_of, path_of, reads_parts
 
 if TYPE_CHECKING:
@@ -245,9 +245,14 @@ class Component:
         for base in reversed(cls.__mro__[1:]):
             inherited.update((n, d) for n, d in vars(base).get("_declarations", {}).items() if n in vars(base))
         own = {name: value for name, value in vars(cls).items() if isinstance(value, Declaration)}
-        for name in own:
+        for name, declared in own.items():
             if name.startswith("_") or name in RESERVED:
                 raise DeclarationError(f"{cls.__name__}.{name}: this name is reserved")
+            if declared.name != name:
+                raise DeclarationError(
+                    f"{cls.__name__}.{name} is the declaration of '{declared.name}'; make one for each name: "
+                    f"{type(declared).__name__}(...)"
+                )
         for name, value in vars(cls).items():
             if isinstance(value, Component):
                 raise DeclarationError(
@@ -457,6 +462,16 @@ class Component:
             raise ModelError(f"{type(self).__name__}.{name} is a dict of components; a family of parts is a list of them")
         object.__setattr__(self, name, value)
 
+    def __delattr__(self, name: str) -> None:
+        parts = [part for part in self._parts if part == name or part.startswith(f"{name}[")]
+        if self._made[1].intersection(parts):
+            raise ModelError(
+                f"{type(self).__name__}.{name}: assemble() made this part, and makes it again whenever the model is compiled"
+            )
+        object.__delattr__(self, name)
+        for part in parts:
+            object.__setattr__(self._parts.pop(part), "_parent", None)
+
     def _adopt(self, name: str, part: Component) -> None:
         if part._parent is not None:
             raise ModelError(
@@ -552,6 +567,10 @@ class Component:
         own = {name: part for name, part in self._parts.items() if name not in parts}
         return kept | {"_parts": own, "_connections": None, "_made": NOTHING}
 
+    def __copy__(self) -> Component:
+        """As `deepcopy`: a part belongs to one component, so that a copy has parts of its own."""
+        return deepcopy(self)
+
     def _symbol(self, local: str) -> Any:
         scope = _scope.get()
         if scope is self:
@@ -567,7 +586,12 @@ class Component:
 
     def _radii(self) -> tuple[float, ...]:
         """Values of the parameters listed in the class's ``radii``; NaN for missing values."""
-        found = [self._number(name) for name in self.radii]
+        names: Any = self.radii
+        if not isinstance(names, (tuple, list)) or not all(isinstance(n, str) and n in self._bindable for n in names):
+            raise DeclarationError(
+                f"{type(self).__name__}.radii is {shown(names)}; expected a tuple of names of its parameters"
+            )
+        found = [self._number(name) for name in names]
         return tuple(np.nan if value is None else value for value in found)
 
     def _number(self, name: str) -> float | None:
@@ -591,8 +615,8 @@ class Component:
                 return None
             numbers[symbol] = found
         try:
-            return float(value.subs(numbers) if numbers else value)
-        except TypeError:  # not a number: no value was given
+            return float(as_number(value.subs(numbers) if numbers else value, name))
+        except (DeclarationError, TypeError):  # not a number: none was given, or what is refused where the model is compiled
             return None
 
     def _choice(self, name: str) -> Any:

@@ -30,7 +30,7 @@ from gearlib.language.component import (
 from gearlib.language.declarations import Connector, Derivative, Flow, Input, Potential, Variable, declared_by
 from gearlib.language.energy import Energy
 from gearlib.language.expressions import Eq, der
-from gearlib.language.interior import connections_of, parts_of, reads_parts
+from gearlib.language.interior import connections_of, declarations_of, parts_of, reads_parts
 
 Given = Literal["flow", "rate", "potential", "free", "held"]
 
@@ -134,6 +134,11 @@ def open_connections(whole: Component, cuts: tuple[Cut, ...]) -> None:
             (name, [port], place.given, ("rate", "flow")), (f"{name}_rest", left, place.rest, ("held", "free")),
         ):  # fmt: skip
             if side:
+                if end in {*vars(parent), *declarations_of(parent)}:
+                    raise ArgumentError(
+                        f"cut: {type(parent).__name__} has '{end}' already, as the end at {place.part}.{place.connector} would be called; "
+                        "has it been cut before?"
+                    )
                 insert_part(parent, end, end_of(type(port.connector), given or fitting[_answers_to_flows(whole, side)])())
                 reconnect(parent, [*connections_of(parent), connect(getattr(parent, end).port, *side)])
 

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Literal, Protocol, Self, get_args, overload
 import numpy as np
 import sympy
 
-from gearlib.arguments import by_name, real, shown
+from gearlib.arguments import by_name, is_real, real, shown
 from gearlib.errors import ArgumentError, DeclarationError
 from gearlib.language.expressions import der
 from gearlib.language.units import dimension
@@ -81,7 +81,8 @@ class Declaration:
     name: str = ""
 
     def __set_name__(self, owner: type, name: str) -> None:
-        object.__setattr__(self, "name", name)
+        if not self.name:
+            object.__setattr__(self, "name", name)
 
     @overload
     def __get__(self, instance: None, owner: type) -> Self: ...
@@ -120,6 +121,17 @@ def _check_default(declared: Parameter | Input) -> None:
     if value is NO_VALUE or value is None or (callable(value) and not isinstance(value, type)) or isinstance(value, sympy.Expr):
         return
     _check_number(declared, "default")
+
+
+def _are_words(words: Any) -> bool:
+    """Whether these are texts by number, each with a placeholder for a path or without."""
+    try:
+        return isinstance(words, Mapping) and all(
+            (isinstance(value, bool) or is_real(value)) and isinstance(text, str) and text.format("path") is not None
+            for value, text in words.items()
+        )
+    except Exception:  # a placeholder that cannot be filled
+        return False
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +216,10 @@ class Variable(Declaration):
         if not self.nominal > 0.0:
             raise DeclarationError(
                 f"Variable(nominal={shown(self.nominal)}): expected a positive number, the typical size of the variable"
+            )
+        if self.words is not None and not _are_words(self.words):
+            raise DeclarationError(
+                f"Variable: words is {shown(self.words)}; expected texts by value, such as {{0: 'open: mesh {{}}', 1: 'in contact'}}"
             )
 
 

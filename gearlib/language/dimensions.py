@@ -8,6 +8,7 @@ is a pure number is in the declared unit.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
@@ -127,7 +128,7 @@ def values_compared(component: Component, equations: Iterable[Eq | When]) -> Ite
                 yield (action.state, action.value, "") if isinstance(action, Reinit) else (action.left, action.right, "")
     with inside(component):
         for name, declared in declarations_of(component).items():
-            if isinstance(declared, Derivative) and declared.of in declarations_of(component):
+            if isinstance(declared, Derivative):
                 unit = dimension(declared.unit)
                 yield getattr(component, name), NONE if unit is None else unit, name
 
@@ -257,8 +258,10 @@ def _factor(e: Any, unit_of: UnitOf, loose: bool) -> Dimension | None:
 
 def _power(e: Any, unit_of: UnitOf, loose: bool) -> Dimension | None:
     """Dimension of a power with a number as its exponent."""
-    base = _factor(e.base, unit_of, loose)
-    return None if base is None else _times(NONE, base, Fraction(float(e.exp)).limit_denominator(1000))
+    base, exponent = _factor(e.base, unit_of, loose), float(e.exp)
+    if base is None or not math.isfinite(exponent):  # which is refused where the model is compiled
+        return None
+    return _times(NONE, base, Fraction(exponent).limit_denominator(1000))
 
 
 def _product(factors: Iterable[Dimension | None]) -> Dimension | None:

@@ -111,6 +111,10 @@ def _found(owner: Any, path: str) -> Iterator[tuple[str, GearSet]]:
     interior.connections_of(owner)
     own = owner.drawn_gears()
     if own is not None:
+        if not isinstance(own, GearSet):
+            raise ModelError(
+                f"{type(owner).__name__}.drawn_gears() must return gears, such as GearPair(...).drawn_gears(); got {shown(own)}"
+            )
         yield path, own
         return
     for name, part in interior.parts_of(owner).items():

@@ -56,7 +56,7 @@ def piecewise_polynomial(said: str, x: Any, knots: Floats, coefficients: Floats,
         Name in error messages.
     x : expression
     knots : array, shape (n,)
-        Nondecreasing; two equal knots make a jump.
+        Nondecreasing; equal knots make a jump, from the first of them to the last.
     coefficients : array, shape (4, n)
     events : bool
         Whether corners raise events as well.
@@ -74,6 +74,9 @@ def piecewise_polynomial(said: str, x: Any, knots: Floats, coefficients: Floats,
             f"{said} has {len(knots)} points; in an equation, at most {MOST_PIECES} are taken. Leave the input unbound and give the "
             "table to simulate(inputs={...}), or use fewer points"
         )
+    ends_a_run = np.append(knots[1:] != knots[:-1], True)
+    kept = ends_a_run | np.roll(ends_a_run, 1)  # of several equal knots, what is between the first and the last has no width
+    knots, coefficients = knots[kept], coefficients[:, kept]
     jumps = [k for k in range(1, len(knots)) if knots[k] == knots[k - 1] and coefficients[0, k] != coefficients[0, k - 1]]
     if events:
         return _between(x, knots, coefficients, 0, len(knots), True)
@@ -88,13 +91,14 @@ def piecewise_polynomial(said: str, x: Any, knots: Floats, coefficients: Floats,
 def _between(x: Any, knots: Floats, coefficients: Floats, first: int, end: int, outermost: bool) -> Any:
     """The pieces between some knots; before the first knot of all, its value."""
     branches = [(sympy.Float(coefficients[0, 0]), x < sympy.Float(knots[0]))] if outermost else []
+    ends = np.append(knots[1:], np.inf)
     for k in range(first, end):
-        if k + 1 < len(knots) and knots[k + 1] == knots[k]:
+        if ends[k] == knots[k]:
             continue  # zero width: the next piece takes over
         s, law = x - sympy.Float(knots[k]), sympy.Integer(0)
         for c in coefficients[::-1, k].tolist():
             law = (law * s + sympy.Float(c)) if c or law != 0 else law
-        branches.append((law if law != 0 else sympy.Float(0.0), x < sympy.Float(knots[k + 1]) if k + 1 < end else True))
+        branches.append((law if law != 0 else sympy.Float(0.0), x < sympy.Float(ends[k])))
     return sympy.Piecewise(*branches[:-1], (branches[-1][0], True))
 
 

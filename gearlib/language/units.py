@@ -38,7 +38,7 @@ INSTEAD = {  # SI unit to write instead, and the value of one of the other unit 
     "Ns": ("N.s", "1 N.s"), "Js": ("J.s", "1 J.s"), "Ws": ("W.s", "1 W.s"), "Wh": ("J", "3600 J"), "kWh": ("J", "3.6e6 J"),
     "sec": ("s", "1 s"), "kgm2": ("kg.m2", "1 kg.m2"), "kgm": ("kg.m", "1 kg.m"),
 }  # fmt: skip
-_FACTOR = re.compile(r"([A-Za-z]+|1)(-?\d+)?$")
+_FACTOR = re.compile(r"([A-Za-z]+|1(?![-\d]))(-?\d+)?")  # 10 and 1-3 are no units
 
 
 @lru_cache(maxsize=1000)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from gearlib.compiler.instructions import LANES
+from gearlib.compiler.instructions import LANED, LANES
 from gearlib.compiler.object_code import compiled
 from gearlib.compiler.translate import Unsupported, intermediate
 from gearlib.native.lane_functions import FUNCTIONS, FURTHEST
@@ -52,6 +52,28 @@ B = np.array([2.0, -1.0, 4.0, 0.5, -8.0, 3.0, 7.0, -1e-3])
 )
 def test_lanes_are_numpy(value: str, wanted: Floats) -> None:
     assert np.allclose(computed(value, A, B), wanted, rtol=4e-16, atol=1e-300)
+
+
+@pytest.mark.parametrize(
+    ("value", "instructions"),
+    [
+        ("where(both(a > 0, b > 0), a, b)", ["and"]), ("where(either(a > 0, b > 0), a, b)", ["or"]),
+        ("where(both(a > 0, b > 0, a > b), a, b)", ["and"] * 2), ("a if a > 0 and b > 0 else b", ["and"]),
+        ("a if a > 0 or b > 0 else b", ["or"]), ("a if -1 < a <= 2 else b", ["and"]), ("max(a, b, 1)", ["fcmp ogt"] * 2),
+        ("min(a, b)", ["fcmp olt"]), ("a if a <= b else b", ["fcmp ole"]), ("a if not a != b else b", ["fcmp une", "xor"]),
+        ("abs(a)", ["call"]), ("sqrt(a)", ["call"]), ("atan2(a, 1)", ["call"] * LANES), ("a**5", ["fmul"] * 3), ("in_lanes(2.5)", []),
+        ("in_lanes(total(a))", ["fadd"] * (LANES - 1)), ("-a", ["fneg"]), ("a - 2 / b", ["fdiv", "fsub"]),
+    ],
+)  # fmt: skip
+def test_operations_of_lanes_are_instructions(value: str, instructions: list[str]) -> None:
+    """As few as there are operations; comparisons that are joined or chosen by are there, too."""
+    text = intermediate(f"{HEAD}    a, b = x[0], x[1]\n    y[0] = {value}\n    return 0\n")
+    compared = [] if instructions[:1] and instructions[0].startswith("fcmp") else ["fcmp"]
+    others = ("getelementptr", "load", "insertelement", "extractelement", "shufflevector", "select", *compared)
+    done = [line.split(" = ")[1] for line in text.partition("}")[0].splitlines() if " = " in line]
+    found = [line for line in done if not line.startswith(others)]
+    assert [next((i for i in instructions if line.startswith(f"{i} ")), line) for line in found] == instructions
+    assert f"store {LANED} " in text
 
 
 def test_any_of_looks_at_all_lanes() -> None:

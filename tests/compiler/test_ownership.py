@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -70,6 +72,58 @@ def test_a_folder_that_others_can_write_is_not_used(
         assert triple(3) == (6.0, 0)
     assert triple(4) == (8.0, 0)  # told once
     assert sorted(p.name for p in shared.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("group", "members", "own"),
+    [("anna", [], True), ("anna", ["anna"], True), ("anna", ["anna", "bert"], False), ("anna", ["bert"], False),
+     ("staff", [], False), ("staff", ["anna"], False), (None, [], False)],
+)  # fmt: skip
+def test_a_group_of_one_user_is_nobody_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, group: str | None, members: list[str], own: bool
+) -> None:
+    """Many systems give each user a group of the same name, and make files and folders that it may write."""
+    import grp
+    import pwd
+
+    def group_of(number: int) -> SimpleNamespace:
+        if group is None:
+            raise KeyError(number)
+        return SimpleNamespace(gr_name=group, gr_mem=members)
+
+    monkeypatch.setattr(grp, "getgrgid", group_of)
+    monkeypatch.setattr(pwd, "getpwuid", lambda number: SimpleNamespace(pw_name="anna"))
+    file = tmp_path / "file"
+    file.write_bytes(b"code")
+    file.chmod(0o660)
+    assert ownership.is_own(file) == own
+    file.chmod(0o640)
+    assert ownership.is_own(file)
+    file.chmod(0o602)
+    assert not ownership.is_own(file)
+    tmp_path.chmod(0o770)
+    assert ownership.why_foreign(tmp_path) == (None if own else f"others can write in {tmp_path}")
+    tmp_path.chmod(0o700)
+
+
+def test_what_is_no_file_or_folder_is_nobody_s_own(tmp_path: Path) -> None:
+    assert ownership.is_own(tmp_path)
+    assert not ownership.is_own(tmp_path / "missing")
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to(tmp_path)
+    assert not ownership.is_own(tmp_path / "pipe")
+    assert not ownership.is_own(tmp_path / "link")
+
+
+def test_whose_a_folder_is_is_said_by_name(
+    tmp_path: Path, give_away: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import pwd
+
+    give_away(tmp_path)
+    assert ownership.why_foreign(tmp_path) == f"{tmp_path} belongs to another user ({STRANGER})"
+    monkeypatch.setattr(pwd, "getpwuid", lambda number: SimpleNamespace(pw_name=f"bert{number}"))
+    assert ownership.why_foreign(tmp_path) == f"{tmp_path} belongs to the user bert{STRANGER}"
 
 
 def test_a_sticky_folder_above_is_no_danger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,12 +16,14 @@ import pytest
 import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from llvmlite import binding
 from numpy.typing import NDArray
 
 import gearlib as gl
 import gearparts as gp
 from gearlib.compiler.data_flow import carried, is_elementwise, is_never_empty, stored
 from gearlib.compiler.instructions import LANED, Unsupported
+from gearlib.compiler.native_module import native_text
 from gearlib.compiler.object_code import compiled
 from gearlib.compiler.translate import intermediate
 from gearlib.equations.kernel import residual_kernel
@@ -474,6 +476,54 @@ def test_functions_of_models_do_what_their_source_says(n: int, friction: bool) -
         assert same(*results)
 
 
+TURNS = (
+    "while a < t:\n    a += x[b]\n    b += 1", "while True:\n    b += 1\n    if b > n:\n        break",
+    "while not a > t and b < n:\n    b = 2 * b\n    if x[b] > 0:\n        continue\n    a += 1.0",
+    "for k in range(n, 0, -1):\n    a += x[k]",
+    "for k in range(3):\n    for j in range(k, n):\n        if x[j] > a:\n            return j\n        if j > 5:\n            continue\n"
+    "        a = x[k]",
+    "if t > 0:\n    b = 2\nelif t < -1:\n    return 3\nelse:\n    b = n", "if t > 0 or n > 3 and not x[0] > 1:\n    b = n // 3 - n % 3",
+    "while b < n:\n    j = 0\n    for k in range(b):\n        if x[k] < 0:\n            break\n        j += k\n    b += 1 + j",
+)  # fmt: skip
+
+
+def flaw(make: Callable[[], str]) -> str:
+    """Why a source is not compiled, or what LLVM finds wrong in what it is compiled to; empty where it is right."""
+    try:
+        binding.parse_assembly(make()).verify()
+    except Exception as problem:
+        return f"{type(problem).__name__}: {problem}"
+    return ""
+
+
+def test_what_is_of_the_language_is_compiled_to_what_llvm_takes() -> None:
+    expressions = [f"a, b = data[0], data[1]\ndata[2] = {text}\nreturn 0" for text in EXPRESSIONS]
+    conditions = [f"a, b, c, d = t > 0, t > 1, t > 2, t > 3\nreturn 1 if {text} else 2" for text in CONDITIONS]
+    for body in (*STATEMENTS.values(), *expressions, *conditions):
+        assert flaw(lambda body=body: intermediate(module(body))) == "", body  # type: ignore[misc]
+
+
+def test_records_callbacks_and_tuples_are_compiled_to_what_llvm_takes() -> None:
+    assert flaw(lambda: native_text("tests.compiler.sample_loops")) == ""
+
+
+def test_loops_and_lanes_are_compiled_to_what_llvm_takes() -> None:
+    for loop in (*TURNS, "for k in parallel(n):\n    x[k] = 2.0 * x[k + 1]", "for k in parallel(1, n):\n    x[k] += t"):
+        text = "def f(t: float, n: int, x: floats) -> int32:\n" + indent(f"a, b = 0.0, 1\n{loop}\nreturn b", "    ")
+        assert flaw(lambda text=text: intermediate(text)) == "", loop  # type: ignore[misc]
+    lanes = "def f(x: lanes, y: lanes, n: int, p: floats) -> int32:\n    a, b = x[0], x[1]\n    y[0] = {}\n    return 0\n"
+    for value in (
+        "in_lanes(2)", "in_lanes(p[n])", "a if a > 0 and not b > 1 or a < b else -b", "where(both(a > 0, b > 0), a, 1.0)",
+        "where(either(a > 0, b > 0, a < b), a, b)", "max(a, b, 2)", "abs(a)**3 / b + a**-2", "sin(a) + atan2(a, 1) + sqrt(b)",
+        "in_lanes(total(a) if any_of(a > 5) else 0.0)", "(1 if a < b else (2 if a < 1 else b))", "a * n - p[0] + 2",
+    ):  # fmt: skip
+        assert flaw(lambda value=value: intermediate(lanes.format(value))) == "", value  # type: ignore[misc]
+    blocks = "def f(x: floats, y: floats, n: int) -> int32:\n    for k in blocks(n):\n        y[k] = {}\n    return 0\n"
+    for value in ("x[k]", "2 * x[k] - block(3)", "where(x[k] > 1, x[k], 0.5)", "abs(x[k]) + max(x[k], y[k])", "one_by_one(x, k)",
+                  "x[k] * total(x[k])"):  # fmt: skip
+        assert flaw(lambda value=value: intermediate(blocks.format(value))) == "", value  # type: ignore[misc]
+
+
 # ---------------------------------------------------------------- what is refused
 
 
@@ -538,6 +588,28 @@ def test_sums_of_thousands_of_terms() -> None:
     data = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
     by_machine(module(f"data[0] = {terms}\nreturn 0"), "f", 0.0, data)
     assert data[0] == sum(k % 7 + 1 for k in range(2000))
+
+
+@pytest.mark.parametrize(
+    ("head", "body", "vectors"),
+    [
+        ("range(n)", "y[k] = 2 * x[k]", False), ("parallel(n)", "y[k] = 2 * x[k]", True), ("parallel(1, n)", "y[k] = 2 * x[k]", True),
+        ("parallel(0, n, 2)", "y[k] = 2 * x[k]", False), ("parallel(n)", "y[k] = x[2 * k]", False), ("range(3)", "y[k] = x[k]", False),
+        ("parallel(n)", "y[k] += x[k]", False),
+    ],
+)  # fmt: skip
+def test_only_loops_that_ask_for_it_are_made_of_vectors(head: str, body: str, vectors: bool) -> None:
+    text = intermediate(f"def f(n: int, x: floats, y: floats) -> int32:\n    for k in {head}:\n        {body}\n    return 0\n")
+    assert (LANED in text) == vectors
+    assert text.count("ret ") == 1
+
+
+@pytest.mark.parametrize("body", ["pass", "return", "n = 3", "x[0] = 1.0\n    return\n    x[1] = 2.0"])
+def test_a_function_that_returns_nothing_ends_once(body: str) -> None:
+    text = intermediate(f"def f(n: int, x: floats) -> None:\n    {body}\n")
+    assert text.startswith("define internal void @f(i64 %a.n, ptr %a.x) nounwind {\nstart:\n")
+    assert text.count("ret void") == 1
+    assert text.endswith("  ret void\n}\n")
 
 
 def test_hundreds_of_branches() -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
-from collections.abc import Callable
+from collections import UserDict
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -28,7 +30,8 @@ from gearlib.language.component import (
     with_parts,
 )
 from gearlib.language.declarations import NO_VALUE
-from gearlib.language.interior import connections_of, number_of, parts_of, path_of, radii_of
+from gearlib.language.expressions import real_symbol as signal
+from gearlib.language.interior import connections_of, forget, number_of, parts_of, path_of, radii_of
 
 c = gl.connect
 
@@ -193,6 +196,8 @@ def test_forgotten_super_init() -> None:
         (lambda: gp.Inertia(J=1.0, j=2.0), "Inertia: 'j' is not a parameter, input or structural choice.*did you mean 'J'"),
         (lambda: gp.Inertia(J=1.0, w=2.0), r"Inertia: 'w' is a variable.*a start value is given as start=\{'w': \.\.\.\}"),
         (lambda: gp.Inertia(J=1.0, start=[1]), r"Inertia: start is \[1\]; expected start values by name"),
+        (lambda: gp.Inertia(1.0, 2.0), r"^Inertia\(1\.0\): give values by name"),
+        (lambda: gp.Inertia(J=1.0, start=[("w", 1.0)]), r"Inertia: start is \[\('w', 1\.0\)\]; expected start values by name"),
         (lambda: gp.Inertia(J=1.0, start="steady"), "Inertia: start is 'steady'; expected start values by name"),
         (lambda: gp.Inertia(J=1.0, guess=5), "Inertia: guess is 5; expected start values by name"),
     ],
@@ -328,6 +333,22 @@ def test_declarations_that_have_been_replaced_are_refused() -> None:
         check_declarations(Kind)
 
 
+def test_a_declaration_in_the_base_of_all_components_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gl.Component, "stray", gl.Parameter("m"), raising=False)
+    with pytest.raises(DeclarationError, match=r"^Store\.stray was declared outside of a component class"):
+        check_declarations(Store)
+
+
+def test_sides_that_have_no_hash_are_left_to_what_refuses_them() -> None:
+    class Listed(Tap):
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.rate, [1, 2])]
+
+    assert [equation.right for equation in equations_of(Listed())][1:] == [2.0, [1, 2]]  # type: ignore[union-attr]
+    with pytest.raises(DeclarationError, match=r"rate == \[1, 2\] is not an equation"):
+        gl.compile(Listed())
+
+
 def test_what_a_base_s_equations_return_is_named_by_its_class() -> None:
     class Wrong(gl.Component):
         def equations(self) -> Any:
@@ -407,6 +428,31 @@ def test_numbers_follow_from_what_encloses_a_part() -> None:
     assert radii_of(mesh) == pytest.approx((0.2, np.nan), nan_ok=True)
 
 
+@pytest.mark.parametrize("wrong", ["abc", "3", True, [1.0, 2.0], 10**400, float("nan"), 1j, gl.time, gl.sin])
+def test_what_is_no_number_is_none_where_a_model_is_drawn(wrong: Any) -> None:
+    """It is refused where the model is compiled; its picture is shown nevertheless."""
+    gear = gp.IdealGear(ratio=wrong)
+    assert number_of(gear, "ratio") is None
+    assert np.isnan(radii_of(gear)).all()
+    assert "<svg" in gear.diagram().svg
+    with pytest.raises(gl.GearlibError):
+        gl.compile(gear)
+
+
+@pytest.mark.parametrize(("given", "value"), [(gl.pi / 2, np.pi / 2), (np.float32(2.5), 2.5), (gl.sqrt(2), 2**0.5), (3, 3.0)])
+def test_numbers_of_other_kinds_are_floats(given: Any, value: float) -> None:
+    found = number_of(gp.IdealGear(ratio=given), "ratio")
+    assert (found, type(found)) == (pytest.approx(value, rel=1e-15), float)
+
+
+@pytest.mark.parametrize("radii", [("nope",), ("r", "flange"), ("r", 3), "r", 3, None, ([],)])
+def test_radii_are_names_of_parameters(radii: Any) -> None:
+    members = {"icon": "external_mesh", "r": gl.Parameter("m", default=0.2), "flange": gp.Flange("side"), "radii": radii}
+    for draw in (radii_of, lambda mesh: mesh.diagram(), lambda mesh: mesh.scheme()):
+        with pytest.raises(DeclarationError, match=r"^Mesh\.radii is .*; expected a tuple of names of its parameters$"):
+            draw(type("Mesh", (gl.Component,), members)())
+
+
 def test_paths_parts_and_what_encloses_them() -> None:
     plant = Plant()
     connections_of(plant)
@@ -479,6 +525,21 @@ def test_pickled_composites_make_their_parts_again() -> None:
     assert (port.connector.name, port.component.note) == ("flange", "mine")
 
 
+@pytest.mark.parametrize("assembled", [False, True])
+def test_a_copy_has_parts_of_its_own(assembled: bool) -> None:
+    stage = Stage(count=1)
+    stage.own = gp.Inertia(J=7.0)
+    if assembled:
+        connections_of(stage)
+    for again in (copy.copy(stage), copy.deepcopy(stage)):
+        for one in (again, stage):
+            connections_of(one)
+            assert list(parts_of(one)) == ["own", "bodies[0]"]
+            assert all(next(enclosing(part)) is one for part in parts_of(one).values())
+        assert not {*map(id, parts_of(again).values())} & {*map(id, parts_of(stage).values())}
+        assert (again.own.J, given_to(again)) == (7.0, given_to(stage))
+
+
 def test_a_change_is_made_whenever_the_parts_are() -> None:
     times: list[int] = []
 
@@ -487,9 +548,9 @@ def test_a_change_is_made_whenever_the_parts_are() -> None:
         stage.more = gp.Inertia(J=1.0)
 
     stage = Stage()
-    copy = changed(stage, add)
-    assert ("more" in parts_of(copy), "more" in parts_of(stage)) == (True, False)
-    assert gl.compile(copy, outputs=["more.w"]).states == ("more.w",)
+    more = changed(stage, add)
+    assert ("more" in parts_of(more), "more" in parts_of(stage)) == (True, False)
+    assert gl.compile(more, outputs=["more.w"]).states == ("more.w",)
     assert len(times) > 1
     assert set(times) == {2}
 
@@ -510,6 +571,8 @@ def test_signals_of_a_composite_are_those_connected_and_those_joined_by_parts() 
     [
         (lambda: Connection([gp.Inertia(J=1.0).flange_a]), ConnectionError, r"Connection: ports is \[.*\]; expected connectors"),
         (lambda: Connection((), (3,)), ConnectionError, r"Connection: signals is \(3,\); expected signals"),
+        (lambda: c(signal("a.y")), ConnectionError, r"^connect\(\) needs two signals, got only a\.y$"),
+        (lambda: c(signal("a.y"), signal("b.u"), signal("b.u")), ConnectionError, r"^b\.u is connected to itself$"),
         (lambda: c(), ConnectionError, r"connect\(\) needs two connectors, got 0"),
         (lambda: gp.Inertia(J=1.0).flange_a._x, AttributeError, "_x"),
         (lambda: gp.Inertia(J=1.0, nominal={1, 2}), BindingError, r"nominal is .*; expected typical sizes by name, such as nominal"),
@@ -520,6 +583,7 @@ def test_signals_of_a_composite_are_those_connected_and_those_joined_by_parts() 
         (lambda: setattr(Stage(), "size", 3), DeclarationError, r"Stage\.size is declared by the class; .* is made: Stage\(size=\.\.\.\)"),
         (lambda: setattr(Stage(), "more", {"a": gp.Inertia(J=1.0)}), ModelError, r"Stage\.more is a dict of components; a family"),
         (lambda: setattr(Plant().stage, "note", 3), ModelError, r"stage\.note: Plant\.assemble\(\) made this part"),
+        (lambda: setattr(Plant().stage.bodies[0], "note", 3), ModelError, r"stage\.bodies\[0\]\.note: Stage\.assemble\(\) made this"),
         (lambda: Plant()._nothing, AttributeError, "_nothing"),
         (lambda: Plant().stage.bodies[0].nothing, AttributeError, r"stage\.bodies\[0\]: Inertia has no 'nothing'"),
     ],
@@ -527,6 +591,77 @@ def test_signals_of_a_composite_are_those_connected_and_those_joined_by_parts() 
 def test_slips_outside_of_assemble(make: Callable[[], Any], error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         make()
+
+
+@pytest.mark.parametrize("value", [[1, 2], dict, {"a": 1}, "text", None, (), gp.Flange("side")])
+def test_attributes_that_are_no_parts_are_kept_as_they_are(value: Any) -> None:
+    model = composite(lambda s: [])
+    model.more = value
+    assert model.more is value
+    assert dict(parts_of(model)) == {}
+
+
+def test_what_assemble_made_is_discarded_before_it_runs_again() -> None:
+    wanted = [True]
+
+    def assemble(self: Any) -> list[Any]:
+        if wanted:
+            self.note, self.pair = "first", [body(), body()]
+        return []
+
+    model = composite(assemble)
+    model.own = body()
+    connections_of(model)
+    assert (model.note, list(parts_of(model))) == ("first", ["own", "pair[0]", "pair[1]"])
+    wanted.clear()
+    pair = model.pair
+    forget(model)
+    connections_of(model)
+    assert (vars(model).keys() & {"note", "pair", "own"}, list(parts_of(model))) == ({"own"}, ["own"])
+    other = composite(lambda s: [])
+    other.taken = pair[0]
+    assert path_of(pair[0]) == "taken"
+
+
+def test_only_a_composite_is_assembled_for_an_unknown_name() -> None:
+    leaf = type("Leaf", (gl.Component,), {"count": gl.Structural(2, min=1)})(count=0)
+    with pytest.raises(AttributeError, match=r"^Leaf has no 'nothing'; Valid names: count$"):
+        leaf.nothing  # noqa: B018
+
+
+def test_values_that_can_not_be_read_are_refused() -> None:
+    class Unread(UserDict[str, float]):
+        def __iter__(self) -> Iterator[str]:
+            if self.pop("fails", None):
+                raise RuntimeError("no")
+            return super().__iter__()
+
+    with pytest.raises(BindingError, match=r"^Inertia: guess is .*; expected start values by name"):
+        gp.Inertia(J=1.0, guess=Unread(fails=1.0, w=2.0))
+    assert given_to(gp.Inertia(J=1.0, guess=Unread(w=2.0))).guess == {"w": 2.0}
+
+
+def test_a_part_that_is_deleted_is_no_part_any_more() -> None:
+    def assemble(self: Any) -> list[Any]:
+        self.tried, self.load = body(), body()
+        del self.tried
+        return []
+
+    model = composite(assemble)
+    model.own, model.pair, model.note, model.owner = body(), [body(), body()], "text", body()
+    own, pair = model.own, model.pair
+    del model.own, model.pair, model.note
+    assert list(parts_of(model)) == ["owner"]
+    assert gl.compile(model).states == ("owner.w", "load.w")
+    other = composite(lambda s: [])
+    other.own, other.pair = own, pair
+    model.own = body()
+    assert gl.compile(model).states == ("owner.w", "own.w", "load.w")
+    with pytest.raises(ModelError, match=r"^Model\.load: assemble\(\) made this part, and makes it again"):
+        del model.load
+    for missing in ("nothing", "_nothing"):
+        with pytest.raises(AttributeError, match=missing):
+            delattr(model, missing)
 
 
 def test_a_name_is_given_to_one_part() -> None:

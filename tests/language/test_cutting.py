@@ -182,6 +182,23 @@ def test_what_is_not_connected_cannot_be_cut() -> None:
         gl.cut(gl.compile(Line()), "load")
 
 
+def test_an_end_does_not_take_a_name_that_the_model_has() -> None:
+    """Of a part, such as the end of a cut before; of an attribute, of a declaration, of which it would take the place."""
+    with pytest.raises(gl.GearlibError, match=r"^cut: Line has 'load_flange_a' already, .* at load\.flange_a .* cut before\?$"):
+        gl.cut(gl.cut(Line(), "load"), "load.flange_a")
+
+    class Noted(Line):
+        shaft_flange_a = gl.Parameter("1", default=1.0)
+
+        def assemble(self) -> list[gl.Connection]:
+            self.load_flange_a_rest = "mine"
+            return super().assemble()
+
+    for place, end in (("load", "load_flange_a_rest"), ("shaft.flange_a", "shaft_flange_a")):
+        with pytest.raises(gl.GearlibError, match=f"^cut: Noted has '{end}' already"):
+            gl.cut(Noted(), place)
+
+
 @pytest.mark.parametrize(("potentials", "flows"), [(2, 1), (1, 2), (2, 2)])
 def test_a_connector_is_cut_where_one_flow_answers_one_potential(potentials: int, flows: int) -> None:
     members: dict[str, Any] = {f"p{k}": gl.Potential("rad") for k in range(potentials)}

@@ -73,6 +73,8 @@ def test_a_value_that_cannot_be_compared_is_no_choice() -> None:
     assert kind(mode="one").mode == "one"
     with pytest.raises(BindingError, match=r"'mode' is <.* \.\.\.; valid choices: 'one', None"):
         kind(mode=Odd())
+    with pytest.raises(BindingError, match=r"'mode' is 'one'; valid choices: 'one', None"):
+        kind(mode=type("OddText", (str,), {"__eq__": Odd.__eq__, "__hash__": None})("one"))
 
 
 def declare(name: str, value: Any) -> type[gl.Component]:
@@ -97,6 +99,20 @@ def test_reserved_names(name: str) -> None:
 def test_slips_in_the_class_body(value: Any, message: str) -> None:
     with pytest.raises(DeclarationError, match=message):
         declare("x", value)
+
+
+def test_each_name_has_a_declaration_of_its_own() -> None:
+    """Two names of one declaration would stand for the same symbol."""
+    shared = gl.Parameter("1", default=1.0)
+    with pytest.raises(
+        DeclarationError, match=r"^Wrong\.b is the declaration of 'a'; make one for each name: Parameter\(\.\.\.\)$"
+    ):
+        type("Wrong", (gl.Component,), {"a": shared, "b": shared})
+    right: Any = type("Right", (gl.Component,), {"a": shared})
+    with pytest.raises(DeclarationError, match=r"^Wrong\.c is the declaration of 'a'"):
+        type("Wrong", (right,), {"c": right.a})
+    assert type("Again", (gl.Component,), {"a": shared})(a=2.0).a == 2.0  # type: ignore[attr-defined]
+    assert right.a.name == "a"
 
 
 @pytest.mark.parametrize(
@@ -211,6 +227,29 @@ def test_what_a_declaration_does_not_take(declare: Any, message: str) -> None:
         declare()
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        "open",
+        3,
+        ["open", "closed"],
+        {0: 5},
+        {"a": "open"},
+        {0: "open {} {}"},
+        {0: "{x}"},
+        {0: "open {0.y}"},
+        {float("nan"): "open"},
+    ],
+)
+def test_words_are_texts_by_value(words: Any) -> None:
+    with pytest.raises(
+        DeclarationError, match=r"^Variable: words is .*; expected texts by value, such as \{0: 'open: mesh \{\}'"
+    ):
+        gl.Variable("1", words=words)
+    right = {0: "open: mesh {}", 1.5: "closed", True: "in {{contact}}"}
+    assert gl.Variable("1", words=right).words == right
+
+
 def test_what_a_declaration_takes() -> None:
     assert (gl.Parameter("m", min=1, max=1).min, gl.Parameter("m").max) == (1.0, float("inf"))
     assert type(gl.Parameter("m", min=1).min) is float
@@ -260,6 +299,13 @@ def test_declarations_of_an_instance_follow_its_choices() -> None:
     assert with_side.ends == {"flange": ([0], [1]), "extra": ([3], [4])}
 
 
+@pytest.mark.parametrize("side", [True, False])
+def test_a_connector_on_a_condition_is_there_where_it_holds(side: bool) -> None:
+    kind = type("Kind", (gl.Component,), {"side": gl.Structural(False), "extra": gp.Flange("at times", when="side")})
+    found = declared_by(kind(side=side))
+    assert (list(found.connectors), list(found.variables)) == ((["extra"], ["extra.phi", "extra.tau"]) if side else ([], []))
+
+
 def test_a_class_is_asked_for_its_declarations_and_an_instance_for_symbols() -> None:
     for name in ("side", "flange", "x", "u", "k", "n", "a"):
         assert getattr(Everything, name).name == name
@@ -270,7 +316,7 @@ def test_a_class_is_asked_for_its_declarations_and_an_instance_for_symbols() -> 
 @pytest.mark.parametrize(
     ("default", "given", "kept"),
     [(3, np.int64(4), 4), (3, 4, 4), (True, False, False), ((), [[1, 2]], ((1, 2),)), ((), np.array([1, 2]), (1, 2)),
-     (None, "anything", "anything"), (2.5, 1.5, 1.5)],
+     (None, "anything", "anything"), (None, [1, 2], [1, 2]), (2.5, 1.5, 1.5)],
 )  # fmt: skip
 def test_structural_choices_have_the_type_of_their_default(default: Any, given: Any, kept: Any) -> None:
     made = type("Made", (gl.Component,), {"s": gl.Structural(default)})(s=given)

@@ -9,7 +9,7 @@ import sympy
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import ModelError
+from gearlib.errors import DeclarationError, ModelError
 from gearlib.language.dimensions import values_given
 from gearlib.language.units import dimension
 
@@ -75,6 +75,7 @@ def errors(left: Any, right: Any) -> list[str]:
         (lambda s: s.flange.phi, lambda s: s.phi * gl.cos(2 * gl.time)), (lambda s: s.x, lambda s: s.v * gl.time**2 / gl.time),
         (lambda s: s.x, lambda s: gl.no_event(s.L)), (lambda s: s.x, lambda s: s.v * (1 + gl.time)),
         (lambda s: s.x, lambda s: s.L * gl.exp(-gl.time) * gl.sin(gl.time)),
+        (lambda s: s.x, lambda s: s.v**sympy.oo), (lambda s: s.x, lambda s: s.v ** sympy.Rational(10**400, 3)),
     ],
 )  # fmt: skip
 def test_sides_that_fit(left: Any, right: Any) -> None:
@@ -100,6 +101,8 @@ def test_sides_that_fit(left: Any, right: Any) -> None:
         (lambda s: s.x, lambda s: gl.Piecewise((s.L, s.v > s.x), (0, True)),
          "Leaf: v is in m.s-1, x is in m, together in v > x (in x = {})"),
         (lambda s: s.x, lambda s: gl.Piecewise((s.L, s.v > 0), (s.v, True)),
+         "Leaf: L is in m, v is in m.s-1, together in {0} (in x = {0})"),
+        (lambda s: s.x, lambda s: gl.Piecewise((0, s.v > 0), (s.L, s.v > -1), (s.v, True)),
          "Leaf: L is in m, v is in m.s-1, together in {0} (in x = {0})"),
         (lambda s: s.v, lambda s: gl.der(gl.der(s.x)), "Leaf: v is in m.s-1, der(der(x)) is in m.s-2"),
         (lambda s: s.m, lambda s: s.flange.tau, "Leaf: m is in kg, flange.tau is in kg.m2.s-2"),
@@ -141,6 +144,42 @@ def test_values_given_to_parts(given: Any, found: list[str]) -> None:
     assert gl.check_units(type("Holder", (Holder,), {"given": staticmethod(given)})()) == found
 
 
+def test_names_are_looked_up_in_parts_of_parts_and_in_their_connectors() -> None:
+    class Outer(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.box = Holder()
+            load = self.box.load
+            self.right, self.one = gp.Torque(tau=2 * load.flange_a.tau), gp.Torque(tau=-load.w)
+            self.two, self.three = (
+                gp.Torque(tau=load.flange_a.phi * load.w),
+                gp.Torque(tau=gl.der(load.w) * self.box.J * load.w),
+            )
+            return []
+
+    class Holder(gl.Component):
+        J = gl.Parameter("kg.m2", default=1.0)
+
+        def assemble(self) -> list[Any]:
+            self.load = gp.Inertia(J=self.J)
+            return []
+
+    found = {message.split(".")[0]: message.rpartition(" in ")[2] for message in gl.check_units(Outer())}
+    assert found == {"Outer: one": "s-1", "Outer: two": "s-1", "Outer: three": "kg.m2.s-3"}
+
+
+def test_of_expressions_that_are_too_deep_the_place_is_named() -> None:
+    def deep(x: Any) -> Any:
+        for _ in range(131):
+            x = sympy.sin(x, evaluate=False)
+        return x
+
+    for left, right in ((lambda s: deep(s.n), lambda s: 1), (lambda s: s.n, lambda s: deep(s.n))):
+        with pytest.raises(DeclarationError, match=r"^Leaf: an expression is nested too deeply"):
+            errors(left, right)
+    with pytest.raises(DeclarationError, match=r"^torque\.tau: an expression is nested too deeply"):
+        gl.check_units(type("Holder", (Holder,), {"given": lambda s: {"tau": deep(s.ratio)}})())
+
+
 def test_defaults_and_derivatives_and_actions_are_compared() -> None:
     class Wrong(gl.Component):
         L, area = gl.Parameter("m", default=1.0), gl.Parameter("m2", "area", default=lambda s: s.L**3)
@@ -158,6 +197,23 @@ def test_defaults_and_derivatives_and_actions_are_compared() -> None:
         "Wrong: the default of area is in m2, its value L**3 in m3",
         "Wrong: x is in m, area is in m2",
     ]
+
+
+def test_defaults_of_a_component_with_nothing_but_parameters_are_compared() -> None:
+    class Sizes(gl.Component):
+        L, area = gl.Parameter("m", default=1.0), gl.Parameter("m2", default=lambda s: s.L**3)
+
+    assert gl.check_units(Sizes()) == ["Sizes: the default of area is in m2, its value L**3 in m3"]
+
+
+@pytest.mark.parametrize(
+    ("of", "unit"), [("v", "m/s2"), ("flange.phi", "rad/s"), ("flange.tau", "N.m/s"), ("mode", "m"), ("y", "m"), ("other", "m")]
+)
+def test_the_unit_of_a_derivative_is_that_of_its_variable_per_second(of: str, unit: str) -> None:
+    """Also of a connector's; what has no unit or is not there may have any."""
+    assert gl.check_units(type("Right", (Leaf,), {"rate": gl.Derivative(of, unit)})()) == []
+    found = gl.check_units(type("Wrong", (Leaf,), {"rate": gl.Derivative(of, "kg")})())
+    assert [message.partition(", its value")[0] for message in found] == ([] if unit == "m" else ["Wrong: rate is in kg"])
 
 
 def test_signals_that_are_joined_have_the_unit_of_the_first() -> None:

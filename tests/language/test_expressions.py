@@ -231,6 +231,7 @@ def test_branches_are_pairs() -> None:
     assert [law.subs(x, v) for v in (0.5, 1.5, 2.5, 3.5, 4.5)] == [0.5, 2, 3, 0, 1]
     for branches, message in (
         ((), r"Piecewise\(\) is given nothing; expected \(value, condition\), \.\.\., \(value, True\)"),
+        (("ab",), r"^Piecewise\(\) is given 'ab'; expected \(value, condition\), such as"),
         ((3,), r"is given 3; expected \(value, condition\), such as"),
         (((1, x > 0, 2),), "expected .value, condition."),
         (((1, False), (2, True)), r"the condition of 1 is False; == compares at once, gl\.equals\(variable, value\)"),
@@ -290,6 +291,10 @@ def test_square_waves_and_times_just_before(t: float) -> None:
         assert t - value == pytest.approx(2e-12 * abs(t), rel=1e-3)
     assert array_function((x,), before)(np.array([0.0]))[0] == -2e-15
     assert eval(scalar_source(before), {"x": 0.0}) == -2e-15
+
+
+def test_time_goes_by_at_the_rate_of_one() -> None:
+    assert gl.der(gl.time) == 1
 
 
 def test_constants_are_not_differentiated() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 import gearparts as gp
 from gearlib.errors import ArgumentError, ModelError, NameLookupError
-from gearlib.language.gears_of import MOST_FRAMES, frames, gears_in, in_motion, turned
+from gearlib.language.gears_of import FARTHEST, MOST_FRAMES, frames, gears_in, in_motion, turned
 
 
 def train() -> Any:
@@ -20,7 +20,8 @@ def test_a_frame_is_an_angle() -> None:
     assert frames("angle", 0.5, "angles").tolist() == [0.5]
     assert frames("angle", [0.0, 1, 2.5], "angles").tolist() == [0.0, 1.0, 2.5]
     assert len(frames("angle", np.zeros(MOST_FRAMES), "angles")) == MOST_FRAMES
-    for wrong in (np.zeros(MOST_FRAMES + 1), [], np.zeros((2, 2))):
+    assert frames("angle", -FARTHEST, "angles").tolist() == [-FARTHEST]
+    for wrong in (np.zeros(MOST_FRAMES + 1), [0.0, -1.001 * FARTHEST], [], np.zeros((2, 2))):
         with pytest.raises(ArgumentError, match=r"^angle is .*; expected angles, 1000 at most$"):
             frames("angle", wrong, "angles")
 
@@ -42,6 +43,12 @@ def test_gears_are_found_by_path_in_the_order_of_the_parts() -> None:
         gears_in(gp.Inertia(J=1.0), None, None)
     with pytest.raises(ArgumentError, match="gears is 3; expected gears, such as"):
         gears_in(train(), None, 3)  # type: ignore[arg-type]
+
+
+def test_what_a_component_returns_as_its_gears_is_named_if_it_is_none() -> None:
+    part = type("Odd", (gp.Inertia,), {"drawn_gears": lambda self: [3]})(J=1.0)
+    with pytest.raises(ModelError, match=r"^Odd\.drawn_gears\(\) must return gears, such as .*; got \[3\]$"):
+        part.gear_view()
 
 
 @pytest.mark.parametrize("held", [None, "ring", "carrier", "sun"])

@@ -9,7 +9,9 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.drawing.block_diagram import OWN, Net, Outline, Pin
+from gearlib.drawing.page import picture
 from gearlib.errors import ArgumentError, ModelError
+from gearlib.language import outline as module
 from gearlib.language.outline import domain, drawn, html_of, joined, outline
 
 
@@ -86,6 +88,20 @@ def test_parameters_are_no_signals() -> None:
     assert [pins(net) for net in outline(Copied(), 1).nets] == [{"one.flange_a", "torque.flange"}, {"level", "torque.tau"}]
 
 
+def test_variables_of_own_connectors_are_no_signals() -> None:
+    class Following(gl.Component):
+        flange = gp.Flange("outside")
+
+        def assemble(self) -> list[Any]:
+            self.body, self.push = gp.Inertia(J=1.0), gp.Torque(tau=0.5 * self.flange.tau)
+            return [gl.connect(self.flange, self.body.flange_a), gl.connect(self.body.flange_b, self.push.flange)]
+
+    assert [pins(net) for net in outline(Following(), 1).nets] == [
+        {"flange", "body.flange_a"},
+        {"body.flange_b", "push.flange"},
+    ]
+
+
 def test_levels_are_opened_down_to_a_depth() -> None:
     one, two = outline(Plant(), 1), outline(Plant(), 2)
     assert part(one, "stage").parts == ()
@@ -113,8 +129,14 @@ def test_domains_are_those_of_the_potentials_units() -> None:
 
 def test_nets_that_share_a_pin_are_one_in_order_of_their_first_pins() -> None:
     a, b, c, d, e = (Pin("x", name) for name in "abcde")
-    found = joined([Net((d, e), "heat"), Net((a, b), "rotation"), Net((c,), "signal"), Net((b, e), "heat")])
+    found = joined([Net((d, e), "heat"), Net((b, a), "rotation"), Net((c,), "signal"), Net((b, e), "heat")])
     assert [(set(n.pins), n.domain) for n in found] == [({d, e, a, b}, "heat"), ({c}, "signal")]
+
+
+def test_nets_are_in_order_also_where_a_later_one_adds_to_the_first() -> None:
+    a, b, c, e = (Pin("x", name) for name in "abce")
+    found = joined([Net((a,), "heat"), Net((b, c), "heat"), Net((a, e), "heat")])
+    assert [net.pins for net in found] == [(a, e), (b, c)]
 
 
 @pytest.mark.parametrize(("length", "shown"), [(75, 75), (76, 76), (77, 73)])
@@ -169,4 +191,26 @@ def test_notebooks_show_a_diagram_or_the_reason_why_there_is_none() -> None:
     assert "A wrong one." in shown
     assert "More about" not in shown
     assert "must return a list of connect" in shown
-    assert "<svg" in html_of(Stage()) or "svg" in html_of(Stage())
+    for shows in (Stage(), nested(0)):
+        assert html_of(shows).endswith(picture(drawn(shows, 1, True, 1400.0).svg))
+    assert drawn(nested(0), 1, True, 1400.0).svg != drawn(nested(0), 1, False, 1400.0).svg, "three alike are one box"
+
+
+def nested(levels: int) -> gl.Component:
+    class Nested(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.inner = nested(levels - 1) if levels else gp.Inertia(J=1.0)
+            self.others = [gp.Inertia(J=1.0) for _ in range(3)]
+            return []
+
+    return Nested()
+
+
+def test_parts_in_parts_are_followed_down_to_the_deepest_level(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "DEEPEST", 3)
+    found = outline(nested(2), 9)
+    for _ in range(3):
+        found = part(found, "inner")
+    assert (found.kind, found.parts) == ("Inertia", ())
+    with pytest.raises(ModelError, match=r"inner\.inner\.inner\.inner>: components within components, 3 levels deep"):
+        outline(nested(3), 9)

@@ -57,6 +57,42 @@ def test_a_jump_is_an_event_and_belongs_to_what_comes_after(events: bool) -> Non
         assert float(relation.g.subs(x, 1.0)) == 0.0
 
 
+@pytest.mark.parametrize("events", [True, False])
+@pytest.mark.parametrize("place", [0, 2, 4])
+def test_of_several_points_at_one_place_the_first_and_the_last_count(place: int, events: bool) -> None:
+    """A table with steps between them, as a function of time and in an equation."""
+    table = gl.Table(
+        np.insert(np.arange(4.0), place, [min(place, 3.0)] * 3), np.insert(np.arange(4.0), place, [7.0, 9.0, -2.0])
+    )
+    points = np.concatenate([np.linspace(-1.0, 4.0, 23), np.arange(4.0), np.arange(4.0) - 1e-9])
+    assert at(table(x, events=events), points) == pytest.approx(table(points), rel=1e-7, abs=1e-7)
+    if not events:
+        assert [float(step.g.subs(x, min(place, 3.0))) for step in lift_relations(table(x))[1]] == [0.0]
+    flat = gl.Table([0.0, 1.0, 1.0, 1.0, 2.0], [0.0, 1.0, 5.0, 1.0, 2.0])(x, events=events)
+    assert at(flat, points) == pytest.approx(np.clip(points, 0.0, 2.0), abs=1e-12)
+    assert len(lift_relations(flat)[1]) == (3 if events else 0), "no jump is left at 1"
+
+
+@pytest.mark.parametrize(
+    "pieces", [(0, 0, 0, 0), (1, 0, 0, 0), (0, 1, 0, 0), (5, 0, 1, 0), (0, 0, 0, 1), (1, 1, 0, 1), (2, 0, -1, 0)]
+)
+def test_pieces_of_zeros_and_ones(pieces: tuple[int, ...]) -> None:
+    """Terms that vanish are left out, and powers are those of the terms that remain."""
+    law = piecewise_polynomial("a table", x, np.array([-1.0, 9.0]), np.array([pieces, (7, 0, 0, 0)], float).T, True)
+    points = np.array([-1.0, -0.5, 1.0, 2.5])
+    assert at(law, points) == pytest.approx(np.polynomial.Polynomial(pieces)(points + 1.0), rel=1e-14)
+    assert at(law, np.array([-3.0, 9.0, 10.0])) == pytest.approx([pieces[0], 7.0, 7.0])
+
+
+@pytest.mark.parametrize("steps", [1, 2, 3])
+def test_between_steps_a_table_is_what_it_is_by_itself(steps: int) -> None:
+    rng = np.random.default_rng(steps)
+    table = gl.Table(np.repeat(np.arange(steps + 2.0), 2)[1:-1], rng.normal(size=2 * steps + 2))
+    law, points = table(x), np.linspace(-1.0, steps + 2.0, 41)
+    assert at(law, points) == pytest.approx(table(points), rel=1e-12, abs=1e-12)
+    assert len(lift_relations(law)[1]) == steps
+
+
 @pytest.mark.parametrize("shape", [(2, 2), (3, 2), (2, 4), (5, 3)])
 @pytest.mark.parametrize("events", [True, False])
 def test_maps_are_bilinear_and_constant_outside(shape: tuple[int, int], events: bool) -> None:

@@ -32,7 +32,8 @@ def test_base_units_are_independent() -> None:
     [
         ("kg.m2/s3", (1, 2, -3, 0, 0)), ("W/(m2.K)", (1, 0, -3, -1, 0)), ("1/s", (0, 0, -1, 0, 0)), ("m-2", (0, -2, 0, 0, 0)),
         ("1", (0, 0, 0, 0, 0)),
-        ("N.m.s/rad", (1, 2, -1, 0, 0)), ("A.s-1/m-3", (0, 3, -1, 0, 1)), ("m123", (0, 123, 0, 0, 0)), ("/s", (0, 0, -1, 0, 0)),
+        ("N.m.s/rad", (1, 2, -1, 0, 0)), ("A.s-1/m-3", (0, 3, -1, 0, 1)),
+        ("m-123", (0, -123, 0, 0, 0)), ("m1234", (0, 1234, 0, 0, 0)), ("m123", (0, 123, 0, 0, 0)), ("/s", (0, 0, -1, 0, 0)),
     ],
 )  # fmt: skip
 def test_exponents_add_up_on_both_sides_of_the_slash(unit: str, exponents: tuple[int, ...]) -> None:
@@ -62,6 +63,9 @@ def test_any_has_no_dimension_and_names_are_written_in_base_units() -> None:
         ("furlong", r"the unit 'furlong' is not known; known: 1, rad, kg, .*, any"), ("m/", "the unit 'm/' is not known"),
         ("m12345", "not known"),
         ("m-1234", "not known"), ("m/s/s", "the factor 's/s', which is not known"), ("", "^$"),
+        ("10", "'10' is not known"),
+        ("N/(sx", "not known"), ("N/xs)", "not known"), ("1-3", "not known"), ("1000.N", "has the factor '1000', which is not known"),
+        ("1/12", "factor '12'"),
         ("m..s", "has the factor '', which is not known"), ("2m", "not known"),
     ],
 )  # fmt: skip
