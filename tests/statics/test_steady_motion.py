@@ -6,11 +6,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.sparse as sparse
+from scipy.optimize import minimize
 
 import gearlib as gl
 import gearparts as gp
 from gearlib.flatten.model import FlatModel
-from gearlib.statics.steady_motion import Given, assemble, guesses, motion_from, settled_discrete, solve, speeds_near
+from gearlib.statics.steady_motion import (
+    Given,
+    assemble,
+    guesses,
+    motion_from,
+    settled_discrete,
+    solve,
+    speeds_near,
+    unit_sizes,
+)
 from gearparts.interfaces import Compliant
 
 
@@ -248,3 +259,43 @@ def test_a_brake_holds_what_it_holds_in_the_steady_state() -> None:
     assert flow.losses == {}
     given = system.power_flow(speeds={"a.w": 90.0, "ring.w": 0.0})
     assert given["drive.flange"].torque == pytest.approx(-10.0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_sizes_are_those_of_units_in_which_all_coefficients_are_alike(seed: int) -> None:
+    """Equations of coefficients 1 or -1, in other units, each times a factor of its own: the units are found again."""
+    rng = np.random.default_rng(seed)
+    exponents, size = rng.integers(-2, 3, (9, 3)).astype(float), rng.uniform(-5, 5, 3)
+    pattern = (rng.random((14, 9)) < 0.5) * rng.choice([-1.0, 1.0], (14, 9))
+    pattern[5] = 0.0  # an equation without coefficients
+    right = np.exp(exponents @ size)
+    matrix = pattern * 10.0 ** rng.uniform(-9, 9, (14, 1)) / right
+    linear = np.ones(14, bool)
+    below = np.vstack([matrix, 10.0 ** rng.uniform(-9, 9, (3, 9))])  # rows that do not count
+    assert unit_sizes(sparse.csr_matrix(below), exponents, linear) == pytest.approx(right, rel=1e-9)
+    # What may be rounding in an equation that is not linear does not count, either; nor what has no unit
+    linear[3] = False
+    place = int(np.flatnonzero(pattern[3] == 0)[0])
+    rounded = matrix.copy()
+    rounded[3, place] = 0.9e-13 * abs(matrix[3]).max()
+    exponents[8] = np.nan
+    found = unit_sizes(sparse.csr_matrix(rounded), exponents, linear)
+    assert found[:8] == pytest.approx(right[:8], rel=1e-9)
+    assert np.isnan(found[8])
+
+
+def test_few_coefficients_far_from_the_others_have_little_effect() -> None:
+    """The minimum of a sum of squares near zero, and of magnitudes elsewhere, by another way."""
+    rng = np.random.default_rng(1)
+    exponents = rng.integers(-2, 3, (9, 2)).astype(float)
+    logarithms = rng.normal(size=(30, 9)) * np.where(rng.random((30, 9)) < 0.1, 9.0, 0.5)
+    kept = rng.random((30, 9)) < 0.5
+    found = unit_sizes(sparse.csr_matrix(np.where(kept, np.exp(logarithms), 0.0)), exponents, np.ones(30, bool))
+
+    def cost(size: Any) -> float:
+        terms = logarithms + exponents @ size
+        rest = np.concatenate([row[mask] - row[mask].mean() for row, mask in zip(terms, kept, strict=True)])
+        return float(np.where(np.abs(rest) < 1, rest**2 / 2, np.abs(rest) - 0.5).sum())
+
+    best = minimize(cost, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-12}).x
+    assert np.log(found) == pytest.approx(exponents @ best, abs=1e-3)
