@@ -63,6 +63,7 @@ def test_couplings_one_way_round_become_equal(n: int) -> None:
     for k in range(n):
         A[k, (k + 1) % n] = sizes[k]
     ring = similarity(A)
+    assert similarity(1e-7 * A) == pytest.approx(ring, rel=1e-12)
     scaled = (A * ring / ring[:, None])[:n, :n]
     assert scaled[scaled > 0] == pytest.approx(np.exp(np.log(sizes).mean()), rel=1e-2)
     A[n, 0] = A[1, n + 1] = 1e-3

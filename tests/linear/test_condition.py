@@ -10,7 +10,8 @@ from scipy.linalg import expm
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.linear.condition import described
+from gearlib.linear.condition import conditions, described
+from gearlib.linear.operating_point import operating_point
 
 C, D = 1e8, 400.0  # of the contact: N/m, N.s/m
 
@@ -247,6 +248,7 @@ class Plant(gl.Component):
         (["two.y"], ("shut: valve two", "high: two")),
         (["one.y", "two.y"], ("open: valve one", "shut: valve two", "high: two")),
         (["three.y", "one.y"], ("open: valve one, three",)),
+        (["one.shut"], ("open: valve one",)),
     ],
 )
 def test_only_what_the_outputs_need_is_said(outputs: list[str], said: tuple[str, ...]) -> None:
@@ -297,3 +299,25 @@ def test_nothing_is_said_of_what_is_not_needed() -> None:
     system = gl.compile(Beside())
     assert system.linearize([], ["z"], sparse=True).conditions == ()
     assert gl.compile(Valve()).linearize([], ["y"], sparse=True).conditions == ("open: valve Valve",)
+
+
+def test_a_model_with_parts_is_named_by_its_kind_and_constants_are_no_condition() -> None:
+    class Station(gl.Component):
+        """Words of its own beside those of its parts; a constant has words, too."""
+
+        sum_ = gl.Variable("1", words={1: "one is shut: {}"})
+        always = gl.Variable("1", words={3: "never said: {}"})
+        size = gl.Parameter("1", default=3.0)
+
+        def assemble(self) -> list[Any]:
+            self.one, self.two = Valve(), Valve(start={"x": 0.2})
+            return []
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.sum_, self.one.shut + self.two.shut), gl.Eq(self.always, self.size)]
+
+    translation = gl.compile(Station()).translation
+    scene, numbers, point = operating_point(translation, translation.scene.states)
+    found = conditions(scene, numbers, point)
+    assert sorted(found.said) == ["high: two", "one is shut: Station", "open: valve one", "shut: valve two"]
+    assert found.open == {"one"}
