@@ -11,6 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ModelError
+from gearlib.statics.mesh_turn import nonlinear_columns, repeating_columns
 
 Law = Callable[[Any, Any, Any], Any]  # of y = sin(phase), z = 1 + 2 w y and w
 
@@ -121,3 +122,55 @@ def test_variables_that_determine_each_other_have_means_only(law: str) -> None:
         ModelError, match=r"^Coupled: flange\.tau = .*: its mean .* is not known, since load\.[uv] follows from"
     ):
         gl.power_flow(system, speeds={"body.w": W})
+
+
+COURSES: dict[str, tuple[Callable[[Any, Any], Any], bool | None]] = {  # whether it grows in a turn; None: it does not repeat
+    "sine": (lambda x, r: gl.sin(x + 0.3), False),
+    "grows": (lambda x, r: x + gl.sin(x) / 2, True),
+    "falls": (lambda x, r: r * (gl.cos(x) - 4 * x), True),
+    "half as fast": (lambda x, r: gl.sin(x / 2), None),
+    "square": (lambda x, r: x**2 / 10, None),
+    "product": (lambda x, r: r * x * gl.sin(x), None),
+    "linear": (lambda x, r: 3 * x, None),
+}
+
+
+class Courses(gl.Component):
+    """A function of an absolute angle each, with another variable beside it."""
+
+    flange = gp.Flange("shaft")
+    course = gl.Structural("sine")
+    r, y = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        law = COURSES[self.course][0](self.flange.phi, self.r)
+        return [gl.Eq(self.y, law), gl.Eq(gl.der(self.r), -self.y), gl.Eq(self.flange.tau, 0.01 * self.r)]
+
+
+def test_what_repeats_in_every_turn_is_found() -> None:
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body = gp.Torque(), gp.Inertia(J=1.0)
+            self.each = [Courses(course=course) for course in COURSES]
+            return [gl.connect(self.drive.flange, self.body.flange_a, *(one.flange for one in self.each))]
+
+    translation = gl.compile(Driven()).translation
+    model = translation.structure.complete
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=(2, model.n_variables))
+    repeating = repeating_columns(model, translation.parameter_values({}), a, b, model.initial_discrete())
+    found: dict[str, bool | None] = dict.fromkeys(COURSES)
+    angle = model.variable("body.phi")
+    for g, columns in repeating.items():
+        group = model.groups[g]
+        for c, grows in columns.items():
+            name, order = group.template.columns[c]
+            assert order == 0
+            assert (group.variables[:, group.template.locals.index(name)] == model.representative[angle]).all()
+            for i, each in enumerate(grows.tolist()):
+                found[list(COURSES)[int(model.owner(g, i).removeprefix("each[").removesuffix("]"))]] = each
+    assert found == {course: grows for course, (_, grows) in COURSES.items()}
+    for group in model.groups:
+        names = [group.template.columns[c][0] for c in nonlinear_columns(group.template)]
+        assert all(name.endswith(("phi", "r")) for name in names)
+        assert bool(names) == (not group.template.linear)
