@@ -132,6 +132,7 @@ COURSES: dict[str, tuple[Callable[[Any, Any], Any], bool | None]] = {  # whether
     "square": (lambda x, r: x**2 / 10, None),
     "product": (lambda x, r: r * x * gl.sin(x), None),
     "linear": (lambda x, r: 3 * x, None),
+    "beside a magnitude": (lambda x, r: gl.sin(x) + abs(r), False),  # far from zero that grows evenly, too
 }
 
 
@@ -157,7 +158,7 @@ def test_what_repeats_in_every_turn_is_found() -> None:
     translation = gl.compile(Driven()).translation
     model = translation.structure.complete
     rng = np.random.default_rng(0)
-    a, b = rng.normal(size=(2, model.n_variables))
+    a, b = rng.normal(size=(2, model.n_variables)) + 50.0
     repeating = repeating_columns(model, translation.parameter_values({}), a, b, model.initial_discrete())
     found: dict[str, bool | None] = dict.fromkeys(COURSES)
     angle = model.variable("body.phi")
