@@ -311,6 +311,23 @@ def test_sparse_and_full_matrices_agree(chain: Callable[..., gl.System]) -> None
     assert np.array_equal(small.A.toarray(), np.array(full.A))
 
 
+@pytest.mark.parametrize("inputs", [[], ["torque.tau"], ["torque.tau", "torque.tau"]])
+@pytest.mark.parametrize("outputs", [[], ["body[2].w"], ["body[1].w", "torque.tau", "body[2].w"]])
+def test_large_models_have_the_shapes_of_small_ones(
+    chain: Callable[..., gl.System], inputs: list[str], outputs: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    system = chain(n=3)
+    full = system.linearize(inputs, outputs, sparse=True)
+    monkeypatch.setattr("gearlib.program.derivatives.MOST_DENSE", 0)
+    monkeypatch.setattr("gearlib.linear.linearized_program.MOST_DENSE", 0)
+    large = system.linearize(inputs, outputs, sparse=True)
+    assert (large.inputs, large.outputs, large.states) == (full.inputs, full.outputs, full.states)
+    for name in "ABCD":
+        found, expected = getattr(large, name), np.asarray(getattr(full, name))
+        assert found.shape == expected.shape, name
+        assert (found.toarray() if hasattr(found, "toarray") else found) == pytest.approx(expected, rel=1e-12)
+
+
 class Inside(gl.Component):
     """A body under a torque that is an input."""
 
