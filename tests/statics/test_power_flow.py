@@ -84,6 +84,10 @@ def test_the_text_leaves_out_what_says_nothing() -> None:
     assert two[0] == "Steady power flow: mobility 2 (2 degrees of freedom)"
     assert "losses             0 W" in str(PowerFlow((), 0))
     assert "efficiency" not in str(PowerFlow((FLANGES[0],), 1))
+    idle = str(PowerFlow((flange("a", "flange", 3.0, 0.0, 0), flange("b", "flange", 3.0, 0.0, 0)), 1)).splitlines()
+    assert idle[4].startswith("(2 flanges of bodies that pass on their torque, or of parts without any"), (
+        "nothing is left to show"
+    )
 
 
 @pytest.mark.parametrize("count", [1, 3, 4])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from gearlib.statics.steady_motion import (
     Given,
     assemble,
     guesses,
+    held,
     motion_from,
     settled_discrete,
     solve,
@@ -299,3 +301,55 @@ def test_few_coefficients_far_from_the_others_have_little_effect() -> None:
 
     best = minimize(cost, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-12}).x
     assert np.log(found) == pytest.approx(exponents @ best, abs=1e-3)
+
+
+class Cruise(gl.Component):
+    """Holds the speed that a shaft has, or brakes it; friction in proportion to another speed may be added."""
+
+    flange = gp.Flange("shaft")
+    holds = gl.Parameter("1", default=1.0)
+    slip = gl.Parameter("1/(kg.m2)", default=0.0)
+    drag, inertia = gl.Parameter("N.m.s/rad", default=0.3), gl.Parameter("kg.m2", default=1.0)
+    w = gl.Variable("rad/s", "speed")
+
+    def equations(self) -> list[gl.Eq]:
+        tau = self.flange.tau
+        return [
+            gl.Eq(gl.der(self.flange.phi), self.w),
+            gl.Eq(
+                gl.Piecewise(
+                    (gl.der(self.w) + self.slip * tau, self.holds > 0.5), ((tau - self.drag * self.w) / self.inertia, True)
+                ),
+                0,
+            ),
+        ]
+
+
+@pytest.mark.parametrize(
+    ("holds", "slip", "w", "right"),
+    [(1.0, 0.0, 7.0, 7.0), (1.0, 0.0, -7.0, -7.0), (1.0, 0.0, 1e-10, 0.0), (0.0, 0.0, 7.0, None), (1.0, 1e-6, 7.0, None)],
+)
+def test_a_speed_is_held_where_nothing_but_its_rate_is_determined(
+    holds: float, slip: float, w: float, right: float | None
+) -> None:
+    translation = cruising().translation
+    model, numbers = translation.model, translation.parameter_values({"one.holds": holds, "one.slip": slip})
+    v, sign = place(model, "one.w")
+    motion = motion_from(model, numbers, [Given("w", v, 0, sign * w)], np.zeros(2 * model.n_variables))
+    found = [(item.variable, item.order, item.value) for item in held(model, numbers, motion)]
+    assert found == ([] if right is None else [(v, 0, sign * right)])
+
+
+@cache
+def cruising() -> gl.System:
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.one = gp.Inertia(J=2.0), Cruise()
+            self.torque, self.gear = gp.Torque(), gp.IdealGear(ratio=-1.0)
+            return [
+                gl.connect(self.torque.flange, self.body.flange_a),
+                gl.connect(self.body.flange_b, self.gear.flange_a),
+                gl.connect(self.gear.flange_b, self.one.flange),
+            ]
+
+    return gl.compile(Driven())
