@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -321,3 +322,54 @@ def test_a_model_with_parts_is_named_by_its_kind_and_constants_are_no_condition(
     found = conditions(scene, numbers, point)
     assert sorted(found.said) == ["high: two", "one is shut: Station", "open: valve one", "shut: valve two"]
     assert found.open == {"one"}
+
+
+class Turning(gl.Component):
+    """A wheel whose weight is not in its middle, and a motor that changes the weight."""
+
+    g = gl.Parameter("1/s2", default=9.0)
+    depth = gl.Parameter("1", default=0.0)
+    phi, w = gl.Variable("rad"), gl.Variable("rad/s")
+
+    def equations(self) -> list[gl.Eq]:
+        weight = self.g * (1 + self.depth * gl.sin(5.0 * gl.time))
+        return [gl.Eq(gl.der(self.phi), self.w), gl.Eq(gl.der(self.w), -weight * gl.sin(self.phi))]
+
+
+class Wheels(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.wheel = [Turning() for _ in range(3)]
+        return []
+
+
+@pytest.mark.parametrize("most", [1, 2, 3])
+def test_of_many_angles_the_fastest_are_tried(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An angle that turns is named, at which the others stand as well: one at rest is not; a slow one is."""
+    monkeypatch.setattr("gearlib.linear.condition.MOST_FROZEN", most)
+    system = wheels()
+    at = {f"wheel[{k}].{name}": x for k, (phi, w) in enumerate([(0.1, 3.0), (0.2, -7.0), (0.3, 5.0)])
+          for name, x in (("phi", phi), ("w", w))}  # fmt: skip
+    tried = ["wheel[1].phi = 0.2 rad", "wheel[2].phi = 0.3 rad", "wheel[0].phi = 0.1 rad"][:most]
+    said = f"frozen at {', '.join(sorted(tried))}, with which the coefficients vary"
+    model = system.linearize([], [f"wheel[{k}].w" for k in range(3)], at=at, sparse=True)
+    assert model.conditions == (said,)
+
+
+@pytest.mark.parametrize(
+    ("at", "given", "said"),
+    [
+        ({"w": 0.9e-6}, {}, None), ({"w": -1.1e-6}, {}, "wheel[0].phi = 0.1 rad"), ({"w": 0.0}, {}, None),
+        ({"w": 4.0}, {"g": 0.0}, None), ({"w": 0.0}, {"depth": 0.3}, "t = 0 s"),
+        ({"w": 4.0}, {"depth": 0.3}, "t = 0 s, wheel[0].phi = 0.1 rad"), ({"w": 4.0}, {"depth": 0.3, "g": 0.0}, None),
+    ],
+)  # fmt: skip
+def test_what_turns_and_what_changes_with_time_is_told(at: dict[str, float], given: dict[str, float], said: str | None) -> None:
+    values = {f"wheel[0].{name}": x for name, x in given.items()}
+    points = {"wheel[0].phi": 0.1, **{f"wheel[0].{name}": x for name, x in at.items()}}
+    model = wheels().linearize([], ["wheel[0].w"], at=points, parameters=values, sparse=True)
+    assert model.conditions == ((f"frozen at {said}, with which the coefficients vary",) if said else ())
+
+
+@cache
+def wheels() -> gl.System:
+    return gl.compile(Wheels())

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 import gearlib as gl
 import gearparts as gp
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
+from gearlib.linear.linear_model import LinearModel
 from tests.many_runs.models import Drive
 from tests.stress.misuse import BadMapping
 
@@ -284,6 +285,24 @@ def test_steady_states() -> None:
     driven = gl.steady_state(compiled(Drive), ["load.w"], inputs={"torque.tau": 2.0}, parameters={"brake.d": 0.8})
     assert driven["load.w"] == pytest.approx(2.5)
     assert driven.sensitivity("load.w", "brake.d") == pytest.approx(-2.5 / 0.8)
+    by_hand = LinearModel(np.eye(1), np.eye(1), np.eye(1), np.eye(1), ("x",), ("u",), ("y",))
+    with pytest.raises(gl.GearlibError, match="not that of a System"):
+        gl.frequency_response(by_hand, [1.0]).sensitivity("load.J")
+
+
+def test_what_is_always_zero_is_zero_in_the_steady_state() -> None:
+    """The torque at the loose end of a spring."""
+
+    class Loose(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.load, self.spring = gp.Torque(tau=3.0), gp.Inertia(J=1.5), gp.Spring(c=3.0)
+            self.brake, self.ground = gp.Damper(d=0.5), gp.Fixed()
+            ends = [self.torque.flange, self.load.flange_a, self.brake.flange_a, self.spring.flange_a]
+            return [gl.connect(*ends), gl.connect(self.brake.flange_b, self.ground.flange)]
+
+    found = gl.steady_state(gl.compile(Loose()), ["load.w", "spring.flange_b.tau", "brake.flange_b.tau"])
+    assert found.values == pytest.approx(np.array([6.0, 0.0, -3.0]))
+    assert [found.sensitivity(name, "brake.d") for name in found.names] == pytest.approx([-12.0, 0.0, 0.0], abs=1e-12)
 
 
 def test_what_has_no_derivative() -> None:
