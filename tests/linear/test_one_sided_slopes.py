@@ -117,7 +117,7 @@ class Cam(gl.Component):
 
     def equations(self) -> list[Any]:
         a, b = self.flange_a, self.flange_b
-        law = gl.no_event(gl.Max(self.lift - 0.3, 0))
+        law = gl.Max(self.lift - 0.3, 0)
         return [
             gl.Eq(self.lift, 3 * a.phi),
             gl.Eq(b.phi, law),
