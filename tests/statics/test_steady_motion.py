@@ -353,3 +353,24 @@ def cruising() -> gl.System:
             ]
 
     return gl.compile(Driven())
+
+
+def test_equations_of_torques_at_loose_flanges_are_no_kinematics() -> None:
+    """Though these torques are zero, and no unknowns; a connection of angles is."""
+
+    class Loose(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.body, self.gear = gp.Torque(), gp.Inertia(J=1.0), gp.IdealGear(ratio=3.0)
+            self.mesh, self.spring = gp.ExternalMesh(r_a=0.1, r_b=0.2, c=1e6, d=1e2), gp.Spring(c=3.0)
+            ends = [self.torque.flange, self.body.flange_a, self.mesh.flange_a, self.spring.flange_a, self.gear.flange_a]
+            return [gl.connect(*ends)]
+
+    translation = gl.compile(Loose()).translation
+    model, numbers = translation.structure.complete, translation.parameter_values({})
+    zero = np.zeros(model.n_variables)
+    found, first = assemble(model, numbers, [], zero, zero, model.initial_discrete()).kinematic, 0
+    for group in model.groups:
+        names = [name.rpartition(".")[2] for name, _ in group.template.columns]
+        kinematic = "tau" not in names and not group.template.label.startswith("sum of")  # of the torques in a connection
+        assert found[first : first + len(group)].tolist() == [kinematic] * len(group), group.template.label
+        first += 2 * len(group)
