@@ -187,6 +187,21 @@ def test_the_shortest_circles_are_taken_out_first() -> None:
     assert len(circulations(rounding)) == 1
 
 
+@pytest.mark.parametrize("size", [1e-12, 1.0, 1e12])
+def test_circles_of_any_size_are_found_and_rounding_makes_none(size: float) -> None:
+    """Two circles through one part of 0.1 and 0.2, which are not quite 0.3 together."""
+    flows = [("a", 0, 1, 0.3), ("b", 1, 0, 0.1), ("c", 1, 2, 0.2), ("d", 2, 0, 0.2)]
+    edges = [
+        PowerEdge(name, shaft, sign * power * size)
+        for name, *ends, power in flows
+        for sign, shaft in zip((1, -1), ends, strict=True)
+    ]
+    found = circulations(edges)
+    assert [c.components for c in found] == [("a", "c", "d"), ("a", "b")]
+    assert [c.power / size for c in found] == pytest.approx([0.2, 0.1], rel=1e-9)
+    assert circulations(edges[:2]) == ()
+
+
 def test_wrong_arguments_of_drawings() -> None:
     flow = PowerFlow(FLANGES, 1)
     with pytest.raises(ArgumentError, match=r"other\['2nd'\] is 3; expected a PowerFlow, as power_flow\(\.\.\.\) gives it"):
