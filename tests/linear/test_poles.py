@@ -362,6 +362,7 @@ def test_branches_of_repeated_eigenvalues(large: bool, size: float, monkeypatch:
         eigenvalue_changes(A, [change], size * np.array([2.0, 2.0]))
     alike = of([3.0, 3.0, 3.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     assert eigenvalue_changes(A, [alike], size * np.array([2.0]))[0] / size == pytest.approx([3.0], abs=1e-6)
+    assert eigenvalue_changes(A, [0 * change], size * np.array([2.0]))[0] == pytest.approx([0.0])
     chain = np.diag([2.0, 2.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0])
     chain[0, 1] = 1.0
     with pytest.raises(
