@@ -94,6 +94,7 @@ def test_flanges_of_composites_repeat_those_of_their_parts(hoist: gl.System) -> 
     shafts = {f.name: f.shaft for f in flow.flanges}
     assert shafts["rotor.flange_a"] == shafts["box.first.gear.flange_a"] == shafts["bearing.flange_a"]
     assert len({shafts[n] for n in ("rotor.flange_a", "box.first.output", "box.output", "load.flange_a")}) == 4
+    assert shafts["housing.flange"] == shafts["bearing.flange_b"] == -1  # no shaft
     assert flow.absorbed["bearing"] == pytest.approx(0.5 * W**2)
     assert "box.first.gear" in str(flow)
 

@@ -174,26 +174,47 @@ class Switches(gl.Component):
         ]
 
 
+class Panel(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.switch = [Switches() for _ in range(3)]
+        return []
+
+
 @pytest.mark.parametrize("y", [-1.0, 0.0, 1.0])
 @pytest.mark.parametrize("x", [0.5, 1.5])
 def test_relations_and_discrete_variables_are_settled(x: float, y: float) -> None:
-    translation = gl.compile(Switches()).translation
+    """Of each of three; the second one has other values."""
+    translation = panel().translation
     model = translation.model
     a = np.zeros(model.n_variables)
-    for name, value in (("x", x), ("y", y)):
-        v, sign = place(model, name)
-        a[v] = sign * value
+    values = {"switch[0]": (x, y), "switch[1]": (2.0 - x, -y), "switch[2]": (x, y)}
+    for path, (own_x, own_y) in values.items():
+        for name, value in (("x", own_x), ("y", own_y)):
+            v, sign = place(model, f"{path}.{name}")
+            a[v] = sign * value
     found = settled_discrete(model, translation.parameter_values({}), a, np.zeros(len(a)))
     first, count = model.n_relations, len(model.discretes)
-    one = 3.0 if x > 1 else 1.0
     now = dict(zip(model.discretes, found[first : first + count].tolist(), strict=True))
-    assert now == {"one": one, "two": one + 1, "last": 2 * (one + 1)}
+    expected = {}
+    for path, (own_x, _) in values.items():
+        one = 3.0 if own_x > 1 else 1.0
+        expected |= {f"{path}.one": one, f"{path}.two": one + 1, f"{path}.last": 2 * (one + 1)}
+    assert now == expected
     assert found[first + count : first + 2 * count].tolist() == list(now.values())
     assert found[first + 2 * count] == 0.0
     for g, group in enumerate(model.groups):
-        for c, relation in enumerate(group.template.relations):
-            holds = {(True, False): y > 0, (False, False): y >= 0, (True, True): y < 0, (False, True): y <= 0}
-            assert found[model.first_relations[g] + c] == holds[relation.strict, relation.negated], group.template.label
+        relations = group.template.relations
+        for i in range(len(group)):
+            at = values[model.owner(g, i)][1]
+            for c, relation in enumerate(relations):
+                holds = {(True, False): at > 0, (False, False): at >= 0, (True, True): at < 0, (False, True): at <= 0}
+                flag = found[model.first_relations[g] + i * len(relations) + c]
+                assert flag == holds[relation.strict, relation.negated], group.template.label
+
+
+@cache
+def panel() -> gl.System:
+    return gl.compile(Panel())
 
 
 def test_a_discrete_variable_that_each_event_changes_has_no_steady_value() -> None:
