@@ -94,7 +94,7 @@ def test_flanges_of_composites_repeat_those_of_their_parts(hoist: gl.System) -> 
     shafts = {f.name: f.shaft for f in flow.flanges}
     assert shafts["rotor.flange_a"] == shafts["box.first.gear.flange_a"] == shafts["bearing.flange_a"]
     assert len({shafts[n] for n in ("rotor.flange_a", "box.first.output", "box.output", "load.flange_a")}) == 4
-    assert shafts["housing.flange"] == shafts["bearing.flange_b"] == -1  # no shaft
+    assert shafts["housing.flange"] == shafts["bearing.flange_b"]
     assert flow.absorbed["bearing"] == pytest.approx(0.5 * W**2)
     assert "box.first.gear" in str(flow)
 
@@ -241,3 +241,26 @@ def test_what_stands_still_and_what_carries_nothing() -> None:
         system.power_flow(speeds={"body.w": 3.0}, torques={"out.flange_b.tau": 5.0})
     flow = system.power_flow(speeds={"body.w": 3.0}, torques={"out.flange_b.tau": 0.0})
     assert flow["out.flange_a"].speed == pytest.approx(1.0, rel=1e-12)
+
+
+class Wall(gl.Component):
+    """What does not turn at all."""
+
+    flange = gp.Flange("held")
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(self.flange.phi, 0)]
+
+
+def test_an_angle_that_is_always_zero_is_no_shaft() -> None:
+    class Braked(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.brake, self.wall = gp.Torque(), gp.Inertia(J=1.0), gp.Damper(d=0.5), Wall()
+            ends = gl.connect(self.drive.flange, self.body.flange_a, self.brake.flange_a)
+            return [ends, gl.connect(self.brake.flange_b, self.wall.flange)]
+
+    flow = gl.compile(Braked()).power_flow(speeds={"body.w": 4.0})
+    assert (flow["wall.flange"].speed, flow["wall.flange"].torque) == (0.0, pytest.approx(2.0))
+    assert flow["wall.flange"].shaft == flow["brake.flange_b"].shaft == -1
+    assert flow["body.flange_b"].shaft == flow["drive.flange"].shaft >= 0
+    assert flow.absorbed["brake"] == pytest.approx(8.0)
