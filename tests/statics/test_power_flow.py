@@ -150,6 +150,32 @@ def test_circulating_power_is_said_with_its_share_and_its_way() -> None:
     assert flow.efficiency == 1.0
 
 
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+def test_what_is_left_out_is_relative_to_the_largest_torque(size: float) -> None:
+    """Parts with up to 1e-12 of it, and bodies whose torques differ by up to 1e-11 of it."""
+    parts = [
+        ("idle", 2, [0.9e-12]),
+        ("drag", 3, [1.1e-12]),
+        ("rotor", 0, [1.0, -1.0 + 0.9e-11]),
+        ("brake", 0, [1.0, -1.0 + 1.1e-11]),
+    ]
+    own = [flange(name, f"flange_{k}", 10.0, x * size, shaft) for name, shaft, torques in parts for k, x in enumerate(torques)]
+    flow = PowerFlow((flange("motor", "flange", 10.0, -size, 0), *own), 1)
+    shown = [line.split()[0] for line in str(flow).splitlines()[3:] if ".flange" in line.split(" ")[0]]
+    assert shown == ["motor.flange", "drag.flange_0", "brake.flange_0", "brake.flange_1"]
+    assert "(3 flanges of bodies" in str(flow)
+
+
+def test_power_that_goes_round_without_a_drive_has_no_share() -> None:
+    flanges = (
+        flange("one", "a", 10.0, 13.0, 0), flange("one", "b", 5.0, -26.0, 1),
+        flange("two", "a", 5.0, 26.0, 1), flange("two", "b", 10.0, -13.0, 0),
+    )  # fmt: skip
+    lines = str(PowerFlow(flanges, 1)).splitlines()
+    assert lines[-2:] == ["circulating power  130 W", "                   130 W through one, two"]
+    assert lines[-5:-2] == ["input power        0 W", "output power       0 W", "losses             0 W"]
+
+
 @given(st.lists(st.lists(st.integers(0, 7), min_size=2, max_size=5, unique=True), min_size=1, max_size=3), st.data())
 def test_circulations_are_what_flows_in_circles(cycles: list[list[int]], data: st.DataObject) -> None:
     """Circles of shafts on top of a flow from shaft to shaft without any: taken out, nothing flows in circles, and balances stay."""
