@@ -228,6 +228,25 @@ def test_circles_of_any_size_are_found_and_rounding_makes_none(size: float) -> N
     assert circulations(edges[:2]) == ()
 
 
+def test_shafts_that_several_share_are_joints_of_the_diagram(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A motor on two gears, these on a shaft with two loads, one of which drives a third by a shaft of its own."""
+    drawn: list[Any] = []
+    monkeypatch.setattr("gearlib.statics.power_flow.sankey", lambda *arguments: drawn.append(arguments))
+    ends = [
+        ("motor", 0, -90.0), ("a", 0, 60.0), ("b", 0, 30.0), ("a", 1, -55.0), ("b", 1, -25.0), ("pump", 1, 30.0), ("box", 1, 50.0),
+        ("box", 2, -45.0), ("fan", 2, 45.0), ("idle", 2, 0.0),
+    ]  # fmt: skip
+    flow = PowerFlow(tuple(flange(name, f"at_{shaft}", 1.0, power, shaft) for name, shaft, power in ends), 1, "Row")
+    flow.sankey()
+    ((bands, losses, title, joints),) = drawn
+    assert sorted(tuple(vars(band).values()) for band in bands) == [
+        ("a", "shaft 1", 55.0), ("b", "shaft 1", 25.0), ("box", "fan", 45.0), ("motor", "shaft 0", 90.0), ("shaft 0", "a", 60.0),
+        ("shaft 0", "b", 30.0), ("shaft 1", "box", 50.0), ("shaft 1", "pump", 30.0),
+    ]  # fmt: skip
+    assert (losses, joints) == ({"a": 5.0, "b": 5.0, "box": 5.0}, ["shaft 0", "shaft 1"])
+    assert title.startswith("Steady power flow of Row")
+
+
 def test_wrong_arguments_of_drawings() -> None:
     flow = PowerFlow(FLANGES, 1)
     with pytest.raises(ArgumentError, match=r"other\['2nd'\] is 3; expected a PowerFlow, as power_flow\(\.\.\.\) gives it"):
