@@ -150,3 +150,30 @@ def cams() -> gl.System:
             ]
 
     return gl.compile(Driven())
+
+
+class Switched(gl.Component):
+    """A damping that depends on a height, for which nothing else asks."""
+
+    x, height, v = gl.Variable("1", start=0.3), gl.Variable("1"), gl.Variable("1", start=1.0)
+
+    def equations(self) -> list[Any]:
+        damping = gl.Piecewise((4.0, self.height > 0.25), (1.0, True))
+        return [
+            gl.Eq(gl.der(self.x), 1.0 + 0 * self.v),
+            gl.Eq(self.height, self.x**2),
+            gl.Eq(gl.der(self.v), -damping * self.v),
+        ]
+
+
+@pytest.mark.parametrize(("x", "told"), [(0.5, True), (0.4999, False), (0.5001, False)])
+def test_a_corner_at_what_only_a_condition_asks_for_is_told(x: float, told: bool) -> None:
+    system = gl.compile(Switched(), outputs=["v"])
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        model = system.linearize([], ["v"], at={"x": x, "v": 2.0}, sparse=True)
+    texts = [str(one.message) for one in said if "a corner in the equations of Switched (" in str(one.message)]
+    assert len(texts) == told
+    if not told:
+        speed = model.states.index("v")
+        assert np.asarray(model.A)[speed, speed] == pytest.approx(-4.0 if x > 0.5 else -1.0, abs=1e-12)
