@@ -329,12 +329,12 @@ class Turning(gl.Component):
 
     g = gl.Parameter("1/s2", default=9.0)
     depth = gl.Parameter("1", default=0.0)
-    flat = gl.Parameter("1", default=0.0)
+    flat, n = gl.Parameter("1", default=0.0), gl.Parameter("1", "how often in a turn", default=1.0)
     phi, w = gl.Variable("rad"), gl.Variable("rad/s")
 
     def equations(self) -> list[gl.Eq]:
         weight = self.g * (1 + self.depth * gl.sin(5.0 * gl.time))
-        law = (1 - self.flat) * gl.sin(self.phi) + self.flat * (1 - gl.cos(self.phi))
+        law = (1 - self.flat) * gl.sin(self.n * self.phi) + self.flat * (1 - gl.cos(self.phi))
         return [gl.Eq(gl.der(self.phi), self.w), gl.Eq(gl.der(self.w), -weight * law)]
 
 
@@ -362,6 +362,7 @@ def test_of_many_angles_the_fastest_are_tried(most: int, monkeypatch: pytest.Mon
     [
         ({"w": 0.9e-6}, {}, None), ({"w": -1.1e-6}, {}, "wheel[0].phi = 0.1 rad"), ({"w": 0.0}, {}, None),
         ({"w": 0.0, "phi": 0.0}, {"flat": 1.0}, "wheel[0].phi = 0 rad"),  # which nothing holds
+        ({"w": 4.0}, {"n": 2.0}, "wheel[0].phi = 0.1 rad"), ({"w": 4.0}, {"n": 0.5}, None), ({"w": 4.0}, {"n": 1.2}, None),
         ({"w": 4.0}, {"g": 0.0}, None), ({"w": 0.0}, {"depth": 0.3}, "t = 0 s"),
         ({"w": 4.0}, {"depth": 0.3}, "t = 0 s, wheel[0].phi = 0.1 rad"), ({"w": 4.0}, {"depth": 0.3, "g": 0.0}, None),
     ],

@@ -124,6 +124,34 @@ def test_variables_that_determine_each_other_have_means_only(law: str) -> None:
         gl.power_flow(system, speeds={"body.w": W})
 
 
+class Beside(gl.Component):
+    """``u = w / 10 + v / 2`` and ``v = 0.4 u``, so ``u = w / 8``: a loop that the phase has no part in."""
+
+    flange = gp.Flange("shaft")
+    newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
+    phase = gl.Variable("rad")
+    u, v, w = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.w, self.second * gl.der(self.flange.phi)),
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(self.u, self.w / 10 + self.v / 2),
+            gl.Eq(self.v, 0.4 * self.u),
+            gl.Eq(self.flange.tau, self.newton_metre * (2 + self.u**2 + gl.sin(self.phase) ** 2)),
+        ]
+
+
+def test_a_loop_beside_the_phase_is_solved() -> None:
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Beside()
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})
+    assert flow["load.flange"].torque == pytest.approx(2.5 + (W / 8) ** 2, rel=1e-9)
+
+
 COURSES: dict[str, tuple[Callable[[Any, Any], Any], bool | None]] = {  # whether it grows in a turn; None: it does not repeat
     "sine": (lambda x, r: gl.sin(x + 0.3), False),
     "grows": (lambda x, r: x + gl.sin(x) / 2, True),
