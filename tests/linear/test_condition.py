@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.linear.condition import conditions, described
+from gearlib.linear.condition import conditions, described, matters_elsewhere
 from gearlib.linear.operating_point import operating_point
 
 C, D = 1e8, 400.0  # of the contact: N/m, N.s/m
@@ -377,3 +377,19 @@ def test_what_turns_and_what_changes_with_time_is_told(at: dict[str, float], giv
 @cache
 def wheels() -> gl.System:
     return gl.compile(Wheels())
+
+
+def test_a_state_matters_where_the_rate_of_another_depends_on_it() -> None:
+    class Coasting(gl.Component):
+        x, v, y = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(gl.der(self.x), self.v),
+                gl.Eq(gl.der(self.v), gl.sin(self.y) - self.v),
+                gl.Eq(gl.der(self.y), -self.y),
+            ]
+
+    structure = gl.compile(Coasting()).translation.structure
+    found = {structure.model.name(v): matters_elsewhere(structure, structure.states, (v, k)) for v, k in structure.states}
+    assert found == {"x": False, "v": True, "y": True}
