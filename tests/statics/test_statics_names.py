@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -259,8 +260,32 @@ def test_an_angle_that_is_always_zero_is_no_shaft() -> None:
             ends = gl.connect(self.drive.flange, self.body.flange_a, self.brake.flange_a)
             return [ends, gl.connect(self.brake.flange_b, self.wall.flange)]
 
-    flow = gl.compile(Braked()).power_flow(speeds={"body.w": 4.0})
+    system = gl.compile(Braked())
+    flow = system.power_flow(speeds={"body.w": 4.0, "wall.flange": 0.0})
     assert (flow["wall.flange"].speed, flow["wall.flange"].torque) == (0.0, pytest.approx(2.0))
     assert flow["wall.flange"].shaft == flow["brake.flange_b"].shaft == -1
     assert flow["body.flange_b"].shaft == flow["drive.flange"].shaft >= 0
     assert flow.absorbed["brake"] == pytest.approx(8.0)
+    still: list[Callable[[], Any]] = [
+        lambda: gl.speed_ratio(system, "body.w", "wall.flange"), lambda: gl.speed_ratio(system, "wall.flange", "body.w"),
+        lambda: system.power_flow(speeds={"wall.flange": 3.0}),
+    ]  # fmt: skip
+    for ask in still:
+        with pytest.raises(gl.GearlibError, match=r"^wall\.flange always stands still$"):
+            ask()
+    assert gl.speed_ratio(system, "drive.flange", "body.w", held=["wall.flange"]) == pytest.approx(1.0)
+
+
+def test_a_train_that_could_not_be_run_may_turn_steadily() -> None:
+    """Without its inertia nothing says how fast the body turns, unless a speed is given."""
+
+    class Free(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body = gp.Torque(), gp.Inertia(J=1.0)
+            return [gl.connect(self.drive.flange, self.body.flange_a)]
+
+    system, massless = gl.compile(Free()), {"body.J": 0.0}
+    flow = system.power_flow(speeds={"body.w": 5.0}, parameters=massless)
+    assert (flow["drive.flange"].speed, flow["drive.flange"].torque) == (5.0, 0.0)
+    with pytest.raises(gl.GearlibError, match=r"with body\.J = 0"):
+        system.simulate(1.0, parameters=massless)
