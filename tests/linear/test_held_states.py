@@ -333,3 +333,27 @@ def test_elements_side_by_side_are_locked_together(J: float) -> None:
     assert gl.modes(system).frequencies == pytest.approx([np.sqrt(5.0) / (2 * np.pi)])
     torque = system.linearize([], ["shaft.tau", "bearing[0].tau", "bearing[1].tau"], sparse=True).C
     assert torque[1] + torque[2] == pytest.approx(torque[0], abs=1e-12)
+
+
+class Clock(gl.Component):
+    """A position whose speed depends on the time alone."""
+
+    x, v = gl.Variable("m"), gl.Variable("m/s")
+    speed = gl.Parameter("m/s", default=2.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.v), gl.Eq(self.v, self.speed * (1 + gl.sin(3 * gl.time)))]
+
+
+def test_positions_that_depend_on_no_state_are_not_held() -> None:
+    """Beside a locked brake, behind which nothing else is: the brake's speed is held, the clock goes on."""
+
+    class Beside(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.brake, self.clock = gp.Inertia(J=2.0), gp.Brake(fn_max=10.0, f_normalized=1.0), Clock()
+            return [gl.connect(self.body.flange_b, self.brake.flange_a)]
+
+    system = gl.compile(Beside())
+    model = system.linearize([], ["clock.x", "body.w"], sparse=True)
+    assert (model.states, np.asarray(model.A).tolist()) == (("clock.x",), [[0.0]])
+    assert np.asarray(model.C).tolist() == [[1.0], [0.0]]
