@@ -290,44 +290,6 @@ def test_steady_states() -> None:
         gl.frequency_response(by_hand, [1.0]).sensitivity("load.J")
 
 
-def test_inputs_that_the_model_computes_itself() -> None:
-    """Two torques that are bound, on a body of J behind gears of ratio i: i / (J s) each; and one that is not bound."""
-
-    class Driven(gl.Component):
-        i = gl.Parameter("1", default=2.0)
-
-        def assemble(self) -> list[Any]:
-            self.one, self.two, self.three = gp.Torque(tau=2 + gl.sin(gl.time)), gp.Torque(tau=3 + gl.cos(gl.time)), gp.Torque()
-            self.gear, self.other, self.load = gp.IdealGear(ratio=self.i), gp.IdealGear(ratio=3 * self.i), gp.Inertia(J=5.0)
-            return [
-                gl.connect(self.one.flange, self.gear.flange_a),
-                gl.connect(self.two.flange, self.other.flange_a),
-                gl.connect(self.gear.flange_b, self.other.flange_b, self.load.flange_a, self.three.flange),
-            ]
-
-    names, s = ["two.tau", "three.tau", "one.tau"], 2.0j
-    found = gl.frequency_response(gl.compile(Driven()), [2.0], names, ["load.w"])
-    assert found.values[0, :, 0] == pytest.approx(np.array([6.0, 1.0, 2.0]) / (5.0 * s))
-    by_ratio, by_body = found.sensitivities(["i", "load.J"])[:, 0, :, 0]
-    assert by_ratio == pytest.approx(np.array([3.0, 0.0, 1.0]) / (5.0 * s), abs=1e-15)
-    assert by_body == pytest.approx(-np.array([6.0, 1.0, 2.0]) / (25.0 * s))
-
-
-def test_what_is_always_zero_is_zero_in_the_steady_state() -> None:
-    """The torque at the loose end of a spring."""
-
-    class Loose(gl.Component):
-        def assemble(self) -> list[Any]:
-            self.torque, self.load, self.spring = gp.Torque(tau=3.0), gp.Inertia(J=1.5), gp.Spring(c=3.0)
-            self.brake, self.ground = gp.Damper(d=0.5), gp.Fixed()
-            ends = [self.torque.flange, self.load.flange_a, self.brake.flange_a, self.spring.flange_a]
-            return [gl.connect(*ends), gl.connect(self.brake.flange_b, self.ground.flange)]
-
-    found = gl.steady_state(gl.compile(Loose()), ["load.w", "spring.flange_b.tau", "brake.flange_b.tau"])
-    assert found.values == pytest.approx(np.array([6.0, 0.0, -3.0]))
-    assert [found.sensitivity(name, "brake.d") for name in found.names] == pytest.approx([-12.0, 0.0, 0.0], abs=1e-12)
-
-
 def test_what_has_no_derivative() -> None:
     modes = gl.modes(compiled(Drive))
     with pytest.raises(gl.GearlibError, match=r"no parameter 'shaft.x'"):

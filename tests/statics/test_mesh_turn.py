@@ -152,6 +152,42 @@ def test_a_loop_beside_the_phase_is_solved() -> None:
     assert flow["load.flange"].torque == pytest.approx(2.5 + (W / 8) ** 2, rel=1e-9)
 
 
+class Yielding(gl.Component):
+    """A shaft whose stiffness varies with its phase, and which loses a torque that grows with the square of what it carries."""
+
+    flange_a, flange_b = gp.Flange("left"), gp.Flange("right")
+    c, loss = gl.Parameter("N.m/rad", default=400.0), gl.Parameter("1/(N.m)", default=0.01)
+    phase, q, half = gl.Variable("rad"), gl.Variable("rad", start=0.0), gl.Variable("N.m", "half of what it carries")
+
+    def equations(self) -> list[gl.Eq]:
+        a, b = self.flange_a, self.flange_b
+        return [
+            gl.Eq(gl.der(self.phase), 3 * gl.der(a.phi)),
+            gl.Eq(gl.der(self.q), gl.der(a.phi) - gl.der(b.phi)),
+            gl.Eq(self.half, self.c * (1 + gl.cos(self.phase) / 2) * self.q),
+            gl.Eq(a.tau, 2 * self.half),
+            gl.Eq(b.tau, -2 * self.half + self.loss * (2 * self.half) ** 2),
+        ]
+
+
+def test_a_deflection_adapts_to_the_torque_at_each_phase() -> None:
+    """The torque is the same at each phase, not the deflection: what is lost is the square of the mean."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.load, self.shaft = gp.Torque(), gp.Torque(), Yielding()
+            self.a, self.b = gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+            return [
+                gl.connect(self.drive.flange, self.a.flange_a), gl.connect(self.a.flange_b, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.b.flange_a), gl.connect(self.b.flange_b, self.load.flange),
+            ]  # fmt: skip
+
+    flow = gl.power_flow(gl.compile(Driven()), speeds={"a.w": W}, torques={"drive.tau": 10.0})
+    assert flow["shaft.flange_a"].torque == pytest.approx(10.0, rel=1e-12)
+    assert flow["shaft.flange_b"].torque == pytest.approx(-9.0, rel=1e-9)
+    assert flow["b.flange_a"].speed == pytest.approx(W, rel=1e-12)
+
+
 COURSES: dict[str, tuple[Callable[[Any, Any], Any], bool | None]] = {  # whether it grows in a turn; None: it does not repeat
     "sine": (lambda x, r: gl.sin(x + 0.3), False),
     "grows": (lambda x, r: x + gl.sin(x) / 2, True),
