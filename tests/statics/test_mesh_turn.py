@@ -125,20 +125,22 @@ def test_variables_that_determine_each_other_have_means_only(law: str) -> None:
 
 
 class Beside(gl.Component):
-    """``u = w / 10 + v / 2`` and ``v = 0.4 u``, so ``u = w / 8``: a loop that the phase has no part in."""
+    """``u = w / 10 + v / 2`` and ``v = 0.4 u``, so ``u = w / 8``: a loop that the phase has no part in; and a gear that is chosen."""
 
     flange = gp.Flange("shaft")
     newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
     phase = gl.Variable("rad")
     u, v, w = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+    n = gl.Discrete(start=1.0)
 
     def equations(self) -> list[gl.Eq]:
         return [
+            gl.Eq(self.n, gl.Piecewise((3, self.w > 4.0), (1, True))),
             gl.Eq(self.w, self.second * gl.der(self.flange.phi)),
             gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
             gl.Eq(self.u, self.w / 10 + self.v / 2),
             gl.Eq(self.v, 0.4 * self.u),
-            gl.Eq(self.flange.tau, self.newton_metre * (2 + self.u**2 + gl.sin(self.phase) ** 2)),
+            gl.Eq(self.flange.tau, self.newton_metre * (2 + self.u**2 + self.n * gl.sin(self.phase) ** 2)),
         ]
 
 
@@ -148,8 +150,10 @@ def test_a_loop_beside_the_phase_is_solved() -> None:
             self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Beside()
             return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
 
-    flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})
-    assert flow["load.flange"].torque == pytest.approx(2.5 + (W / 8) ** 2, rel=1e-9)
+    system = gl.compile(Driven())
+    for w, n in ((W, 3), (3.0, 1)):
+        flow = gl.power_flow(system, speeds={"body.w": w})
+        assert flow["load.flange"].torque == pytest.approx(2 + n / 2 + (w / 8) ** 2, rel=1e-9)
 
 
 class Yielding(gl.Component):
