@@ -395,3 +395,38 @@ def test_equations_of_torques_at_loose_flanges_are_no_kinematics() -> None:
         kinematic = "tau" not in names and not group.template.label.startswith("sum of")  # of the torques in a connection
         assert found[first : first + len(group)].tolist() == [kinematic] * len(group), group.template.label
         first += 2 * len(group)
+
+
+class Meter(gl.Component):
+    """A reading that grows with the cube of the torque that is passed on."""
+
+    flange_a, flange_b = gp.Flange("left"), gp.Flange("right")
+    newton_metre = gl.Parameter("N.m", default=1.0)
+    reading = gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        a, b = self.flange_a, self.flange_b
+        return [gl.Eq(a.phi, b.phi), gl.Eq(a.tau, -b.tau), gl.Eq(self.reading, (b.tau / self.newton_metre) ** 3)]
+
+
+def test_a_torque_that_is_always_zero_may_enter_by_its_cube() -> None:
+    """Of two meters one has nothing behind it."""
+
+    class Metered(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.body, self.meter, self.loose = gp.Torque(), gp.Inertia(J=1.0), Meter(), Meter()
+            self.ground, self.brake = gp.Fixed(), gp.Damper(d=0.5)
+            return [
+                gl.connect(self.torque.flange, self.body.flange_a, self.meter.flange_a, self.loose.flange_a),
+                gl.connect(self.meter.flange_b, self.brake.flange_a),
+                gl.connect(self.brake.flange_b, self.ground.flange),
+            ]
+
+    translation = gl.compile(Metered()).translation
+    model, numbers = translation.structure.complete, translation.parameter_values({})
+    speed, sign = place(model, "body.w")
+    motion = solve(model, numbers, [Given("w", speed, 0, sign * 4.0)])
+    assert motion.residual.max() < 1e-9
+    for name, right in (("meter.reading", -8.0), ("loose.reading", 0.0)):  # 2 N.m from the brake
+        v, turned = place(model, name)
+        assert turned * motion.constants[v] == pytest.approx(right, abs=1e-12)
