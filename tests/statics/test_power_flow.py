@@ -164,6 +164,8 @@ def test_what_is_left_out_is_relative_to_the_largest_torque(size: float) -> None
     shown = [line.split()[0] for line in str(flow).splitlines()[3:] if ".flange" in line.split(" ")[0]]
     assert shown == ["motor.flange", "drag.flange_0", "brake.flange_0", "brake.flange_1"]
     assert "(3 flanges of bodies" in str(flow)
+    driven = PowerFlow((flange("motor", "flange", 1.0, -size, 0), flange("load", "flange", 1.0, size, 0)), 1)
+    assert f"input power        {size:.6g} W from motor\noutput power       {size:.6g} W to load\n" in str(driven)
 
 
 def test_power_that_goes_round_without_a_drive_has_no_share() -> None:
