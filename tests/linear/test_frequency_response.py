@@ -433,6 +433,8 @@ def test_errors_and_their_rates_are_applied_together() -> None:
     change = weighted.sensitivity("rated.k")[:, 0]
     assert change[1] == pytest.approx(1j * -2.0 * w**2 / (30.0 - 2.0 * w**2) ** 2, rel=1e-9)
     assert not change[[0, 2]].any()
+    for inputs, per in ((["e", "based.e"], "m"), (["e", "rated.e_rate"], ""), (["rated.e_rate"], "m/s")):
+        assert gl.frequency_response(system, w, inputs, outputs).per == per
     for wrong in (complex(np.nan, 1.0), np.inf, "1"):
         with pytest.raises(
             gl.GearlibError, match=r"the amplitude of e in meshes is .*; expected a finite number, which may be"

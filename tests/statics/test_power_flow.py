@@ -99,6 +99,14 @@ def test_torques_that_equilibrium_leaves_open_are_named_three_at_most(count: int
     assert "equilibrium" not in str(PowerFlow(FLANGES, 1))
 
 
+@pytest.mark.parametrize("count", [1, 3, 4])
+def test_parts_with_other_connectors_are_named_three_at_most(count: int) -> None:
+    names = tuple(f"pump[{k}]" for k in range(count))
+    text = " ".join(str(PowerFlow(FLANGES, 1, beside=names)).split())
+    said = ", ".join(names[:3]) + (", ..." if count > 3 else "")
+    assert text.endswith(f"(only power at flanges is counted; other connectors carry power as well: those of {said})")
+
+
 def test_rounding_is_shown_as_zero_and_slides_have_no_revolutions() -> None:
     slide, small, large = (
         flange("a", "rod", 1e-12, 50.0, 0, sliding=True),
