@@ -357,3 +357,25 @@ def test_positions_that_depend_on_no_state_are_not_held() -> None:
     model = system.linearize([], ["clock.x", "body.w"], sparse=True)
     assert (model.states, np.asarray(model.A).tolist()) == (("clock.x",), [[0.0]])
     assert np.asarray(model.C).tolist() == [[1.0], [0.0]]
+
+
+class Wear(gl.Component):
+    """What is worn off in proportion to the way: no position, though its rate is a multiple of a speed."""
+
+    flange = gp.Flange()
+    rate = gl.Parameter("kg/rad", default=1e-3)
+    worn = gl.Variable("kg")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.worn), self.rate * gl.der(self.flange.phi)), gl.Eq(self.flange.tau, 0)]
+
+
+def test_what_is_no_position_stays() -> None:
+    class Worn(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.brake, self.wear = gp.Inertia(J=2.0), gp.Brake(fn_max=10.0, f_normalized=1.0), Wear()
+            return [gl.connect(self.body.flange_b, self.brake.flange_a, self.wear.flange)]
+
+    model = gl.compile(Worn()).linearize([], ["wear.worn", "body.w"], sparse=True)
+    assert (model.states, np.asarray(model.A).tolist()) == (("wear.worn",), [[0.0]])
+    assert np.asarray(model.C).tolist() == [[1.0], [0.0]]

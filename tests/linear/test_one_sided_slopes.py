@@ -177,3 +177,29 @@ def test_a_corner_at_what_only_a_condition_asks_for_is_told(x: float, told: bool
     if not told:
         speed = model.states.index("v")
         assert np.asarray(model.A)[speed, speed] == pytest.approx(-4.0 if x > 0.5 else -1.0, abs=1e-12)
+
+
+class Ramp(gl.Component):
+    """One state, whose rate has another slope on each side of a point."""
+
+    k, edge = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=0.0)
+    x = gl.Variable("1", start=0.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), self.k * gl.Max(self.x - self.edge, 0))]
+
+
+@pytest.mark.parametrize("k", [1e-5, 1.0, 1e7])
+@pytest.mark.parametrize(("edge", "told"), [(0.0, True), (1e-9, False), (-1e-9, False), (1e6, False)])
+def test_corners_are_told_at_any_slope_and_not_beside_them(k: float, edge: float, told: bool) -> None:
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        model = ramp().linearize([], ["x"], at={"x": 0.0}, parameters={"k": k, "edge": edge}, sparse=True)
+    assert ["a corner in the equations of Ramp" in str(one.message) for one in said] == [True] * told
+    if not told:
+        assert np.asarray(model.A).ravel() == pytest.approx([k if edge < 0 else 0.0])
+
+
+@cache
+def ramp() -> gl.System:
+    return gl.compile(Ramp())
