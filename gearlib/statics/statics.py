@@ -363,7 +363,8 @@ def _given(model: FlatModel, speeds: Mapping[str, float] | None, torques: Mappin
                 v = model.variable(name, "input")
                 variable, order, sign = int(model.representative[v]), VALUE, int(model.sign[v])
             if sign == 0 and value != 0.0:
-                raise ArgumentError(f"{name} is always zero; a torque needs a source that is connected, such as gp.Torque")
+                carries = f"{name} is always zero; a torque needs a source that is connected, such as gp.Torque"
+                raise ArgumentError(f"{name} always stands still" if what == "speed" else carries)
             if sign:
                 found.append(Given(name, variable, order, sign * value))
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from scipy.linalg import expm
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.linear.condition import described
+from gearlib.linear.condition import conditions, described, matters_elsewhere
+from gearlib.linear.operating_point import operating_point
 
 C, D = 1e8, 400.0  # of the contact: N/m, N.s/m
 
@@ -247,6 +249,7 @@ class Plant(gl.Component):
         (["two.y"], ("shut: valve two", "high: two")),
         (["one.y", "two.y"], ("open: valve one", "shut: valve two", "high: two")),
         (["three.y", "one.y"], ("open: valve one, three",)),
+        (["one.shut"], ("open: valve one",)),
     ],
 )
 def test_only_what_the_outputs_need_is_said(outputs: list[str], said: tuple[str, ...]) -> None:
@@ -268,6 +271,15 @@ def test_steady_states_are_those_of_the_first_values_of_what_changes_with_time()
     assert gl.modes(system, at="steady").conditions == said
     assert gl.modes(system, at={"x": 1.0}).conditions == ()
     assert system.linearize([], ["x"], at="steady", sparse=True).conditions == said
+
+    class Shaken(gl.Component):
+        x = gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), 2.0 + gl.cos(gl.time) - self.x - self.x**3)]
+
+    steady = gl.compile(Shaken()).linearize([], ["x"], at="steady", sparse=True).conditions
+    assert steady == (said[0].replace("Loaded", "Shaken"),), "not with the mean of a sinusoid"
 
 
 def test_a_state_is_named_with_its_description_if_it_has_one() -> None:
@@ -297,3 +309,97 @@ def test_nothing_is_said_of_what_is_not_needed() -> None:
     system = gl.compile(Beside())
     assert system.linearize([], ["z"], sparse=True).conditions == ()
     assert gl.compile(Valve()).linearize([], ["y"], sparse=True).conditions == ("open: valve Valve",)
+
+
+def test_a_model_with_parts_is_named_by_its_kind_and_constants_are_no_condition() -> None:
+    class Station(gl.Component):
+        """Words of its own beside those of its parts; a constant has words, too."""
+
+        sum_ = gl.Variable("1", words={1: "one is shut: {}"})
+        always = gl.Variable("1", words={3: "never said: {}"})
+        size = gl.Parameter("1", default=3.0)
+
+        def assemble(self) -> list[Any]:
+            self.one, self.two = Valve(), Valve(start={"x": 0.2})
+            return []
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.sum_, self.one.shut + self.two.shut), gl.Eq(self.always, self.size)]
+
+    translation = gl.compile(Station()).translation
+    scene, numbers, point = operating_point(translation, translation.scene.states)
+    found = conditions(scene, numbers, point)
+    assert sorted(found.said) == ["high: two", "one is shut: Station", "open: valve one", "shut: valve two"]
+    assert found.open == {"one"}
+
+
+class Turning(gl.Component):
+    """A wheel whose weight is not in its middle, and a motor that changes the weight."""
+
+    g = gl.Parameter("1/s2", default=9.0)
+    depth = gl.Parameter("1", default=0.0)
+    flat, n = gl.Parameter("1", default=0.0), gl.Parameter("1", "how often in a turn", default=1.0)
+    phi, w = gl.Variable("rad"), gl.Variable("rad/s")
+
+    def equations(self) -> list[gl.Eq]:
+        weight = self.g * (1 + self.depth * gl.sin(5.0 * gl.time))
+        law = (1 - self.flat) * gl.sin(self.n * self.phi) + self.flat * (1 - gl.cos(self.phi))
+        return [gl.Eq(gl.der(self.phi), self.w), gl.Eq(gl.der(self.w), -weight * law)]
+
+
+class Wheels(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.wheel = [Turning() for _ in range(3)]
+        return []
+
+
+@pytest.mark.parametrize("most", [1, 2, 3])
+def test_of_many_angles_the_fastest_are_tried(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An angle that turns is named, at which the others stand as well: one at rest is not; a slow one is."""
+    monkeypatch.setattr("gearlib.linear.condition.MOST_FROZEN", most)
+    system = wheels()
+    at = {f"wheel[{k}].{name}": x for k, (phi, w) in enumerate([(0.1, 3.0), (0.2, -7.0), (0.3, 5.0)])
+          for name, x in (("phi", phi), ("w", w))}  # fmt: skip
+    tried = ["wheel[1].phi = 0.2 rad", "wheel[2].phi = 0.3 rad", "wheel[0].phi = 0.1 rad"][:most]
+    said = f"frozen at {', '.join(sorted(tried))}, with which the coefficients vary"
+    model = system.linearize([], [f"wheel[{k}].w" for k in range(3)], at=at, sparse=True)
+    assert model.conditions == (said,)
+
+
+@pytest.mark.parametrize(
+    ("at", "given", "said"),
+    [
+        ({"w": 0.9e-6}, {}, None), ({"w": -1.1e-6}, {}, "wheel[0].phi = 0.1 rad"), ({"w": 0.0}, {}, None),
+        ({"w": 0.0, "phi": 0.0}, {"flat": 1.0}, "wheel[0].phi = 0 rad"),  # which nothing holds
+        ({"w": 4.0}, {"n": 2.0}, "wheel[0].phi = 0.1 rad"), ({"w": 4.0}, {"n": 0.5}, None), ({"w": 4.0}, {"n": 1.2}, None),
+        ({"w": 4.0}, {"g": 1e9}, "wheel[0].phi = 0.1 rad"),
+        ({"w": 4.0}, {"g": 0.0}, None), ({"w": 0.0}, {"depth": 0.3}, "t = 0 s"),
+        ({"w": 4.0}, {"depth": 0.3}, "t = 0 s, wheel[0].phi = 0.1 rad"), ({"w": 4.0}, {"depth": 0.3, "g": 0.0}, None),
+    ],
+)  # fmt: skip
+def test_what_turns_and_what_changes_with_time_is_told(at: dict[str, float], given: dict[str, float], said: str | None) -> None:
+    values = {f"wheel[0].{name}": x for name, x in given.items()}
+    points = {"wheel[0].phi": 0.1, **{f"wheel[0].{name}": x for name, x in at.items()}}
+    model = wheels().linearize([], ["wheel[0].w"], at=points, parameters=values, sparse=True)
+    assert model.conditions == ((f"frozen at {said}, with which the coefficients vary",) if said else ())
+
+
+@cache
+def wheels() -> gl.System:
+    return gl.compile(Wheels())
+
+
+def test_a_state_matters_where_the_rate_of_another_depends_on_it() -> None:
+    class Coasting(gl.Component):
+        x, v, y = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(gl.der(self.x), self.v),
+                gl.Eq(gl.der(self.v), gl.sin(self.y) - self.v),
+                gl.Eq(gl.der(self.y), -self.y),
+            ]
+
+    structure = gl.compile(Coasting()).translation.structure
+    found = {structure.model.name(v): matters_elsewhere(structure, structure.states, (v, k)) for v, k in structure.states}
+    assert found == {"x": False, "v": True, "y": True}

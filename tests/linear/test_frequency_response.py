@@ -369,3 +369,74 @@ def test_plots_have_one_diagram_per_unit_and_units_as_printed(paper: gl.System) 
     assert spectra.figure.axes[1].get_ylabel().endswith(" N·m")
     assert gl.order_spectrum(run, "torque.flange.tau", "rotor.w").plot().get_ylabel().endswith(", N·m")
     plt.close("all")
+
+
+class Based(gl.Component):
+    """A mass on a spring, whose other end is moved."""
+
+    k, m = gl.Parameter("N/m", default=50.0), gl.Parameter("kg", default=2.0)
+    e = gl.Input("m", "where the other end is")
+    x, v = gl.Variable("m"), gl.Variable("m/s")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.v), gl.Eq(self.m * gl.der(self.v), self.k * (self.e - self.x))]
+
+
+class Rated(gl.Component):
+    """The same, by the speed of the other end."""
+
+    k, m = gl.Parameter("N/m", default=50.0), gl.Parameter("kg", default=2.0)
+    e_rate = gl.Input("m/s", "speed of the other end")
+    q, v, x = gl.Variable("m"), gl.Variable("m/s"), gl.Variable("m")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.q), self.e_rate - self.v),
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(self.m * gl.der(self.v), self.k * self.q),
+        ]
+
+
+class Excited(gl.Component):
+    """Both, and one inside of another component, by an input of this one; an error that nothing reads."""
+
+    e = gl.Input("m", "of the inner one")
+
+    def assemble(self) -> list[Any]:
+        self.based, self.rated, self.inner = Based(), Rated(k=30.0), Inner(e=self.e)
+        return []
+
+
+class Inner(gl.Component):
+    e = gl.Input("m", "of the part")
+    unread_e = gl.Input("m", "with another name")
+
+    def assemble(self) -> list[Any]:
+        self.part = Based(k=20.0, e=self.e)
+        return []
+
+
+def test_errors_and_their_rates_are_applied_together() -> None:
+    """k / (k - m w^2) of the amplitude each; a name that stands for another is counted once."""
+    system = gl.compile(Excited())
+    w = np.array([0.5, 3.0, 40.0])
+    outputs = ["based.x", "rated.x", "inner.part.x"]
+    each = np.array([k / (k - 2.0 * w**2) for k in (50.0, 30.0, 20.0)])
+    found = gl.transmission_error_response(system, w, outputs)
+    assert found.values[:, 0] == pytest.approx(each, rel=1e-9)
+    assert (found.inputs, found.per, found.units) == (("transmission error",), "m", ("m",) * 3)
+    factors = {"e": 2.0 - 1.0j, "rated.e_rate": 1j, "based.e": np.complex64(0.5)}
+    weighted = gl.transmission_error_response(system, w, outputs, meshes=factors)
+    assert weighted.values[:, 0] == pytest.approx(each * np.array([[0.5], [1j], [2.0 - 1.0j]]), rel=1e-7)
+    one = gl.transmission_error_response(system, w, outputs, meshes=["rated.e_rate"])
+    assert one.values[:, 0] == pytest.approx(each * np.array([[0], [1], [0]]), rel=1e-9)
+    change = weighted.sensitivity("rated.k")[:, 0]
+    assert change[1] == pytest.approx(1j * -2.0 * w**2 / (30.0 - 2.0 * w**2) ** 2, rel=1e-9)
+    assert not change[[0, 2]].any()
+    for inputs, per in ((["e", "based.e"], "m"), (["e", "rated.e_rate"], ""), (["rated.e_rate"], "m/s")):
+        assert gl.frequency_response(system, w, inputs, outputs).per == per
+    for wrong in (complex(np.nan, 1.0), np.inf, "1"):
+        with pytest.raises(
+            gl.GearlibError, match=r"the amplitude of e in meshes is .*; expected a finite number, which may be"
+        ):
+            gl.transmission_error_response(system, w, outputs, meshes={"e": wrong})

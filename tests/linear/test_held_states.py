@@ -260,6 +260,45 @@ def test_difference_of_two_angles_is_held() -> None:
     assert np.sort_complex(report.eigenvalues) == pytest.approx(np.array([-1j, 1j]) * np.sqrt(7 / 3), rel=1e-12)
 
 
+class Winch(gl.Component):
+    """A rope on a drum, with a spring at its end."""
+
+    flange = gp.Flange()
+    r, k = gl.Parameter("m", "radius"), gl.Parameter("N/m", "stiffness")
+    q, v = gl.Variable("m", "length that is pulled in", state="prefer"), gl.Variable("m/s", "speed of the rope")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.q), self.v),
+            gl.Eq(self.v, self.r * gl.der(self.flange.phi)),
+            gl.Eq(self.flange.tau, self.r * self.k * self.q),
+        ]
+
+
+@pytest.mark.parametrize("r", [(0.5, 0.5), (0.02, 3.0), (4.0, 0.1)])
+def test_a_combination_of_two_lengths_is_held(r: tuple[float, float]) -> None:
+    """Two drums joined by a clutch: a spring of k r^2 each on both bodies, and no pole at 0."""
+
+    class Pair(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b = gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+            self.clutch = gp.Clutch(fn_max=10.0, f_normalized=1.0)
+            self.one, self.other = Winch(r=r[0], k=3.0), Winch(r=r[1], k=4.0)
+            return [
+                gl.connect(self.a.flange_a, self.one.flange),
+                gl.connect(self.a.flange_b, self.clutch.flange_a),
+                gl.connect(self.clutch.flange_b, self.b.flange_a),
+                gl.connect(self.b.flange_b, self.other.flange),
+            ]
+
+    w = np.sqrt((3.0 * r[0] ** 2 + 4.0 * r[1] ** 2) / 3.0)
+    model = gl.compile(Pair()).linearize([], ["one.q", "other.q", "a.w"], sparse=True)
+    _same(np.linalg.eigvals(np.asarray(model.A)), [-1j * w, 1j * w])
+    lengths = np.asarray(model.C)[:2]
+    assert lengths[0] * r[1] == pytest.approx(lengths[1] * r[0], rel=1e-12, abs=1e-12)
+    assert lengths.any()
+
+
 def test_moment_of_a_run_with_some_clutches_locked() -> None:
     """Four bodies and three clutches: a locked clutch takes a degree of freedom away, a sliding one does not."""
     system = gl.compile(CoupledClutches())
@@ -294,3 +333,49 @@ def test_elements_side_by_side_are_locked_together(J: float) -> None:
     assert gl.modes(system).frequencies == pytest.approx([np.sqrt(5.0) / (2 * np.pi)])
     torque = system.linearize([], ["shaft.tau", "bearing[0].tau", "bearing[1].tau"], sparse=True).C
     assert torque[1] + torque[2] == pytest.approx(torque[0], abs=1e-12)
+
+
+class Clock(gl.Component):
+    """A position whose speed depends on the time alone."""
+
+    x, v = gl.Variable("m"), gl.Variable("m/s")
+    speed = gl.Parameter("m/s", default=2.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.v), gl.Eq(self.v, self.speed * (1 + gl.sin(3 * gl.time)))]
+
+
+def test_positions_that_depend_on_no_state_are_not_held() -> None:
+    """Beside a locked brake, behind which nothing else is: the brake's speed is held, the clock goes on."""
+
+    class Beside(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.brake, self.clock = gp.Inertia(J=2.0), gp.Brake(fn_max=10.0, f_normalized=1.0), Clock()
+            return [gl.connect(self.body.flange_b, self.brake.flange_a)]
+
+    system = gl.compile(Beside())
+    model = system.linearize([], ["clock.x", "body.w"], sparse=True)
+    assert (model.states, np.asarray(model.A).tolist()) == (("clock.x",), [[0.0]])
+    assert np.asarray(model.C).tolist() == [[1.0], [0.0]]
+
+
+class Wear(gl.Component):
+    """What is worn off in proportion to the way: no position, though its rate is a multiple of a speed."""
+
+    flange = gp.Flange()
+    rate = gl.Parameter("kg/rad", default=1e-3)
+    worn = gl.Variable("kg")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.worn), self.rate * gl.der(self.flange.phi)), gl.Eq(self.flange.tau, 0)]
+
+
+def test_what_is_no_position_stays() -> None:
+    class Worn(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.brake, self.wear = gp.Inertia(J=2.0), gp.Brake(fn_max=10.0, f_normalized=1.0), Wear()
+            return [gl.connect(self.body.flange_b, self.brake.flange_a, self.wear.flange)]
+
+    model = gl.compile(Worn()).linearize([], ["wear.worn", "body.w"], sparse=True)
+    assert (model.states, np.asarray(model.A).tolist()) == (("wear.worn",), [[0.0]])
+    assert np.asarray(model.C).tolist() == [[1.0], [0.0]]

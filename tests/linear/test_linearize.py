@@ -311,6 +311,23 @@ def test_sparse_and_full_matrices_agree(chain: Callable[..., gl.System]) -> None
     assert np.array_equal(small.A.toarray(), np.array(full.A))
 
 
+@pytest.mark.parametrize("inputs", [[], ["torque.tau"], ["torque.tau", "torque.tau"]])
+@pytest.mark.parametrize("outputs", [[], ["body[2].w"], ["body[1].w", "torque.tau", "body[2].w"]])
+def test_large_models_have_the_shapes_of_small_ones(
+    chain: Callable[..., gl.System], inputs: list[str], outputs: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    system = chain(n=3)
+    full = system.linearize(inputs, outputs, sparse=True)
+    monkeypatch.setattr("gearlib.program.derivatives.MOST_DENSE", 0)
+    monkeypatch.setattr("gearlib.linear.linearized_program.MOST_DENSE", 0)
+    large = system.linearize(inputs, outputs, sparse=True)
+    assert (large.inputs, large.outputs, large.states) == (full.inputs, full.outputs, full.states)
+    for name in "ABCD":
+        found, expected = getattr(large, name), np.asarray(getattr(full, name))
+        assert found.shape == expected.shape, name
+        assert (found.toarray() if hasattr(found, "toarray") else found) == pytest.approx(expected, rel=1e-12)
+
+
 class Inside(gl.Component):
     """A body under a torque that is an input."""
 
@@ -400,6 +417,48 @@ def test_models_without_states_are_linear_too(inputs: list[str], outputs: list[s
         assert [getattr(found, name).shape for name in "ABCD"] == [(0, 0), (0, m), (n, 0), (n, m)]
         assert found.D.tolist() == [[slope] * m] * n
     assert str(gl.passivity(gl.compile(Static()))).endswith("(0 states, rank of Q 0, of W 0)")
+
+
+def test_a_model_of_nothing_has_empty_matrices() -> None:
+    class Still(gl.Component):
+        k, y = gl.Parameter("1", default=3.0), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.y, self.k)]
+
+    model = gl.compile(Still()).linearize([], [], sparse=True)
+    for found in (model, *model.changes(["k"])):
+        assert [getattr(found, name).shape for name in "ABCD"] == [(0, 0)] * 4
+    constant = gl.compile(Still()).linearize([], ["y"], sparse=True)
+    assert (constant.C.shape, constant.D.shape) == ((1, 0), (1, 0))
+
+
+def test_an_output_that_needs_the_derivative_of_an_input_is_refused() -> None:
+    class Prescribed(gl.Component):
+        """Two inputs; the speed of what one of them positions is its derivative."""
+
+        other, u = gl.Input("1"), gl.Input("1")
+        x, v, y = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(self.x, 2 * self.u),
+                gl.Eq(self.v, gl.der(self.x)),
+                gl.Eq(gl.der(self.y), self.other - self.y),
+            ]
+
+    class Moved(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.part = Prescribed(other=2.0, u=gl.sin(3 * gl.time))
+            return []
+
+    system, inputs = gl.compile(Moved(), outputs=["part.y", "part.v"]), ["part.other", "part.u"]
+    model = system.linearize(inputs, ["part.y", "part.x"], sparse=True)
+    assert np.asarray(model.D) == pytest.approx(np.array([[0, 0], [0, 2]]))
+    said = r"^the outputs part\.y, part\.v need the derivative of the input part\.u, for which dx/dt"
+    with pytest.raises(gl.GearlibError, match=said):
+        system.linearize(inputs, ["part.y", "part.v"])
+    assert np.asarray(system.linearize(["part.other"], ["part.y", "part.v"]).B) == pytest.approx(1.0)
 
 
 def test_a_pickled_model_keeps_its_numbers_and_names() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -80,11 +82,18 @@ def test_where_the_sides_agree_nothing_is_told(law: str) -> None:
     assert sorted(np.linalg.eigvals(model.A).imag) == pytest.approx([-np.sqrt(100 - 0.05**2), np.sqrt(100 - 0.05**2)])
 
 
-@pytest.mark.parametrize("row", [0, 1, 2])
-def test_a_comparison_of_one_component_does_not_decide_for_another(row: int) -> None:
+CUT = {
+    "events": lambda c, x, b: gl.Piecewise((gl.Max(c * x, 0), x > -b), (0, True)),
+    "no events": lambda c, x, b: gl.no_event(gl.Piecewise((gl.Max(c * x, 0), x > -b), (0, True))),
+    "no events, other way round": lambda c, x, b: gl.no_event(gl.Piecewise((0, x <= -b), (gl.Max(c * x, 0), True))),
+}
+
+
+@pytest.mark.parametrize(("row", "law"), [*((k, "events") for k in range(3)), *((0, law) for law in CUT if law != "events")])
+def test_a_comparison_of_one_component_does_not_decide_for_another(row: int, law: str) -> None:
     """The other couplings are cut out by comparisons of their own: what is a corner in them has no effect."""
-    system = gl.compile(Held(law=lambda c, x, b: gl.Piecewise((gl.Max(c * x, 0), x > -b), (0, True)), count=3))
-    limits = {f"coupling[{k}].limit": 1.0 if k == row else -1.0 for k in range(3)}
+    system = gl.compile(Held(law=CUT[law], count=3))
+    limits = {f"coupling[{k}].limit": 0.5 if k == row else -0.5 for k in range(3)}
     with pytest.warns(GearlibWarning, match=rf"equations of coupling\[{row}\] \([^=]* = 0\): the linear"):
         gl.modes(system, parameters=limits)
 
@@ -98,3 +107,99 @@ def test_each_component_is_named_with_what_it_compares() -> None:
     with pytest.warns(GearlibWarning, match=r"of coupling\[1\] \("):
         gl.modes(system, at={"body.phi": 0.1}, parameters={"coupling[1].limit": 0.1})
     gl.modes(system, at={"body.phi": 0.1})
+
+
+class Cam(gl.Component):
+    """A follower that leaves its seat at an angle; the angle of the cam is not needed for its speed."""
+
+    flange_a, flange_b = gp.Flange("cam"), gp.Flange("follower")
+    lift = gl.Variable("rad", "three times the angle of the cam")
+
+    def equations(self) -> list[Any]:
+        a, b = self.flange_a, self.flange_b
+        law = gl.Max(self.lift - 0.3, 0)
+        return [
+            gl.Eq(self.lift, 3 * a.phi),
+            gl.Eq(b.phi, law),
+            gl.Eq(a.tau, -3 * b.tau * gl.Piecewise((1, self.lift > 0.3), (0, True))),
+        ]
+
+
+@pytest.mark.parametrize(("phi", "told"), [(0.1, True), (0.0999, False), (0.1001, False)])
+def test_a_corner_of_what_only_changes_is_told(phi: float, told: bool) -> None:
+    """The damper behind the cam feels the speed of the follower: w' = -9 d w beyond the corner, 0 before it."""
+    system = cams()
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        model = system.linearize([], ["body.w"], at={"body.phi": phi, "body.w": 2.0}, sparse=True)
+    assert ["a corner in the equations of cam (" in str(one.message) for one in said] == [True] * told
+    if not told:
+        speed = model.states.index("body.w")
+        assert np.asarray(model.A)[speed, speed] == pytest.approx(-0.9 if phi > 0.1 else 0.0, abs=1e-12)
+
+
+@cache
+def cams() -> gl.System:
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.cam, self.damper, self.ground = gp.Inertia(J=1.0), Cam(), gp.Damper(d=0.1), gp.Fixed()
+            return [
+                gl.connect(self.body.flange_b, self.cam.flange_a),
+                gl.connect(self.cam.flange_b, self.damper.flange_a),
+                gl.connect(self.damper.flange_b, self.ground.flange),
+            ]
+
+    return gl.compile(Driven())
+
+
+class Switched(gl.Component):
+    """A damping that depends on a height, for which nothing else asks."""
+
+    x, height, v = gl.Variable("1", start=0.3), gl.Variable("1"), gl.Variable("1", start=1.0)
+
+    def equations(self) -> list[Any]:
+        damping = gl.Piecewise((4.0, self.height > 0.25), (1.0, True))
+        return [
+            gl.Eq(gl.der(self.x), 1.0 + 0 * self.v),
+            gl.Eq(self.height, self.x**2),
+            gl.Eq(gl.der(self.v), -damping * self.v),
+        ]
+
+
+@pytest.mark.parametrize(("x", "told"), [(0.5, True), (0.4999, False), (0.5001, False)])
+def test_a_corner_at_what_only_a_condition_asks_for_is_told(x: float, told: bool) -> None:
+    system = gl.compile(Switched(), outputs=["v"])
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        model = system.linearize([], ["v"], at={"x": x, "v": 2.0}, sparse=True)
+    texts = [str(one.message) for one in said if "a corner in the equations of Switched (" in str(one.message)]
+    assert len(texts) == told
+    if not told:
+        speed = model.states.index("v")
+        assert np.asarray(model.A)[speed, speed] == pytest.approx(-4.0 if x > 0.5 else -1.0, abs=1e-12)
+
+
+class Ramp(gl.Component):
+    """One state, whose rate has another slope on each side of a point."""
+
+    k, edge = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=0.0)
+    x = gl.Variable("1", start=0.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), self.k * gl.Max(self.x - self.edge, 0))]
+
+
+@pytest.mark.parametrize("k", [1e-5, 1.0, 1e7])
+@pytest.mark.parametrize(("edge", "told"), [(0.0, True), (1e-9, False), (-1e-9, False), (1e6, False)])
+def test_corners_are_told_at_any_slope_and_not_beside_them(k: float, edge: float, told: bool) -> None:
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        model = ramp().linearize([], ["x"], at={"x": 0.0}, parameters={"k": k, "edge": edge}, sparse=True)
+    assert ["a corner in the equations of Ramp" in str(one.message) for one in said] == [True] * told
+    if not told:
+        assert np.asarray(model.A).ravel() == pytest.approx([k if edge < 0 else 0.0])
+
+
+@cache
+def ramp() -> gl.System:
+    return gl.compile(Ramp())

@@ -18,7 +18,7 @@ from gearlib.feedback.feedback_loop import as_loop
 from gearlib.linear import eigenvalue_changes as eigenvalue_changes_module
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
 from gearlib.linear.linear_model import is_sparse
-from gearlib.linear.poles import deflate, poles, rows_and_null, warn_of_rounding
+from gearlib.linear.poles import Poles, deflate, eigen, poles, rows_and_null, warn_of_rounding
 from gearlib.linear.steady_state import SteadyState
 from gearlib.vibration.spectrum import dense_spectrum
 
@@ -267,6 +267,51 @@ def test_the_staircase_leaves_a_block_triangular_matrix() -> None:
     assert np.abs(np.linalg.eigvals(others.T @ matrix @ others)) == pytest.approx([2.0, 2.0])
 
 
+@pytest.mark.parametrize("size", [1e-140, 1.0, 1e140])
+@pytest.mark.parametrize("n", [2, 10, 40])
+def test_what_counts_as_zero_is_a_part_of_the_largest_singular_value(n: int, size: float) -> None:
+    rng = np.random.default_rng(n)
+    left, right = (np.linalg.qr(rng.normal(size=(n, n)))[0] for _ in range(2))
+    matrix = size * left @ np.diag(0.5 ** np.arange(n).clip(0, 20)) @ right.T
+    assert deflate(matrix)[3] / size == pytest.approx(4e-15 * max(n / 10, 1.0), rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("coupling", [0.0, 3.0, 1e5])
+def test_bounds_of_rounding_grow_where_eigenvectors_are_nearly_parallel(coupling: float, size: float) -> None:
+    """Of ``[[-1, c], [0, -3]]``: left and right unit vectors of an eigenvalue have the product 2 / sqrt(4 + c^2)."""
+    found = eigen(size * np.array([[-1.0, coupling], [0.0, -3.0]]))
+    assert np.sort(found.values.real) / size == pytest.approx([-3.0, -1.0])
+    norm, product = np.sqrt(1 + 9 + coupling**2), 2 / np.sqrt(4 + coupling**2)
+    expected = 40 * 2.0**-52 * norm / product
+    assert found.tolerances / size == pytest.approx([expected] * 2, rel=1e-9)
+    assert found.chains == ()
+    free = np.zeros((3, 3))
+    free[:2, :2] = size * np.array([[-1.0, coupling], [0.0, -3.0]])
+    if coupling < 10:
+        split = eigen(free)
+        assert split.chains == (1,)
+        assert split.tolerances / size == pytest.approx([expected] * 2, rel=1e-9)
+        shape = split.others @ split.vectors
+        assert free @ shape == pytest.approx(shape * split.values, abs=1e-12 * size)
+
+
+def test_frequencies_within_rounding_are_one_on_the_axis() -> None:
+    """The bound of the one that is met counts; frequencies farther apart are two, and what is damped is none."""
+
+    def on_axis(values: list[complex], tolerance: float) -> list[float]:
+        both = np.array([v for value in values for v in (value, value.conjugate())])
+        return Poles(both, np.full(len(both), tolerance), ()).on_axis.tolist()
+
+    assert on_axis([5j, 2j], 1e-12) == [2, 5]
+    assert on_axis([2j, 2.001j], 0.0009) == [2, 2.001]
+    assert on_axis([2j, 2.001j], 0.0011) == [2]
+    assert on_axis([2e9j, (2e9 + 1) * 1j], 1e-12) == [2e9]  # relative, too
+    assert on_axis([2e9j, (2e9 + 3) * 1j], 1e-12) == [2e9, 2e9 + 3]
+    assert on_axis([2j, -1e-300 + 3j], 1e-12) == [2]
+    assert on_axis([0j], 0.0) == [0]
+
+
 # ---------------------------------------------------------------- derivatives of eigenvalues
 
 
@@ -317,6 +362,7 @@ def test_branches_of_repeated_eigenvalues(large: bool, size: float, monkeypatch:
         eigenvalue_changes(A, [change], size * np.array([2.0, 2.0]))
     alike = of([3.0, 3.0, 3.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     assert eigenvalue_changes(A, [alike], size * np.array([2.0]))[0] / size == pytest.approx([3.0], abs=1e-6)
+    assert eigenvalue_changes(A, [0 * change], size * np.array([2.0]))[0] == pytest.approx([0.0])
     chain = np.diag([2.0, 2.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0])
     chain[0, 1] = 1.0
     with pytest.raises(

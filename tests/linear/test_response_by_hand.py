@@ -74,6 +74,10 @@ def test_a_pole_on_the_grid_is_named_and_others_are_not(large: bool) -> None:
         gl.frequency_response(given, [1.0, 2.0, 3.0])
     with pytest.raises(ArgumentError, match="a pole at 2 rad/s"):
         gl.frequency_response(given, 2.0)
+    given.A[:2, :2] *= 2.5
+    for grid, first in (([1.0, 5.0, 2.0], 5), ([2.0, 1.0, 5.0], 2)) if large else ():
+        with pytest.raises(ArgumentError, match=f"a pole at {first} rad/s"):
+            gl.frequency_response(given, grid)
 
 
 @pytest.mark.parametrize("omega", [[], [-1.0, 2.0], [[1.0]], [np.nan], "x"])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 import gearlib as gl
 import gearparts as gp
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
+from gearlib.linear.linear_model import LinearModel
 from tests.many_runs.models import Drive
 from tests.stress.misuse import BadMapping
 
@@ -284,6 +285,9 @@ def test_steady_states() -> None:
     driven = gl.steady_state(compiled(Drive), ["load.w"], inputs={"torque.tau": 2.0}, parameters={"brake.d": 0.8})
     assert driven["load.w"] == pytest.approx(2.5)
     assert driven.sensitivity("load.w", "brake.d") == pytest.approx(-2.5 / 0.8)
+    by_hand = LinearModel(np.eye(1), np.eye(1), np.eye(1), np.eye(1), ("x",), ("u",), ("y",))
+    with pytest.raises(gl.GearlibError, match="not that of a System"):
+        gl.frequency_response(by_hand, [1.0]).sensitivity("load.J")
 
 
 def test_what_has_no_derivative() -> None:

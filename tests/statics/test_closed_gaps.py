@@ -113,6 +113,7 @@ class Coupling(gl.Component):
         return [gl.connect(self.a.flange_b, self.gap.flange_a), gl.connect(self.gap.flange_b, self.b.flange_a)]
 
 
+@pytest.mark.parametrize("pace", [1.0, 1e-10])
 @pytest.mark.parametrize(
     ("twist", "rate", "drifts"),
     [
@@ -120,16 +121,16 @@ class Coupling(gl.Component):
         (0.15, 1.0, False), (0.15, -1.0, True), (0.15, 0.0, False), (-0.15, 1.0, True), (-0.15, -1.0, False),
     ],
 )  # fmt: skip
-def test_a_gap_that_turns_open_or_shut_does_not_last(twist: float, rate: float, drifts: bool) -> None:
-    """Inside the gap any relative speed changes something; in contact one that leads away from it."""
+def test_a_gap_that_turns_open_or_shut_does_not_last(twist: float, rate: float, drifts: bool, pace: float) -> None:
+    """Inside the gap any relative speed changes something; in contact one that leads away from it; however slow all is."""
     translation = compiled_coupling().translation
     model, numbers = translation.model, translation.parameter_values({})
     still = motion_from(model, numbers, [], np.zeros(2 * model.n_variables))
     constants, rates = np.zeros(model.n_variables), np.zeros(model.n_variables)
     v = model.variable("gap.phi_rel")
     rep, sign = int(model.representative[v]), int(model.sign[v])
-    constants[rep], rates[rep] = sign * twist, sign * rate
-    rates[int(model.representative[model.variable("a.phi")])] = 1.0
+    constants[rep], rates[rep] = sign * twist, sign * rate * pace
+    rates[int(model.representative[model.variable("a.phi")])] = pace
     discrete = settled_discrete(model, numbers, constants, rates)
     motion = replace(still, constants=constants, rates=rates, discrete=discrete)
     assert drifting(model, numbers, motion) == (["gap"] if drifts else [])

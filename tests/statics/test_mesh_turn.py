@@ -11,6 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ModelError
+from gearlib.statics.mesh_turn import nonlinear_columns, repeating_columns
 
 Law = Callable[[Any, Any, Any], Any]  # of y = sin(phase), z = 1 + 2 w y and w
 
@@ -121,3 +122,124 @@ def test_variables_that_determine_each_other_have_means_only(law: str) -> None:
         ModelError, match=r"^Coupled: flange\.tau = .*: its mean .* is not known, since load\.[uv] follows from"
     ):
         gl.power_flow(system, speeds={"body.w": W})
+
+
+class Beside(gl.Component):
+    """``u = w / 10 + v / 2`` and ``v = 0.4 u``, so ``u = w / 8``: a loop that the phase has no part in; and a gear that is chosen."""
+
+    flange = gp.Flange("shaft")
+    newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
+    phase = gl.Variable("rad")
+    u, v, w = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+    n = gl.Discrete(start=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.n, gl.Piecewise((3, self.w > 4.0), (1, True))),
+            gl.Eq(self.w, self.second * gl.der(self.flange.phi)),
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(self.u, self.w / 10 + self.v / 2),
+            gl.Eq(self.v, 0.4 * self.u),
+            gl.Eq(self.flange.tau, self.newton_metre * (2 + self.u**2 + self.n * gl.sin(self.phase) ** 2)),
+        ]
+
+
+def test_a_loop_beside_the_phase_is_solved() -> None:
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Beside()
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    system = gl.compile(Driven())
+    for w, n in ((W, 3), (3.0, 1)):
+        flow = gl.power_flow(system, speeds={"body.w": w})
+        assert flow["load.flange"].torque == pytest.approx(2 + n / 2 + (w / 8) ** 2, rel=1e-9)
+
+
+class Yielding(gl.Component):
+    """A shaft whose stiffness varies with its phase, and which loses a torque that grows with the square of what it carries."""
+
+    flange_a, flange_b = gp.Flange("left"), gp.Flange("right")
+    c, loss = gl.Parameter("N.m/rad", default=400.0), gl.Parameter("1/(N.m)", default=0.01)
+    phase, q, half = gl.Variable("rad"), gl.Variable("rad", start=0.0), gl.Variable("N.m", "half of what it carries")
+
+    def equations(self) -> list[gl.Eq]:
+        a, b = self.flange_a, self.flange_b
+        return [
+            gl.Eq(gl.der(self.phase), 3 * gl.der(a.phi)),
+            gl.Eq(gl.der(self.q), gl.der(a.phi) - gl.der(b.phi)),
+            gl.Eq(self.half, self.c * (1 + gl.cos(self.phase) / 2) * self.q),
+            gl.Eq(a.tau, 2 * self.half),
+            gl.Eq(b.tau, -2 * self.half + self.loss * (2 * self.half) ** 2),
+        ]
+
+
+def test_a_deflection_adapts_to_the_torque_at_each_phase() -> None:
+    """The torque is the same at each phase, not the deflection: what is lost is the square of the mean."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.load, self.shaft = gp.Torque(), gp.Torque(), Yielding()
+            self.a, self.b = gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+            return [
+                gl.connect(self.drive.flange, self.a.flange_a), gl.connect(self.a.flange_b, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.b.flange_a), gl.connect(self.b.flange_b, self.load.flange),
+            ]  # fmt: skip
+
+    flow = gl.power_flow(gl.compile(Driven()), speeds={"a.w": W}, torques={"drive.tau": 10.0})
+    assert flow["shaft.flange_a"].torque == pytest.approx(10.0, rel=1e-12)
+    assert flow["shaft.flange_b"].torque == pytest.approx(-9.0, rel=1e-9)
+    assert flow["b.flange_a"].speed == pytest.approx(W, rel=1e-12)
+
+
+COURSES: dict[str, tuple[Callable[[Any, Any], Any], bool | None]] = {  # whether it grows in a turn; None: it does not repeat
+    "sine": (lambda x, r: gl.sin(x + 0.3), False),
+    "grows": (lambda x, r: x + gl.sin(x) / 2, True),
+    "falls": (lambda x, r: r * (gl.cos(x) - 4 * x), True),
+    "half as fast": (lambda x, r: gl.sin(x / 2), None),
+    "square": (lambda x, r: x**2 / 10, None),
+    "product": (lambda x, r: r * x * gl.sin(x), None),
+    "linear": (lambda x, r: 3 * x, None),
+    "beside a magnitude": (lambda x, r: gl.sin(x) + abs(r), False),  # far from zero that grows evenly, too
+}
+
+
+class Courses(gl.Component):
+    """A function of an absolute angle each, with another variable beside it."""
+
+    flange = gp.Flange("shaft")
+    course = gl.Structural("sine")
+    r, y = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        law = COURSES[self.course][0](self.flange.phi, self.r)
+        return [gl.Eq(self.y, law), gl.Eq(gl.der(self.r), -self.y), gl.Eq(self.flange.tau, 0.01 * self.r)]
+
+
+def test_what_repeats_in_every_turn_is_found() -> None:
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body = gp.Torque(), gp.Inertia(J=1.0)
+            self.each = [Courses(course=course) for course in COURSES]
+            return [gl.connect(self.drive.flange, self.body.flange_a, *(one.flange for one in self.each))]
+
+    translation = gl.compile(Driven()).translation
+    model = translation.structure.complete
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=(2, model.n_variables)) + 50.0
+    repeating = repeating_columns(model, translation.parameter_values({}), a, b, model.initial_discrete())
+    found: dict[str, bool | None] = dict.fromkeys(COURSES)
+    angle = model.variable("body.phi")
+    for g, columns in repeating.items():
+        group = model.groups[g]
+        for c, grows in columns.items():
+            name, order = group.template.columns[c]
+            assert order == 0
+            assert (group.variables[:, group.template.locals.index(name)] == model.representative[angle]).all()
+            for i, each in enumerate(grows.tolist()):
+                found[list(COURSES)[int(model.owner(g, i).removeprefix("each[").removesuffix("]"))]] = each
+    assert found == {course: grows for course, (_, grows) in COURSES.items()}
+    for group in model.groups:
+        names = [group.template.columns[c][0] for c in nonlinear_columns(group.template)]
+        assert all(name.endswith(("phi", "r")) for name in names)
+        assert bool(names) == (not group.template.linear)

@@ -84,6 +84,10 @@ def test_the_text_leaves_out_what_says_nothing() -> None:
     assert two[0] == "Steady power flow: mobility 2 (2 degrees of freedom)"
     assert "losses             0 W" in str(PowerFlow((), 0))
     assert "efficiency" not in str(PowerFlow((FLANGES[0],), 1))
+    idle = str(PowerFlow((flange("a", "flange", 3.0, 0.0, 0), flange("b", "flange", 3.0, 0.0, 0)), 1)).splitlines()
+    assert idle[4].startswith("(2 flanges of bodies that pass on their torque, or of parts without any"), (
+        "nothing is left to show"
+    )
 
 
 @pytest.mark.parametrize("count", [1, 3, 4])
@@ -93,6 +97,14 @@ def test_torques_that_equilibrium_leaves_open_are_named_three_at_most(count: int
     said = ", ".join(names[:3]) + (", ..." if count > 3 else "")
     assert f"(equilibrium leaves {count} torques open: {said}; they are those of parallel paths without preload," in text
     assert "equilibrium" not in str(PowerFlow(FLANGES, 1))
+
+
+@pytest.mark.parametrize("count", [1, 3, 4])
+def test_parts_with_other_connectors_are_named_three_at_most(count: int) -> None:
+    names = tuple(f"pump[{k}]" for k in range(count))
+    text = " ".join(str(PowerFlow(FLANGES, 1, beside=names)).split())
+    said = ", ".join(names[:3]) + (", ..." if count > 3 else "")
+    assert text.endswith(f"(only power at flanges is counted; other connectors carry power as well: those of {said})")
 
 
 def test_rounding_is_shown_as_zero_and_slides_have_no_revolutions() -> None:
@@ -146,6 +158,34 @@ def test_circulating_power_is_said_with_its_share_and_its_way() -> None:
     assert flow.efficiency == 1.0
 
 
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+def test_what_is_left_out_is_relative_to_the_largest_torque(size: float) -> None:
+    """Parts with up to 1e-12 of it, and bodies whose torques differ by up to 1e-11 of it."""
+    parts = [
+        ("idle", 2, [0.9e-12]),
+        ("drag", 3, [1.1e-12]),
+        ("rotor", 0, [1.0, -1.0 + 0.9e-11]),
+        ("brake", 0, [1.0, -1.0 + 1.1e-11]),
+    ]
+    own = [flange(name, f"flange_{k}", 10.0, x * size, shaft) for name, shaft, torques in parts for k, x in enumerate(torques)]
+    flow = PowerFlow((flange("motor", "flange", 10.0, -size, 0), *own), 1)
+    shown = [line.split()[0] for line in str(flow).splitlines()[3:] if ".flange" in line.split(" ")[0]]
+    assert shown == ["motor.flange", "drag.flange_0", "brake.flange_0", "brake.flange_1"]
+    assert "(3 flanges of bodies" in str(flow)
+    driven = PowerFlow((flange("motor", "flange", 1.0, -size, 0), flange("load", "flange", 1.0, size, 0)), 1)
+    assert f"input power        {size:.6g} W from motor\noutput power       {size:.6g} W to load\n" in str(driven)
+
+
+def test_power_that_goes_round_without_a_drive_has_no_share() -> None:
+    flanges = (
+        flange("one", "a", 10.0, 13.0, 0), flange("one", "b", 5.0, -26.0, 1),
+        flange("two", "a", 5.0, 26.0, 1), flange("two", "b", 10.0, -13.0, 0),
+    )  # fmt: skip
+    lines = str(PowerFlow(flanges, 1)).splitlines()
+    assert lines[-2:] == ["circulating power  130 W", "                   130 W through one, two"]
+    assert lines[-5:-2] == ["input power        0 W", "output power       0 W", "losses             0 W"]
+
+
 @given(st.lists(st.lists(st.integers(0, 7), min_size=2, max_size=5, unique=True), min_size=1, max_size=3), st.data())
 def test_circulations_are_what_flows_in_circles(cycles: list[list[int]], data: st.DataObject) -> None:
     """Circles of shafts on top of a flow from shaft to shaft without any: taken out, nothing flows in circles, and balances stay."""
@@ -174,13 +214,23 @@ def test_circulations_are_what_flows_in_circles(cycles: list[list[int]], data: s
     assert all(power * before.power >= -1e-9 for power, before in zip(left.values(), edges, strict=True))
 
 
-def test_the_shortest_circles_are_taken_out_first() -> None:
-    short = [PowerEdge("a", 1, 5.0), PowerEdge("a", 2, -5.0), PowerEdge("b", 2, 2.0), PowerEdge("b", 1, -2.0)]
-    long = [PowerEdge("c", 2, 3.0), PowerEdge("c", 3, -3.0), PowerEdge("d", 3, 3.0), PowerEdge("d", 1, -3.0)]
-    assert [(c.power, c.components) for c in circulations([*long, *short])] == [(3.0, ("a", "c", "d")), (2.0, ("a", "b"))]
-    assert circulations([]) == ()
-    rounding = [PowerEdge("a", 1, 1.0), PowerEdge("a", 2, -1.0), PowerEdge("b", 2, 1.0), PowerEdge("b", 1, -1.0 + 1e-13)]
-    assert len(circulations(rounding)) == 1
+def test_shafts_that_several_share_are_joints_of_the_diagram(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A motor on two gears, these on a shaft with two loads, one of which drives a third by a shaft of its own."""
+    drawn: list[Any] = []
+    monkeypatch.setattr("gearlib.statics.power_flow.sankey", lambda *arguments: drawn.append(arguments))
+    ends = [
+        ("motor", 0, -90.0), ("a", 0, 60.0), ("b", 0, 30.0), ("a", 1, -55.0), ("b", 1, -25.0), ("pump", 1, 30.0), ("box", 1, 50.0),
+        ("box", 2, -45.0), ("fan", 2, 45.0), ("idle", 2, 0.0),
+    ]  # fmt: skip
+    flow = PowerFlow(tuple(flange(name, f"at_{shaft}", 1.0, power, shaft) for name, shaft, power in ends), 1, "Row")
+    flow.sankey()
+    ((bands, losses, title, joints),) = drawn
+    assert sorted(tuple(vars(band).values()) for band in bands) == [
+        ("a", "shaft 1", 55.0), ("b", "shaft 1", 25.0), ("box", "fan", 45.0), ("motor", "shaft 0", 90.0), ("shaft 0", "a", 60.0),
+        ("shaft 0", "b", 30.0), ("shaft 1", "box", 50.0), ("shaft 1", "pump", 30.0),
+    ]  # fmt: skip
+    assert (losses, joints) == ({"a": 5.0, "b": 5.0, "box": 5.0}, ["shaft 0", "shaft 1"])
+    assert title.startswith("Steady power flow of Row")
 
 
 def test_wrong_arguments_of_drawings() -> None:

@@ -574,6 +574,30 @@ def test_the_speed_depends_on_where_the_train_begins() -> None:
     assert middle["load.flange"].torque == pytest.approx(0.0, abs=1e-12)
 
 
+def test_the_speed_is_the_one_that_a_train_comes_to_under_the_laws_at_first() -> None:
+    """A load that is as above at first; half a second later the middle speed is the one that is kept."""
+
+    class Turned(gl.Component):
+        flange = gp.Flange("shaft")
+        k = gl.Parameter("N.m.s3/rad3", default=1.0)
+        w = gl.Variable("rad/s")
+
+        def equations(self) -> list[gl.Eq]:
+            law = self.k * (self.w - 1) * (self.w - 2) * (self.w - 3)
+            later = gl.Piecewise((law, gl.time < 0.5), (-law, True))
+            return [gl.Eq(self.w, gl.der(self.flange.phi)), gl.Eq(self.flange.tau, later)]
+
+    class Train(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.load = gp.Inertia(J=1.0, start={"w": 2.2}), Turned()
+            return [gl.connect(self.body.flange_b, self.load.flange)]
+
+    system = gl.compile(Train())
+    with pytest.warns(gl.InputWarning, match="load"):
+        flow = gl.power_flow(system)
+    assert flow["load.flange"].speed == pytest.approx(3.0, rel=1e-9)
+
+
 def test_speeds_that_nothing_tells_apart_are_named() -> None:
     """A binding that is replaced: no run says which way it goes."""
     system = gl.compile(Car(bound=True))

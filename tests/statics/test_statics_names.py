@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -94,6 +95,7 @@ def test_flanges_of_composites_repeat_those_of_their_parts(hoist: gl.System) -> 
     shafts = {f.name: f.shaft for f in flow.flanges}
     assert shafts["rotor.flange_a"] == shafts["box.first.gear.flange_a"] == shafts["bearing.flange_a"]
     assert len({shafts[n] for n in ("rotor.flange_a", "box.first.output", "box.output", "load.flange_a")}) == 4
+    assert shafts["housing.flange"] == shafts["bearing.flange_b"]
     assert flow.absorbed["bearing"] == pytest.approx(0.5 * W**2)
     assert "box.first.gear" in str(flow)
 
@@ -240,3 +242,50 @@ def test_what_stands_still_and_what_carries_nothing() -> None:
         system.power_flow(speeds={"body.w": 3.0}, torques={"out.flange_b.tau": 5.0})
     flow = system.power_flow(speeds={"body.w": 3.0}, torques={"out.flange_b.tau": 0.0})
     assert flow["out.flange_a"].speed == pytest.approx(1.0, rel=1e-12)
+
+
+class Wall(gl.Component):
+    """What does not turn at all."""
+
+    flange = gp.Flange("held")
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(self.flange.phi, 0)]
+
+
+def test_an_angle_that_is_always_zero_is_no_shaft() -> None:
+    class Braked(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.brake, self.wall = gp.Torque(), gp.Inertia(J=1.0), gp.Damper(d=0.5), Wall()
+            ends = gl.connect(self.drive.flange, self.body.flange_a, self.brake.flange_a)
+            return [ends, gl.connect(self.brake.flange_b, self.wall.flange)]
+
+    system = gl.compile(Braked())
+    flow = system.power_flow(speeds={"body.w": 4.0, "wall.flange": 0.0})
+    assert (flow["wall.flange"].speed, flow["wall.flange"].torque) == (0.0, pytest.approx(2.0))
+    assert flow["wall.flange"].shaft == flow["brake.flange_b"].shaft == -1
+    assert flow["body.flange_b"].shaft == flow["drive.flange"].shaft >= 0
+    assert flow.absorbed["brake"] == pytest.approx(8.0)
+    still: list[Callable[[], Any]] = [
+        lambda: gl.speed_ratio(system, "body.w", "wall.flange"), lambda: gl.speed_ratio(system, "wall.flange", "body.w"),
+        lambda: system.power_flow(speeds={"wall.flange": 3.0}),
+    ]  # fmt: skip
+    for ask in still:
+        with pytest.raises(gl.GearlibError, match=r"^wall\.flange always stands still$"):
+            ask()
+    assert gl.speed_ratio(system, "drive.flange", "body.w", held=["wall.flange"]) == pytest.approx(1.0)
+
+
+def test_a_train_that_could_not_be_run_may_turn_steadily() -> None:
+    """Without its inertia nothing says how fast the body turns, unless a speed is given."""
+
+    class Free(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body = gp.Torque(), gp.Inertia(J=1.0)
+            return [gl.connect(self.drive.flange, self.body.flange_a)]
+
+    system, massless = gl.compile(Free()), {"body.J": 0.0}
+    flow = system.power_flow(speeds={"body.w": 5.0}, parameters=massless)
+    assert (flow["drive.flange"].speed, flow["drive.flange"].torque) == (5.0, 0.0)
+    with pytest.raises(gl.GearlibError, match=r"with body\.J = 0"):
+        system.simulate(1.0, parameters=massless)

@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
+import scipy.sparse as sparse
+from scipy.optimize import minimize
 
 import gearlib as gl
 import gearparts as gp
 from gearlib.flatten.model import FlatModel
-from gearlib.statics.steady_motion import Given, assemble, guesses, motion_from, settled_discrete, solve, speeds_near
+from gearlib.statics.steady_motion import (
+    Given,
+    assemble,
+    guesses,
+    held,
+    motion_from,
+    settled_discrete,
+    solve,
+    speeds_near,
+    unit_sizes,
+)
 from gearparts.interfaces import Compliant
 
 
@@ -161,26 +174,47 @@ class Switches(gl.Component):
         ]
 
 
+class Panel(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.switch = [Switches() for _ in range(3)]
+        return []
+
+
 @pytest.mark.parametrize("y", [-1.0, 0.0, 1.0])
 @pytest.mark.parametrize("x", [0.5, 1.5])
 def test_relations_and_discrete_variables_are_settled(x: float, y: float) -> None:
-    translation = gl.compile(Switches()).translation
+    """Of each of three; the second one has other values."""
+    translation = panel().translation
     model = translation.model
     a = np.zeros(model.n_variables)
-    for name, value in (("x", x), ("y", y)):
-        v, sign = place(model, name)
-        a[v] = sign * value
+    values = {"switch[0]": (x, y), "switch[1]": (2.0 - x, -y), "switch[2]": (x, y)}
+    for path, (own_x, own_y) in values.items():
+        for name, value in (("x", own_x), ("y", own_y)):
+            v, sign = place(model, f"{path}.{name}")
+            a[v] = sign * value
     found = settled_discrete(model, translation.parameter_values({}), a, np.zeros(len(a)))
     first, count = model.n_relations, len(model.discretes)
-    one = 3.0 if x > 1 else 1.0
     now = dict(zip(model.discretes, found[first : first + count].tolist(), strict=True))
-    assert now == {"one": one, "two": one + 1, "last": 2 * (one + 1)}
+    expected = {}
+    for path, (own_x, _) in values.items():
+        one = 3.0 if own_x > 1 else 1.0
+        expected |= {f"{path}.one": one, f"{path}.two": one + 1, f"{path}.last": 2 * (one + 1)}
+    assert now == expected
     assert found[first + count : first + 2 * count].tolist() == list(now.values())
     assert found[first + 2 * count] == 0.0
     for g, group in enumerate(model.groups):
-        for c, relation in enumerate(group.template.relations):
-            holds = {(True, False): y > 0, (False, False): y >= 0, (True, True): y < 0, (False, True): y <= 0}
-            assert found[model.first_relations[g] + c] == holds[relation.strict, relation.negated], group.template.label
+        relations = group.template.relations
+        for i in range(len(group)):
+            at = values[model.owner(g, i)][1]
+            for c, relation in enumerate(relations):
+                holds = {(True, False): at > 0, (False, False): at >= 0, (True, True): at < 0, (False, True): at <= 0}
+                flag = found[model.first_relations[g] + i * len(relations) + c]
+                assert flag == holds[relation.strict, relation.negated], group.template.label
+
+
+@cache
+def panel() -> gl.System:
+    return gl.compile(Panel())
 
 
 def test_a_discrete_variable_that_each_event_changes_has_no_steady_value() -> None:
@@ -248,3 +282,151 @@ def test_a_brake_holds_what_it_holds_in_the_steady_state() -> None:
     assert flow.losses == {}
     given = system.power_flow(speeds={"a.w": 90.0, "ring.w": 0.0})
     assert given["drive.flange"].torque == pytest.approx(-10.0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_sizes_are_those_of_units_in_which_all_coefficients_are_alike(seed: int) -> None:
+    """Equations of coefficients 1 or -1, in other units, each times a factor of its own: the units are found again."""
+    rng = np.random.default_rng(seed)
+    exponents, size = rng.integers(-2, 3, (9, 3)).astype(float), rng.uniform(-5, 5, 3)
+    pattern = (rng.random((14, 9)) < 0.5) * rng.choice([-1.0, 1.0], (14, 9))
+    pattern[5] = 0.0  # an equation without coefficients
+    right = np.exp(exponents @ size)
+    matrix = pattern * 10.0 ** rng.uniform(-9, 9, (14, 1)) / right
+    linear = np.ones(14, bool)
+    below = np.vstack([matrix, 10.0 ** rng.uniform(-9, 9, (3, 9))])  # rows that do not count
+    assert unit_sizes(sparse.csr_matrix(below), exponents, linear) == pytest.approx(right, rel=1e-9)
+    # What may be rounding in an equation that is not linear does not count, either; nor what has no unit
+    linear[3] = False
+    place = int(np.flatnonzero(pattern[3] == 0)[0])
+    rounded = matrix.copy()
+    rounded[3, place] = 0.9e-13 * abs(matrix[3]).max()
+    exponents[8] = np.nan
+    found = unit_sizes(sparse.csr_matrix(rounded), exponents, linear)
+    assert found[:8] == pytest.approx(right[:8], rel=1e-9)
+    assert np.isnan(found[8])
+
+
+def test_few_coefficients_far_from_the_others_have_little_effect() -> None:
+    """The minimum of a sum of squares near zero, and of magnitudes elsewhere, by another way."""
+    rng = np.random.default_rng(1)
+    exponents = rng.integers(-2, 3, (9, 2)).astype(float)
+    logarithms = rng.normal(size=(30, 9)) * np.where(rng.random((30, 9)) < 0.1, 9.0, 0.5)
+    kept = rng.random((30, 9)) < 0.5
+    found = unit_sizes(sparse.csr_matrix(np.where(kept, np.exp(logarithms), 0.0)), exponents, np.ones(30, bool))
+
+    def cost(size: Any) -> float:
+        terms = logarithms + exponents @ size
+        rest = np.concatenate([row[mask] - row[mask].mean() for row, mask in zip(terms, kept, strict=True)])
+        return float(np.where(np.abs(rest) < 1, rest**2 / 2, np.abs(rest) - 0.5).sum())
+
+    best = minimize(cost, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-12}).x
+    assert np.log(found) == pytest.approx(exponents @ best, abs=1e-3)
+
+
+class Cruise(gl.Component):
+    """Holds the speed that a shaft has, or brakes it; friction in proportion to another speed may be added."""
+
+    flange = gp.Flange("shaft")
+    holds = gl.Parameter("1", default=1.0)
+    slip = gl.Parameter("1/(kg.m2)", default=0.0)
+    drag, inertia = gl.Parameter("N.m.s/rad", default=0.3), gl.Parameter("kg.m2", default=1.0)
+    w = gl.Variable("rad/s", "speed")
+
+    def equations(self) -> list[gl.Eq]:
+        tau = self.flange.tau
+        return [
+            gl.Eq(gl.der(self.flange.phi), self.w),
+            gl.Eq(
+                gl.Piecewise(
+                    (gl.der(self.w) + self.slip * tau, self.holds > 0.5), ((tau - self.drag * self.w) / self.inertia, True)
+                ),
+                0,
+            ),
+        ]
+
+
+@pytest.mark.parametrize(
+    ("holds", "slip", "w", "right"),
+    [(1.0, 0.0, 7.0, 7.0), (1.0, 0.0, -7.0, -7.0), (1.0, 0.0, 1e-10, 0.0), (0.0, 0.0, 7.0, None), (1.0, 1e-6, 7.0, None)],
+)
+def test_a_speed_is_held_where_nothing_but_its_rate_is_determined(
+    holds: float, slip: float, w: float, right: float | None
+) -> None:
+    translation = cruising().translation
+    model, numbers = translation.model, translation.parameter_values({"one.holds": holds, "one.slip": slip})
+    v, sign = place(model, "one.w")
+    motion = motion_from(model, numbers, [Given("w", v, 0, sign * w)], np.zeros(2 * model.n_variables))
+    found = [(item.variable, item.order, item.value) for item in held(model, numbers, motion)]
+    assert found == ([] if right is None else [(v, 0, sign * right)])
+
+
+@cache
+def cruising() -> gl.System:
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.one = gp.Inertia(J=2.0), Cruise()
+            self.torque, self.gear = gp.Torque(), gp.IdealGear(ratio=-1.0)
+            return [
+                gl.connect(self.torque.flange, self.body.flange_a),
+                gl.connect(self.body.flange_b, self.gear.flange_a),
+                gl.connect(self.gear.flange_b, self.one.flange),
+            ]
+
+    return gl.compile(Driven())
+
+
+def test_equations_of_torques_at_loose_flanges_are_no_kinematics() -> None:
+    """Though these torques are zero, and no unknowns; a connection of angles is."""
+
+    class Loose(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.body, self.gear = gp.Torque(), gp.Inertia(J=1.0), gp.IdealGear(ratio=3.0)
+            self.mesh, self.spring = gp.ExternalMesh(r_a=0.1, r_b=0.2, c=1e6, d=1e2), gp.Spring(c=3.0)
+            ends = [self.torque.flange, self.body.flange_a, self.mesh.flange_a, self.spring.flange_a, self.gear.flange_a]
+            return [gl.connect(*ends)]
+
+    translation = gl.compile(Loose()).translation
+    model, numbers = translation.structure.complete, translation.parameter_values({})
+    zero = np.zeros(model.n_variables)
+    found, first = assemble(model, numbers, [], zero, zero, model.initial_discrete()).kinematic, 0
+    for group in model.groups:
+        names = [name.rpartition(".")[2] for name, _ in group.template.columns]
+        kinematic = "tau" not in names and not group.template.label.startswith("sum of")  # of the torques in a connection
+        assert found[first : first + len(group)].tolist() == [kinematic] * len(group), group.template.label
+        first += 2 * len(group)
+
+
+class Meter(gl.Component):
+    """A reading that grows with the cube of the torque that is passed on."""
+
+    flange_a, flange_b = gp.Flange("left"), gp.Flange("right")
+    newton_metre = gl.Parameter("N.m", default=1.0)
+    reading = gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        a, b = self.flange_a, self.flange_b
+        return [gl.Eq(a.phi, b.phi), gl.Eq(a.tau, -b.tau), gl.Eq(self.reading, (b.tau / self.newton_metre) ** 3)]
+
+
+def test_a_torque_that_is_always_zero_may_enter_by_its_cube() -> None:
+    """Of two meters one has nothing behind it."""
+
+    class Metered(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.body, self.meter, self.loose = gp.Torque(), gp.Inertia(J=1.0), Meter(), Meter()
+            self.ground, self.brake = gp.Fixed(), gp.Damper(d=0.5)
+            return [
+                gl.connect(self.torque.flange, self.body.flange_a, self.meter.flange_a, self.loose.flange_a),
+                gl.connect(self.meter.flange_b, self.brake.flange_a),
+                gl.connect(self.brake.flange_b, self.ground.flange),
+            ]
+
+    translation = gl.compile(Metered()).translation
+    model, numbers = translation.structure.complete, translation.parameter_values({})
+    speed, sign = place(model, "body.w")
+    motion = solve(model, numbers, [Given("w", speed, 0, sign * 4.0)])
+    assert motion.residual.max() < 1e-9
+    for name, right in (("meter.reading", -8.0), ("loose.reading", 0.0)):  # 2 N.m from the brake
+        v, turned = place(model, name)
+        assert turned * motion.constants[v] == pytest.approx(right, abs=1e-12)
