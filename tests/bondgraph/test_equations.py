@@ -123,3 +123,23 @@ def test_the_preferred_storage_is_the_state(prefer: list[int], integral: tuple[i
     assert found.integral == integral
     assert found.derivative == tuple({2, 3} - {*integral})
     assert found.report().splitlines()[0] == f"integral causality: {integral[0]}"
+
+
+def test_rates_of_inputs_are_printed_with_dots_and_numbers_of_two_digits_are_whole() -> None:
+    """A source of flow between two inertias, on bonds of one digit and of two."""
+    for n, source in ((4, 40), (16, 4)):
+        a, s, b = One("a"), Zero("sum"), One("b")
+        graph = BondGraph((1, Se(), a), (2, a, I()), (3, a, s), (source, Sf(), s), (5, s, b), (n + 20, b, I()))
+        assert lines(graph) == [rf"\dot{{p}}_{{2}} &= Se_{{1}} - \dot{{p}}_{{{n + 20}}}"]
+        (solved,) = lines(graph, solved=True)
+        assert rf"I_{{{n + 20}}} \dot{{Sf}}_{{{source}}}" in solved
+        assert solved.count("Sf") == 1
+
+
+def test_states_are_printed_in_the_order_of_their_bonds() -> None:
+    """Numbers, not letters: 3 before 12, q before p."""
+    graph = BondGraph((1, Se(), v := One("v")), (12, v, I(2)), (3, v, C(4)), (5, v, R(7)))
+    assert lines(graph) == [
+        r"\dot{q}_{3} &= \frac{1}{2} p_{12}",
+        r"\dot{p}_{12} &= - \frac{1}{4} q_{3} - \frac{7}{2} p_{12} + Se_{1}",
+    ]

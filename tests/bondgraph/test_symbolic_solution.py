@@ -70,3 +70,25 @@ def test_solved_sums_are_broken_into_lines_and_quotients_stay_whole() -> None:
         r"&\quad + Se_{1} \\",
         r"\dot{q}_{3} &= \frac{p_{2}}{I_{2}}",
     ]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_systems_of_small_whole_numbers(seed: int) -> None:
+    """Many zeros, ones and minus ones; what is singular is refused."""
+    draw = random.Random(seed)
+    for size in (1, 2, 3, 4):
+        matrix = sp.Matrix(size, size, lambda i, j: draw.choice((-1, 0, 0, 1, -1, 2)))
+        sides = sp.Matrix([draw.randint(-2, 2) for _ in range(size)])
+        if matrix.det() == 0:
+            with pytest.raises(ZeroDivisionError):
+                solved_by_blocks(matrix, sides)
+        else:
+            assert list(matrix * sp.Matrix(solved_by_blocks(matrix, sides))) == list(sides)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_numbers_are_singular_up_to_rounding_whatever_their_unit(unit: float) -> None:
+    with pytest.raises(ZeroDivisionError):
+        solved_by_blocks(unit * sp.Matrix([[1.0, 1.0], [1.0, 1.0 + 1e-14]]), sp.Matrix([1, 2]))
+    found = solved_by_blocks(unit * sp.Matrix([[1.0, 1.0], [1.0, 1.0 + 1e-6]]), sp.Matrix([1, 2]))
+    assert [float(y) for y in found] == pytest.approx([(1 - 1e6) / unit, 1e6 / unit], rel=1e-8)
