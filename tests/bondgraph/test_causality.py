@@ -244,3 +244,13 @@ def test_bonds_may_be_numbered_from_zero() -> None:
     assert assign_causality(graph, [0]).integral == (0,)
     assert assign_causality(graph, [1]).integral == (1,)
     assert [str(x) for x in state_equations(graph, [0]).states] == ["p_0"]
+
+
+def test_a_loop_that_takes_two_tears_is_one_loop() -> None:
+    """A ladder of resistances: what is left of the loop after the first tear is no other loop."""
+    i, node, j, end = One("i"), Zero("node"), One("j"), Zero("end")
+    bonds = [(2, i, R()), (3, i, node), (4, node, R()), (5, node, j), (6, j, R()), (7, j, end), (8, end, R()), (9, end, I())]
+    found = assign_causality(BondGraph((1, Se(), i), *bonds))
+    assert found.loops == ((2, 4, 6, 8),)
+    assert found.tears == (("e", 2), ("e", 6))
+    assert found.report().endswith("algebraic loops: 2 and 4 and 6 and 8")
