@@ -8,7 +8,7 @@ import pytest
 
 from gearlib.bondgraph import GY, TF, BondGraph, C, I, One, R, Se, Sf, Zero, assign_causality
 from gearlib.bondgraph.elements import Element
-from gearlib.errors import BalanceError
+from gearlib.errors import ArgumentError, BalanceError
 
 
 def said(*bonds: tuple[int, Element, Element]) -> str:
@@ -73,3 +73,16 @@ def test_three_gears_side_by_side_lock_two_shafts() -> None:
     assert said((1, a, I()), (2, b, I()), *gears) == (
         "bond 10 sets the flow of the 1-junction 'b' in two ways, through bonds 21 and 22"
     )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "storage", "numbers"),
+    [([1], 0, "bonds 1; they are on none"), ([1], 1, "bonds 1; they are on 2"), ([7, 1], 2, "bonds 7 and 1; they are on 2 and 3"),
+     ([7, 1, 9], 3, "bonds 7, 1 and 9; they are on 2, 3 and 4"), ([2, 7, 1, 9, 8], 4, "bonds 7, 1, 9 and 8; they are on 2, 3, 4 and 5")],
+)  # fmt: skip
+def test_numbers_of_bonds_are_listed(wrong: list[int], storage: int, numbers: str) -> None:
+    v = One("v")
+    graph = BondGraph((1, Se(), v), (6, v, R()), *((2 + k, v, C()) for k in range(storage)), name="graph")
+    with pytest.raises(ArgumentError) as problem:
+        assign_causality(graph, wrong)
+    assert str(problem.value) == f"graph: prefer: no storage element on {numbers}"
