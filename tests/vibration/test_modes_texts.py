@@ -277,3 +277,45 @@ def test_what_follows_from_the_speeds_has_an_amplitude_in_a_free_motion_too() ->
         rpm, w, torque = found.shape(mode, "meter.rpm", "b.w", "spring.tau")
         assert rpm == pytest.approx(w * 30 / np.pi)
         assert (abs(torque) > 1e-6) == (mode == 1)
+
+
+class LongNames(gl.Component):
+    """Two bodies and a shaft inside of a part with a long name."""
+
+    def assemble(self) -> list[Any]:
+        self.transmission_of_the_second_turbine_from_the_left = Stage()
+        return []
+
+
+class Stage(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.generator, self.rotor, self.shaft = gp.Inertia(J=1.0), gp.Inertia(J=3.0), gp.Spring(c=3.0)
+        return [
+            gl.connect(self.generator.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.rotor.flange_a),
+        ]
+
+
+def test_energies_with_long_names_stand_below_each_other() -> None:
+    """A line for each mode, and one more for what is strained in it; the names are shortened in front, and begin in one column."""
+    found = gl.modes(gl.compile(LongNames()))
+    part = "transmission_of_the_second_turbine_from_the_left"
+    assert found.components == tuple(f"{part}.{name}" for name in ("generator", "rotor", "shaft"))
+    head, free, elastic, strained = str(found).splitlines()
+    at = head.index("kinetic energy, and potential energy below it")
+    assert head[:at].split() == ["mode", "frequency,", "Hz", "damping"]
+    assert free[:at].split() == ["0", "0", "0.00000"]
+    assert elastic[:at].split() == ["1", f"{1 / np.pi:.6g}", "0.00000"]
+    assert strained[:at].strip() == ""
+    for line, shares in (
+        (free, [("rotor", 75), ("generator", 25)]),
+        (elastic, [("generator", 75), ("rotor", 25)]),
+        (strained, [("shaft", 100)]),
+    ):
+        assert line[at - 1] == " " != line[at]
+        said = line[at:].split(", ")
+        assert len(said) == len(shares)
+        for text, (name, share) in zip(said, shares, strict=True):
+            assert re.fullmatch(rf"\S*\.{name} {share} %", text)
+            assert len(text) <= 26 + len(f" {share} %")
+            assert line == line.rstrip()
