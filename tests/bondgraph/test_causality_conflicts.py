@@ -66,11 +66,13 @@ def test_sources_leave_nothing_that_sets_a_junction_between_them() -> None:
     )
 
 
-def test_three_gears_side_by_side_lock_two_shafts() -> None:
-    """A bond without a source or storage element is named alone."""
+@pytest.mark.parametrize("beside", [False, True])
+def test_three_gears_side_by_side_lock_two_shafts(beside: bool) -> None:
+    """A bond without a source or storage element is named alone; also where another part, which comes first, has no conflict."""
     a, b, tf = One("a"), One("b"), [TF(2), TF(3), TF(4)]
     gears = [bond for k, t in enumerate(tf) for bond in ((10 + k, a, t), (20 + k, t, b))]
-    assert said((1, a, I()), (2, b, I()), *gears) == (
+    apart: list[Any] = [(0, c := One("c"), I()), (30, c, R())] if beside else []
+    assert said((1, a, I()), (2, b, I()), *gears, *apart) == (
         "bond 10 sets the flow of the 1-junction 'b' in two ways, through bonds 21 and 22"
     )
 
