@@ -92,3 +92,12 @@ def test_numbers_are_singular_up_to_rounding_whatever_their_unit(unit: float) ->
         solved_by_blocks(unit * sp.Matrix([[1.0, 1.0], [1.0, 1.0 + 1e-14]]), sp.Matrix([1, 2]))
     found = solved_by_blocks(unit * sp.Matrix([[1.0, 1.0], [1.0, 1.0 + 1e-6]]), sp.Matrix([1, 2]))
     assert [float(y) for y in found] == pytest.approx([(1 - 1e6) / unit, 1e6 / unit], rel=1e-8)
+
+
+def test_short_values_are_simplified_and_long_ones_are_left_as_they_are() -> None:
+    a, b, c, d = sp.symbols("a b c d")
+    assert solved_by_blocks(sp.Matrix([[a, 0], [b, c]]), sp.Matrix([1, 1])) == [1 / a, (a - b) / (a * c)]
+    many = sp.symbols("x0:24")
+    long = sum(x * (d + 1) for x in many) - sum(x * d for x in many)
+    assert sp.count_ops(long) > 60
+    assert solved_by_blocks(sp.Matrix([[a]]), sp.Matrix([long])) == [long / a]

@@ -183,3 +183,51 @@ def test_a_count_on_the_edge_is_not_known() -> None:
     real = sparse.csc_matrix(np.diag([-1.0, 5.0, 7.0, -9.0]))
     assert [missing_inside(real, radius, np.empty(0, complex), 0) for radius in (4.9, 5.0, 7.1, 9.0)] == [1, None, 3, None]
     assert missing_inside(A, 0.5, np.empty(0, complex), 0) == 0
+
+
+@pytest.mark.parametrize("unit", [1e-8, 1e-3, 1.0, 1e4, 1e8])
+def test_a_spectrum_is_the_same_in_any_unit_of_time(unit: float) -> None:
+    """Swings, one nearly and one critically damped, decays, a free motion and a preload."""
+    swings = [np.array([[0.0, w], [-w, -2 * ratio * w]]) for w, ratio in ((5.0, 0.1), (3.0, 0.999), (4.0, 0.0), (2.5, 1.0))]
+    loop = np.zeros((4, 4))  # two springs between two bodies
+    loop[0, 2:], loop[1, 2:], loop[2, :2], loop[3, :2] = [1.0, -1.0], [1.0, -1.0], [-6.0, -3.0], [2.0, 1.0]
+    A = block_diag(*swings, [[-7.0]], [[-0.5]], loop)
+    speeds, forces = np.eye(len(A))[-2:], np.diag([6.0, 3.0])
+    found = dense_spectrum(unit * A, speeds, None, np.hstack([np.zeros((2, len(A) - 4)), forces, np.zeros((2, 2))]))
+    expected = [3.0 * np.exp(1j * np.arccos(-0.999)), np.sqrt(12.0) * 1j, 4j, 5.0 * np.exp(1j * np.arccos(-0.1))]
+    assert found.values / unit == pytest.approx(np.array(expected), rel=1e-9)
+    assert (found.values.real[1:3] == 0).all()
+    assert found.decays / unit == pytest.approx([-0.5, -2.5, -2.5, -7.0], rel=1e-6)
+    assert (found.free.shape[1], found.preloads) == (1, 1)
+    assert unit * A @ found.vectors == pytest.approx(found.vectors * found.values, rel=1e-8, abs=1e-9 * unit)
+
+
+@pytest.mark.parametrize("form", [np.asarray, sparse.csr_matrix])
+@pytest.mark.parametrize("seed", range(4))
+def test_preloads_are_taken_out_of_free_motions_of_geared_shafts(seed: int, form: Any) -> None:
+    """Bodies in a row, each driven by the one before through two springs side by side, with any ratio: rounding is no rate."""
+    rng = np.random.default_rng(seed)
+    n = 5
+    ratio, J, c = rng.uniform(0.2, 3, n - 1), 10.0 ** rng.uniform(-3, 3, n), 10.0 ** rng.uniform(0, 6, 2 * (n - 1))
+    twist = np.zeros((2 * (n - 1), n))
+    for k in range(n - 1):
+        twist[[2 * k, 2 * k + 1], k], twist[[2 * k, 2 * k + 1], k + 1] = ratio[k], -1.0
+    A = np.block([[np.zeros((len(c), len(c))), twist], [-(twist * c[:, None]).T / J[:, None], np.zeros((n, n))]])
+    speeds = np.hstack([np.zeros((n, len(c))), np.eye(n)])
+    forces = np.hstack([np.diag(c), np.zeros((len(c), n))])
+    A *= 10.0 ** rng.uniform(-9, 3)  # in any unit of time
+    found = dense_spectrum(A, speeds, None, forces)
+    assert (found.free.shape[1], found.preloads) == (1, n - 1)
+    turning = np.cumprod([1.0, *ratio])
+    locked = np.zeros(len(A))
+    locked[:2] = [c[1], -c[0]]
+    motion = found.free / found.free[-n, 0]
+    free, alone = without_preloads(form(A), form(speeds), motion + 0.3 * locked[:, None] / c.max())
+    assert alone
+    assert free[: len(c)].tolist() == [[0]] * len(c)
+    assert free[len(c) :, 0] == pytest.approx(turning, rel=1e-6)
+    pushed = motion.copy()
+    pushed[-1] *= 1.01  # no motion at 0
+    free, alone = without_preloads(form(A), form(speeds), pushed)
+    assert not alone
+    assert free is pushed
