@@ -86,6 +86,7 @@ def test_parallel_springs_can_be_preloaded_in_one_way_less_than_there_are(spring
 def test_still_or_empty_matrices() -> None:
     nothing = dense_spectrum(np.zeros((0, 0)), np.zeros((0, 0)), None, np.zeros((0, 0)))
     assert (len(nothing.values), nothing.free.shape, nothing.preloads, len(nothing.decays)) == (0, (0, 0), 0, 0)
+    assert nothing.vectors.shape == (0, 0)
     still = dense_spectrum(np.zeros((2, 2)), np.zeros((1, 2)), None, np.zeros((1, 2)))
     assert (still.free.shape, still.preloads) == ((2, 0), 0)
     coasting = dense_spectrum(np.zeros((2, 2)), np.array([[0.0, 1.0]]), None, np.array([[5.0, 0.0]]))
@@ -226,8 +227,41 @@ def test_preloads_are_taken_out_of_free_motions_of_geared_shafts(seed: int, form
     assert alone
     assert free[: len(c)].tolist() == [[0]] * len(c)
     assert free[len(c) :, 0] == pytest.approx(turning, rel=1e-6)
-    pushed = motion.copy()
+    pushed = motion * 10.0 ** rng.uniform(-9, 9)
     pushed[-1] *= 1.01  # no motion at 0
     free, alone = without_preloads(form(A), form(speeds), pushed)
     assert not alone
     assert free is pushed
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_preloads_and_free_motions_are_counted_in_any_units_of_the_states(seed: int) -> None:
+    """Two bodies that turn freely, with several springs side by side; angles in seconds of arc, speeds in turns a day, and the like."""
+    rng = np.random.default_rng(seed)
+    springs = int(rng.integers(2, 6))
+    c, J = rng.uniform(1, 9, springs), rng.uniform(1, 9, 2)
+    A = np.zeros((springs + 2, springs + 2))
+    A[:springs, -2:] = [1.0, -1.0]
+    A[-2, :springs], A[-1, :springs] = -c / J[0], c / J[1]
+    units = 10.0 ** rng.uniform(-7, 7, springs + 2)
+    scaled = A * units[:, None] / units
+    speeds, forces = np.eye(springs + 2)[-2:] / units, np.diag([*c, 0, 0])[:springs] / units
+    found = dense_spectrum(scaled, speeds, None, forces)
+    assert (found.free.shape[1], found.preloads) == (1, springs - 1)
+    assert found.values == pytest.approx([1j * np.sqrt(c.sum() * (1 / J).sum())])
+    assert speeds @ found.vectors * J[:, None] == pytest.approx(
+        (speeds @ found.vectors * J[:, None])[0] * np.array([[1.0], [-1.0]])
+    )
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+@pytest.mark.parametrize("damping", [0.0, 0.05])
+def test_damping_of_large_matrices_is_rounding_or_not_in_any_unit_of_time(unit: float, damping: float) -> None:
+    """Damping in proportion to stiffness: the ratio is w d / (2 c)."""
+    A, speeds, _ = chain(12)
+    A[-12:, -12:] = damping / 18.0 * A[-12:, :11] @ A[:11, -12:]
+    found = sparse_spectrum(sparse.csr_matrix(unit * A), sparse.csr_matrix(speeds), 3)
+    w = hand(12)[:3]
+    assert np.abs(found.values[:3]) / unit == pytest.approx(w, rel=1e-8)
+    assert -found.values[:3].real / np.abs(found.values[:3]) == pytest.approx(w * damping / 36.0, rel=1e-6)
+    assert damping or (found.values.real == 0).all()
