@@ -116,3 +116,17 @@ def test_a_mode_that_comes_up_later_begins_a_branch_of_its_own() -> None:
     found = branches([(0, -1), (1, 0), (2, 1), (3, 2)], given, [hertz[own] for own in listed])
     assert found.tolist() == [[0, 1, -1], [2, 0, 1], [-1, 0, -1], [1, -1, 0]]
     assert branches([], [], []).shape == (0, 0)
+
+
+def test_slow_modes_and_free_motions_have_sensitivities_of_their_own() -> None:
+    """A mode far below 1 rad/s as any other; a free motion has neither a frequency nor a damping ratio, even where its pole moves."""
+    s = 0.03 * np.array([0.0, 1j, -0.6 + 0.8j])
+    changes = np.array([-0.5, 0.1 + 0.2j, -0.3 + 0.1j])
+    found = mode_sensitivity("d", "N", 2.0, s, changes)
+    h = 1e-7
+    sizes = [np.abs(s[1:] + x * changes[1:]) for x in (h, -h)]
+    ratios = [-(s[1:] + x * changes[1:]).real / size for x, size in zip((h, -h), sizes, strict=True)]
+    assert found.frequencies == pytest.approx([0.0, *(sizes[0] - sizes[1]) / (2 * h) / (2 * np.pi)], rel=1e-6)
+    assert found.damping == pytest.approx([0.0, *(ratios[0] - ratios[1]) / (2 * h)], rel=1e-6)
+    assert found.relative == pytest.approx([0.0, *2.0 * (sizes[0] - sizes[1]) / (2 * h) / 0.03], rel=1e-6)
+    assert found.eigenvalues.tolist() == changes.tolist()
