@@ -265,3 +265,13 @@ def test_damping_of_large_matrices_is_rounding_or_not_in_any_unit_of_time(unit: 
     assert np.abs(found.values[:3]) / unit == pytest.approx(w, rel=1e-8)
     assert -found.values[:3].real / np.abs(found.values[:3]) == pytest.approx(w * damping / 36.0, rel=1e-6)
     assert damping or (found.values.real == 0).all()
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 6, 7, 8, 12])
+def test_all_that_is_inside_is_counted_though_nothing_is_known(count: int) -> None:
+    """Slow decays far inside the disc turn the phase evenly, from the first step on; one outside does not."""
+    values = [-0.001 * (k + 1) for k in range(count)]
+    A = sparse.csc_matrix(np.diag([*values, -50.0, 70.0]))
+    assert missing_inside(A, 1.0, np.empty(0, complex), 0) == count
+    assert missing_inside(A, 1.0, np.array(values[:1], complex), 0) == count - 1
+    assert missing_inside(A, 60.0, np.array(values, complex), 0) == 1
