@@ -216,7 +216,7 @@ def test_preloads_are_taken_out_of_free_motions_of_geared_shafts(seed: int, form
     A = np.block([[np.zeros((len(c), len(c))), twist], [-(twist * c[:, None]).T / J[:, None], np.zeros((n, n))]])
     speeds = np.hstack([np.zeros((n, len(c))), np.eye(n)])
     forces = np.hstack([np.diag(c), np.zeros((len(c), n))])
-    A *= 10.0 ** rng.uniform(-9, 3)  # in any unit of time
+    A *= (1e-14, 1e-3, 1e3, 1e9)[seed]  # in any unit of time
     found = dense_spectrum(A, speeds, None, forces)
     assert (found.free.shape[1], found.preloads) == (1, n - 1)
     turning = np.cumprod([1.0, *ratio])
@@ -227,7 +227,7 @@ def test_preloads_are_taken_out_of_free_motions_of_geared_shafts(seed: int, form
     assert alone
     assert free[: len(c)].tolist() == [[0]] * len(c)
     assert free[len(c) :, 0] == pytest.approx(turning, rel=1e-6)
-    pushed = motion * 10.0 ** rng.uniform(-9, 9)
+    pushed = motion * (1.0, 1e-14, 1e9, 1e-9)[seed]
     pushed[-1] *= 1.01  # no motion at 0
     free, alone = without_preloads(form(A), form(speeds), pushed)
     assert not alone
@@ -254,17 +254,21 @@ def test_preloads_and_free_motions_are_counted_in_any_units_of_the_states(seed: 
     )
 
 
-@pytest.mark.parametrize("unit", [1e-6, 1e6])
-@pytest.mark.parametrize("damping", [0.0, 0.05])
+@pytest.mark.parametrize(("unit", "damping"), [(1e-6, 0.05), (1e6, 0.0)])
 def test_damping_of_large_matrices_is_rounding_or_not_in_any_unit_of_time(unit: float, damping: float) -> None:
-    """Damping in proportion to stiffness: the ratio is w d / (2 c)."""
-    A, speeds, _ = chain(12)
-    A[-12:, -12:] = damping / 18.0 * A[-12:, :11] @ A[:11, -12:]
+    """Damping in proportion to stiffness: the ratio is w d / (2 c). The position of one body is a state, too."""
+    n = 100
+    A, speeds, _ = chain(n)
+    A[-n:, -n:] = damping / 18.0 * A[-n:, : n - 1] @ A[: n - 1, -n:]
+    A = np.block([[A, np.zeros((2 * n - 1, 1))], [speeds[0], np.zeros(1)]])
+    speeds = np.hstack([speeds, np.zeros((n, 1))])
     found = sparse_spectrum(sparse.csr_matrix(unit * A), sparse.csr_matrix(speeds), 3)
-    w = hand(12)[:3]
+    w = hand(n)[:3]
     assert np.abs(found.values[:3]) / unit == pytest.approx(w, rel=1e-8)
     assert -found.values[:3].real / np.abs(found.values[:3]) == pytest.approx(w * damping / 36.0, rel=1e-6)
     assert damping or (found.values.real == 0).all()
+    assert found.free.shape[1] == 1
+    assert (speeds @ found.free)[:, 0] / (speeds @ found.free)[0, 0] == pytest.approx(np.ones(n), abs=1e-8)
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 6, 7, 8, 12])
