@@ -255,8 +255,11 @@ def test_preloads_and_free_motions_are_counted_in_any_units_of_the_states(seed: 
 
 
 @pytest.mark.parametrize(("unit", "damping"), [(1e-6, 0.05), (1e6, 0.0)])
-def test_damping_of_large_matrices_is_rounding_or_not_in_any_unit_of_time(unit: float, damping: float) -> None:
+def test_damping_of_large_matrices_is_rounding_or_not_in_any_unit_of_time(
+    unit: float, damping: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Damping in proportion to stiffness: the ratio is w d / (2 c). The position of one body is a state, too."""
+    monkeypatch.setattr(module, "MOST_FULL", 0)  # the lowest ones alone are computed
     n = 100
     A, speeds, _ = chain(n)
     A[-n:, -n:] = damping / 18.0 * A[-n:, : n - 1] @ A[: n - 1, -n:]
