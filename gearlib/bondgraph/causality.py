@@ -67,10 +67,10 @@ class Causality:
 
 
 class _ConflictError(Exception):
-    """Contradictory decisions, with the bonds involved and the variable that they both set."""
+    """Contradictory decisions: the bonds involved, what they set or leave, and through which bonds."""
 
-    def __init__(self, bonds: tuple[int, ...], what: str) -> None:
-        self.bonds, self.what = bonds, what
+    def __init__(self, bonds: Iterable[int], what: str, through: str = "") -> None:
+        self.bonds, self.what, self.through = tuple(dict.fromkeys(bonds)), what, through
 
 
 class _Assignment:
@@ -118,12 +118,11 @@ class _Assignment:
         left = [bond for bond in bonds if bond.number not in self.effort_to]
         label, what = self.graph.label(junction), "effort" if zero else "flow"
         if len(setters) > 1:
-            causes = tuple(dict.fromkeys(self.because[bond.number] for bond in setters))
-            raise _ConflictError(
-                causes, f"both set the {what} of the {label}, through bonds {_join(b.number for b in setters)}"
-            )
+            causes = [self.because[bond.number] for bond in setters]
+            through = f", through bonds {_join(bond.number for bond in setters)}"
+            raise _ConflictError(causes, f"set the {what} of the {label}", through)
         if not setters and not left:
-            causes = tuple(dict.fromkeys(self.because[bond.number] for bond in known))
+            causes = [self.because[bond.number] for bond in known]
             raise _ConflictError(causes, f"leave nothing that sets the {what} of the {label}")
         if setters:
             return [(bond, bond.other(junction) if zero else junction) for bond in left]
@@ -216,7 +215,7 @@ def _settle(state: _Assignment, bond: Bond, wished: Element, look_ahead: bool) -
         else:
             if not look_ahead or can_be_completed(trial.graph, trial.effort_to):
                 return trial
-            conflict = conflict or _ConflictError((bond.number,), "leaves a junction with nothing to set it")
+            conflict = conflict or _ConflictError((bond.number,), "leave a junction with nothing to set it")
     assert conflict is not None
     raise BalanceError(_message(state.graph, conflict))
 
@@ -332,5 +331,10 @@ def _message(graph: BondGraph, conflict: _ConflictError) -> str:
     what = conflict.what
     if what.startswith("of bond"):
         flow, effort = (all(isinstance(end, kinds) for end in ends) for kinds in ((Sf, I), (Se, C)))
-        what = f"both set the {'flow' if flow else 'effort' if effort else 'causality'} {what}"
-    return f"{graph.name}: no causality fits: {' and '.join(culprits)} {what}"
+        what = f"set the {'flow' if flow else 'effort' if effort else 'causality'} {what}"
+    verb, rest = what.split(" ", 1)
+    if len(culprits) == 1:
+        verb, rest = f"{verb}s", f"{rest} in two ways" if verb == "set" else rest
+    elif verb == "set":
+        verb = "both set"
+    return f"{graph.name}: no causality fits: {' and '.join(culprits)} {verb} {rest}{conflict.through}"

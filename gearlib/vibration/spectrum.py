@@ -23,6 +23,7 @@ from gearlib.vibration.lowest_eigenvalues import REAL, lowest
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 ACTING = 1e-9  # relative to the largest speed or force: smaller ones are rounding
+STILL = 1e-13  # of a mode's largest amplitude, in scaled states: a smaller one is rounding
 UNDAMPED = 1e-11  # of the fastest eigenvalue found of a large matrix: a smaller damping is rounding
 MOST_FULL = 4000  # states up to which the dense matrix is used where the lowest eigenvalues cannot be verified
 
@@ -66,7 +67,8 @@ def dense_spectrum(A: Floats, speeds: Floats, count: int | None, forces: Floats 
             continue  # a decay, which has no shape here, or the conjugate
         w = found.vectors[:, k]
         at_zero = np.linalg.solve(inner - value * np.eye(len(inner)), -coupling @ w) if len(inner) else np.empty(0)
-        shapes[:, k] = others @ w + zero @ at_zero
+        shape = others @ w + zero @ at_zero
+        shapes[:, k] = np.where(np.abs(shape) > STILL * np.abs(shape).max(), shape, 0.0)
     shapes *= scale[:, None]
     free = _free(zero * scale[:, None], speeds)
     # With zero rates; in a chain a motion consists of a position and a speed

@@ -8,7 +8,21 @@ from typing import Any
 import pytest
 import sympy as sp
 
-from gearlib.bondgraph import TF, BondGraph, C, I, One, R, RunTime, Se, Sf, Zero, assign_causality, state_equations
+from gearlib.bondgraph import (
+    TF,
+    BondGraph,
+    C,
+    I,
+    One,
+    R,
+    RunTime,
+    Se,
+    Sf,
+    StateEquations,
+    Zero,
+    assign_causality,
+    state_equations,
+)
 from gearlib.bondgraph.completion import can_be_completed
 from gearlib.bondgraph.elements import Element
 from gearlib.errors import DeclarationError, GearlibError, SingularError
@@ -123,3 +137,56 @@ def test_the_preferred_storage_is_the_state(prefer: list[int], integral: tuple[i
     assert found.integral == integral
     assert found.derivative == tuple({2, 3} - {*integral})
     assert found.report().splitlines()[0] == f"integral causality: {integral[0]}"
+
+
+def test_rates_of_inputs_are_printed_with_dots_and_numbers_of_two_digits_are_whole() -> None:
+    """A source of flow between two inertias, on bonds of one digit and of two."""
+    for n, source in ((4, 40), (16, 4)):
+        a, s, b = One("a"), Zero("sum"), One("b")
+        graph = BondGraph((1, Se(), a), (2, a, I()), (3, a, s), (source, Sf(), s), (5, s, b), (n + 20, b, I()))
+        assert lines(graph) == [rf"\dot{{p}}_{{2}} &= Se_{{1}} - \dot{{p}}_{{{n + 20}}}"]
+        (solved,) = lines(graph, solved=True)
+        assert rf"I_{{{n + 20}}} \dot{{Sf}}_{{{source}}}" in solved
+        assert solved.count("Sf") == 1
+
+
+def test_states_are_printed_in_the_order_of_their_bonds() -> None:
+    """Numbers, not letters: 3 before 12, q before p."""
+    graph = BondGraph((1, Se(), v := One("v")), (12, v, I(2)), (3, v, C(4)), (5, v, R(7)))
+    assert lines(graph) == [
+        r"\dot{q}_{3} &= \frac{1}{2} p_{12}",
+        r"\dot{p}_{12} &= - \frac{1}{4} q_{3} - \frac{7}{2} p_{12} + Se_{1}",
+    ]
+
+
+def two_shafts(first: Any, second: Any) -> StateEquations:
+    """Joined by two gears: they can turn only where the ratios are alike."""
+    a, b, one, other = One("a"), One("b"), TF(first), TF(second)
+    return state_equations(BondGraph((1, a, I()), (2, b, I()), (3, a, one), (4, one, b), (5, a, other), (6, other, b)))
+
+
+x = sp.Symbol("x", real=True)
+
+
+@pytest.mark.parametrize(("first", "second"), [(2, 3), ("m", "n"), (0.1, 0.3), (x**2, x)])
+def test_shafts_joined_by_two_different_gears_do_not_move(first: Any, second: Any) -> None:
+    assert dict(two_shafts(first, second).dependent_values) == {sp.Symbol(p, real=True): 0 for p in ("p_1", "p_2")}
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [(2, 2), ("m", "m"), (0.1 + 0.2, 0.3), (x**2 - 1, (x - 1) * (x + 1)), (sp.sqrt(6), sp.sqrt(2) * sp.sqrt(3))],
+)
+def test_gears_that_are_alike_however_written_leave_a_motion_open(first: Any, second: Any) -> None:
+    with pytest.raises(SingularError, match=r"^bond graph: p_1, p_2 do not follow from the states through the loop of f_3: "):
+        two_shafts(first, second)
+
+
+def test_an_assignment_may_be_given() -> None:
+    v = One("v")
+    graph = BondGraph((1, Se(), v), (2, v, I()), (3, v, I()))
+    for state in (2, 3):
+        causality = assign_causality(graph, [state])
+        equations = state_equations(graph, causality=causality)
+        assert equations.causality is causality
+        assert [str(p) for p in equations.states] == [f"p_{state}"]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.optimize import brentq
 
 from gearlib.bondgraph import (
     GY,
@@ -20,6 +21,7 @@ from gearlib.bondgraph import (
     R,
     RunTime,
     Se,
+    Sf,
     Zero,
     assign_causality,
     energy_symbol,
@@ -158,3 +160,42 @@ def test_latex_is_broken_after_so_many_terms() -> None:
         state_equations(oscillator()).latex(terms=0)
     with pytest.raises(BindingError, match="no parameter"):
         RunTime(state_equations(oscillator())).bind(NUMBERS | {"J": 1.0})
+
+
+@pytest.mark.parametrize("effort", [4.0, 25.0, -25.0, 300.0])
+def test_long_steps_of_newtons_method_are_halved(effort: float) -> None:
+    """An effort that levels off: from zero, whole steps would go to and fro for ever at 25."""
+    i, node = One("i"), Zero("node")
+    part = R(law=lambda f: 20 * sp.atan(f))
+    graph = BondGraph((1, Se(), i), (2, i, R()), (3, i, node), (4, node, part), (5, node, I()))
+    run = RunTime(state_equations(graph))
+    found = run.bond_variables(0.0, [3.0], [effort], {"I_5": 2.0, "R_2": 1.0})
+    flow = brentq(lambda f: 20 * np.arctan(f) + (f + 1.5) - effort, -500, 500, xtol=1e-13)
+    assert found[4] == pytest.approx((20 * np.arctan(flow), flow), rel=1e-10)
+    assert found[2] == pytest.approx((flow + 1.5, flow + 1.5), rel=1e-10)
+
+
+def test_inputs_of_several_kinds_stand_side_by_side() -> None:
+    """A number, an expression, a function and nothing, each in its place; and their rates where they are needed."""
+    v, nodes = One("v"), [Zero(f"{k}") for k in range(4)]
+    bonds: list[Any] = [(10 + k, v, node) for k, node in enumerate(nodes)]
+    bonds += [(20 + k, Sf(), node) for k, node in enumerate(nodes)]
+    masses = [I(1.0 + k) for k in range(4)]
+    bonds += [(30 + k, node, mass) for k, (node, mass) in enumerate(zip(nodes, masses, strict=True))]
+    graph = BondGraph((1, v, I(5.0)), *bonds)
+    equations = state_equations(graph, [1])
+    assert [str(p) for p in equations.states] == ["p_1"]
+    run = RunTime(equations)
+    names = ["Sf_20", "Sf_21", "Sf_22", "Sf_23"]
+    assert list(run.inputs) == names
+    given = {"Sf_20": 2.0, "Sf_21": time**2, "Sf_22": np.sin}
+    right = run.bind((), given, {"Sf_22": np.cos})
+    t, x = 0.7, np.arange(1.0, len(run.states) + 1)
+    values, rates = [2.0, t**2, np.sin(t), 0.0], [0.0, 2 * t, np.cos(t), 0.0]
+    assert right(t, x) == pytest.approx(run.rhs(t, x, values, (), rates))
+    assert right(t, x) == pytest.approx(
+        run.rhs(t, x, dict(zip(names, values, strict=True)), (), dict(zip(names, rates, strict=True)))
+    )
+    # each mass turns with v and its source: p_k = J_k (p_1 / 5 + f_k), and 5 w' is minus the sum of their rates
+    w = -sum((1 + k) * rates[k] for k in range(4)) / (5 + sum(1 + k for k in range(4)))
+    assert right(t, x)[0] == pytest.approx(5 * w)

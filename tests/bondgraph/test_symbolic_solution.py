@@ -70,3 +70,34 @@ def test_solved_sums_are_broken_into_lines_and_quotients_stay_whole() -> None:
         r"&\quad + Se_{1} \\",
         r"\dot{q}_{3} &= \frac{p_{2}}{I_{2}}",
     ]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_systems_of_small_whole_numbers(seed: int) -> None:
+    """Many zeros, ones and minus ones; what is singular is refused."""
+    draw = random.Random(seed)
+    for size in (1, 2, 3, 4):
+        matrix = sp.Matrix(size, size, lambda i, j: draw.choice((-1, 0, 0, 1, -1, 2)))
+        sides = sp.Matrix([draw.randint(-2, 2) for _ in range(size)])
+        if matrix.det() == 0:
+            with pytest.raises(ZeroDivisionError):
+                solved_by_blocks(matrix, sides)
+        else:
+            assert list(matrix * sp.Matrix(solved_by_blocks(matrix, sides))) == list(sides)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_numbers_are_singular_up_to_rounding_whatever_their_unit(unit: float) -> None:
+    with pytest.raises(ZeroDivisionError):
+        solved_by_blocks(unit * sp.Matrix([[1.0, 1.0], [1.0, 1.0 + 1e-14]]), sp.Matrix([1, 2]))
+    found = solved_by_blocks(unit * sp.Matrix([[1.0, 1.0], [1.0, 1.0 + 1e-6]]), sp.Matrix([1, 2]))
+    assert [float(y) for y in found] == pytest.approx([(1 - 1e6) / unit, 1e6 / unit], rel=1e-8)
+
+
+def test_short_values_are_simplified_and_long_ones_are_left_as_they_are() -> None:
+    a, b, c, d = sp.symbols("a b c d")
+    assert solved_by_blocks(sp.Matrix([[a, 0], [b, c]]), sp.Matrix([1, 1])) == [1 / a, (a - b) / (a * c)]
+    many = sp.symbols("x0:24")
+    long = sum(x * (d + 1) for x in many) - sum(x * d for x in many)
+    assert sp.count_ops(long) > 60
+    assert solved_by_blocks(sp.Matrix([[a]]), sp.Matrix([long])) == [long / a]

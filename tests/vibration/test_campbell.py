@@ -227,3 +227,15 @@ def test_the_sense_of_rotation_does_not_matter(rotors: gl.System) -> None:
     assert [c.speed for c in both.crossings] == pytest.approx([-speeds[1], -speeds[0], *speeds])
     with pytest.raises(ArgumentError, match=r"^speeds go from -45 to 45 rad/s without 0"):
         gl.campbell(rotors, [-45.0, 45.0], {"mesh": 1.0})
+
+
+def test_a_curve_is_labelled_where_its_mode_begins_to_oscillate() -> None:
+    """Also the first mode of all, with the number 0."""
+    speeds, nan = np.array([10.0, 20.0, 30.0]), np.nan
+    hertz = np.array([[nan, 5.0], [2.0, 5.0], [2.0, nan]])
+    made = Campbell(speeds, hertz, 0 * hertz, np.array([[-1, 0], [0, 1], [0, -1]]), {"once": 1.0}, ())
+    axes = made.plot()
+    assert [(text.get_text(), text.xy) for text in axes.texts] == [
+        ("0", (pytest.approx(20 * 30 / np.pi), 2.0)), ("0", (pytest.approx(10 * 30 / np.pi), 5.0)),
+    ]  # fmt: skip
+    plt.close(axes.figure)

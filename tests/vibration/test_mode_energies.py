@@ -10,6 +10,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.vibration.mode_energies import Family, energies
+from gearparts.interfaces import TwoFlanges
 
 
 def family(L: Any, unknown: list[int], given: list[int], *pairs: tuple[int, int, float], copies: int = 1) -> Family:
@@ -42,18 +43,22 @@ def test_masses_springs_and_dampers_between_any_number_of_flanges(seed: int) -> 
     assert off == pytest.approx([0.0], abs=1e-12 * (kinetic[0] + potential[0]))
 
 
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e12])
 @pytest.mark.parametrize("omega", [0.3, 1.7, 40.0])
-def test_a_mass_behind_a_spring_has_the_energies_of_both(omega: float) -> None:
-    """Inside: force k (x - y) on a mass m. Twice the same component, with other amplitudes."""
+def test_a_mass_behind_a_spring_has_the_energies_of_both(omega: float, unit: float) -> None:
+    """Inside: force k (x - y) on a mass m, with y in any unit. Twice the same component, with other amplitudes.
+
+    A third variable inside, on which nothing depends at that point, changes nothing.
+    """
     k, m = 5.0, 0.8
-    L = np.zeros((3, 2, 3))  # unknowns f, y; given x
-    L[0] = [[1.0, k, -k], [0.0, k, -k]]
-    L[2, 1, 1] = m
-    two = family(L, [0, 1], [2], (0, 2, 1.0), copies=2)
+    L = np.zeros((3, 2, 4))  # unknowns f, y, z; given x
+    L[0] = [[1.0, k * unit, 0.0, -k], [0.0, k * unit, 0.0, -k]]
+    L[2, 1, 1] = m * unit
+    two = family(L, [0, 1, 4], [2], (0, 3, 1.0), copies=2)
     two = Family(two.instances, two.unknown, np.array([[2], [3]]), two.L, two.pairs)
-    amplitude = np.array([0.0, 0.0, 2.0, 1.0 - 3.0j])
+    amplitude = np.array([0.0, 0.0, 2.0, 1.0 - 3.0j, 0.0])
     kinetic, potential, off = energies(two, amplitude, omega)
-    for i, x in enumerate(amplitude[2:]):
+    for i, x in enumerate(amplitude[2:4]):
         y = x / (1 - m * omega**2 / k)
         assert kinetic[i] == pytest.approx(m * omega**2 * abs(y) ** 2 / 4, rel=1e-9)
         assert potential[i] == pytest.approx(k * abs(x - y) ** 2 / 4, rel=1e-9)
@@ -117,3 +122,54 @@ def test_what_has_no_flanges_takes_no_part() -> None:
     assert found.frequencies[mode] == pytest.approx(1 / np.pi)
     assert found.kinetic[mode] == pytest.approx([75.0, 25.0, 0.0])
     assert found.potential[mode] == pytest.approx([0.0, 0.0, 100.0])
+
+
+class Cubic(TwoFlanges):
+    """A spring that stiffens."""
+
+    k = gl.Parameter("N.m/rad3")
+
+    def equations(self) -> list[gl.Eq]:
+        twist = self.flange_b.phi - self.flange_a.phi
+        return [gl.Eq(self.flange_b.tau, self.k * twist**3), gl.Eq(self.flange_a.tau, -self.k * twist**3)]
+
+
+class Meter(gl.Component):
+    """What it shows follows from a speed; it takes no torque."""
+
+    flange = gp.Flange("of the shaft")
+    rpm = gl.Variable("1", "revolutions per minute")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange.tau, 0), gl.Eq(self.rpm, gl.der(self.flange.phi) * 30 / np.pi)]
+
+
+class Held(gl.Component):
+    """A body on a spring that stiffens and a linear one, both to the ground; its parts in either order."""
+
+    turned = gl.Structural(False)
+
+    def assemble(self) -> list[Any]:
+        if self.turned:
+            self.disc, self.linear, self.cubic = gp.Inertia(J=2.0), gp.Spring(c=3.0), Cubic(k=4.0)
+            self.ground, self.meter = gp.Fixed(), Meter()
+        else:
+            self.meter, self.ground, self.cubic, self.linear = Meter(), gp.Fixed(), Cubic(k=4.0), gp.Spring(c=3.0)
+            self.disc = gp.Inertia(J=2.0)
+        return [
+            gl.connect(self.disc.flange_a, self.linear.flange_b, self.cubic.flange_b, self.meter.flange),
+            gl.connect(self.ground.flange, self.linear.flange_a, self.cubic.flange_a),
+        ]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("angle", [0.5, -2.0])
+def test_stiffness_is_that_at_the_operating_point(turned: bool, angle: float) -> None:
+    """Slope 3 k phi**2 of the one, c of the other: their shares do not depend on the order of the parts."""
+    found = gl.modes(gl.compile(Held(turned=turned)), at={"disc.phi": angle})
+    slope = 12.0 * angle**2
+    assert found.omega == pytest.approx([np.sqrt((slope + 3.0) / 2)])
+    assert set(found.components) == {"cubic", "linear", "disc"}
+    shares = dict(zip(found.components, found.potential[0], strict=True))
+    assert shares == pytest.approx({"cubic": 100 * slope / (slope + 3), "linear": 300 / (slope + 3), "disc": 0.0})
+    assert dict(zip(found.components, found.kinetic[0], strict=True)) == {"cubic": 0.0, "linear": 0.0, "disc": 100.0}

@@ -277,3 +277,126 @@ def test_what_follows_from_the_speeds_has_an_amplitude_in_a_free_motion_too() ->
         rpm, w, torque = found.shape(mode, "meter.rpm", "b.w", "spring.tau")
         assert rpm == pytest.approx(w * 30 / np.pi)
         assert (abs(torque) > 1e-6) == (mode == 1)
+
+
+class LongNames(gl.Component):
+    """Two bodies and a shaft inside of a part with a long name."""
+
+    def assemble(self) -> list[Any]:
+        self.transmission_of_the_second_turbine_from_the_left = Stage()
+        return []
+
+
+class Stage(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.generator, self.rotor, self.shaft = gp.Inertia(J=1.0), gp.Inertia(J=3.0), gp.Spring(c=3.0)
+        return [
+            gl.connect(self.generator.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.rotor.flange_a),
+        ]
+
+
+def test_energies_with_long_names_stand_below_each_other() -> None:
+    """A line for each mode, and one more for what is strained in it; the names are shortened in front, and begin in one column."""
+    found = gl.modes(gl.compile(LongNames()))
+    part = "transmission_of_the_second_turbine_from_the_left"
+    assert found.components == tuple(f"{part}.{name}" for name in ("generator", "rotor", "shaft"))
+    head, free, elastic, strained = str(found).splitlines()
+    at = head.index("kinetic energy, and potential energy below it")
+    assert head[:at].split() == ["mode", "frequency,", "Hz", "damping"]
+    assert free[:at].split() == ["0", "0", "0.00000"]
+    assert elastic[:at].split() == ["1", f"{1 / np.pi:.6g}", "0.00000"]
+    assert strained[:at].strip() == ""
+    for line, shares in (
+        (free, [("rotor", 75), ("generator", 25)]),
+        (elastic, [("generator", 75), ("rotor", 25)]),
+        (strained, [("shaft", 100)]),
+    ):
+        assert line[at - 1] == " " != line[at]
+        said = line[at:].split(", ")
+        assert len(said) == len(shares)
+        for text, (name, share) in zip(said, shares, strict=True):
+            assert re.fullmatch(rf"\S*\.{name} {share} %", text)
+            assert len(text) <= 26 + len(f" {share} %")
+            assert line == line.rstrip()
+
+
+def test_a_preload_in_a_free_motion_is_no_amplitude(free: Modes) -> None:
+    """A twist that stays, in phase with the speeds, is left out where preloads are mixed in; what a slow swing strains is kept."""
+    twist = free.states.index("shaft.phi_rel")
+    shapes = free.shapes.copy()
+    shapes[twist, 0] = 0.5 + 0.2j
+    shapes[twist, 1] += 0.5
+    mixed, plain = (replace(free, shapes=shapes, _preloaded=preloaded) for preloaded in (True, False))
+    assert plain.shape(0, "shaft.tau") == pytest.approx([3.0 * (0.5 + 0.2j)])
+    assert mixed.shape(0, "shaft.tau") == pytest.approx([3.0 * 0.2j])
+    for name in ("a.w", "b.w", "b.phi"):
+        assert mixed.shape(0, name) == pytest.approx(plain.shape(0, name))
+    assert mixed.shape(1, "shaft.tau") == pytest.approx(plain.shape(1, "shaft.tau"))
+
+
+class Humming(gl.Component):
+    """A signal that swings by itself."""
+
+    x, v = gl.Variable("1"), gl.Variable("1/s")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.v, gl.der(self.x)), gl.Eq(gl.der(self.v), -49.0 * self.x)]
+
+
+def test_a_mode_without_any_energy_has_no_shares_and_no_reason() -> None:
+    class Both(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.hum, self.a, self.b, self.shaft = Humming(), gp.Inertia(J=1.0), gp.Inertia(J=3.0), gp.Spring(c=3.0)
+            return [gl.connect(self.a.flange_b, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.b.flange_a)]
+
+    found = gl.modes(gl.compile(Both()))
+    assert found.omega == pytest.approx([0.0, 2.0, 7.0])
+    assert found.not_given == {}
+    assert found.components == ("a", "b", "shaft")
+    assert (found.kinetic[2].tolist(), found.potential[2].tolist()) == ([0.0] * 3, [0.0] * 3)
+    assert str(found).splitlines()[3].split() == ["2", f"{7 / (2 * np.pi):.6g}", "0.00000"]
+
+
+@pytest.mark.parametrize(
+    ("inertias", "said"),
+    [
+        ((1.0, 99.0), "a 99 %, b 1 %"),
+        ((1.0, 249.0), "a 100 %"),
+        ((149.0, 1.0), "b 99 %, a 1 %"),
+        ((2.0, 2.0), "a 50 %, b 50 %"),
+    ],
+)
+def test_shares_are_named_from_one_percent_on(inertias: tuple[float, float], said: str) -> None:
+    """In the elastic mode each body's share is that of the other's inertia; two alike are named in their order."""
+    found = gl.modes(gl.compile(TwoBodies()), parameters=dict(zip(("a.J", "b.J"), inertias, strict=True)))
+    total = sum(inertias)
+    assert found.kinetic[1] == pytest.approx([100 * inertias[1] / total, 100 * inertias[0] / total, 0.0])
+    assert re.split(r"\s{2,}", str(found).splitlines()[2].strip())[-2:] == [said, "shaft 100 %"]
+
+
+class TwoBodies(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.a, self.b, self.shaft = gp.Inertia(J=1.0), gp.Inertia(J=3.0), gp.Spring(c=3.0)
+        return [gl.connect(self.a.flange_b, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.b.flange_a)]
+
+
+def test_the_two_largest_of_three_shares_are_named() -> None:
+    """Three bodies alike, and two springs: the middle one stands still first, then swings twice as far as the others."""
+
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.c = (gp.Inertia(J=1.0) for _ in range(3))
+            self.left, self.right = gp.Spring(c=1.0), gp.Spring(c=1.0)
+            row = (self.a.flange_b, self.left.flange_a), (self.left.flange_b, self.b.flange_a)
+            return [
+                gl.connect(*pair)
+                for pair in (*row, (self.b.flange_b, self.right.flange_a), (self.right.flange_b, self.c.flange_a))
+            ]
+
+    found = gl.modes(gl.compile(Row()))
+    assert found.omega == pytest.approx([0.0, 1.0, np.sqrt(3.0)])
+    assert found.kinetic[2] == pytest.approx([100 / 6, 400 / 6, 100 / 6, 0.0, 0.0])
+    kinetic = re.split(r"\s{2,}", str(found).splitlines()[3].strip())[3]
+    assert kinetic in {"b 67 %, a 17 %", "b 67 %, c 17 %"}
+    assert str(found).splitlines()[1].count("33 %") == 2

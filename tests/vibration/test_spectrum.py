@@ -86,6 +86,7 @@ def test_parallel_springs_can_be_preloaded_in_one_way_less_than_there_are(spring
 def test_still_or_empty_matrices() -> None:
     nothing = dense_spectrum(np.zeros((0, 0)), np.zeros((0, 0)), None, np.zeros((0, 0)))
     assert (len(nothing.values), nothing.free.shape, nothing.preloads, len(nothing.decays)) == (0, (0, 0), 0, 0)
+    assert nothing.vectors.shape == (0, 0)
     still = dense_spectrum(np.zeros((2, 2)), np.zeros((1, 2)), None, np.zeros((1, 2)))
     assert (still.free.shape, still.preloads) == ((2, 0), 0)
     coasting = dense_spectrum(np.zeros((2, 2)), np.array([[0.0, 1.0]]), None, np.array([[5.0, 0.0]]))
@@ -183,3 +184,101 @@ def test_a_count_on_the_edge_is_not_known() -> None:
     real = sparse.csc_matrix(np.diag([-1.0, 5.0, 7.0, -9.0]))
     assert [missing_inside(real, radius, np.empty(0, complex), 0) for radius in (4.9, 5.0, 7.1, 9.0)] == [1, None, 3, None]
     assert missing_inside(A, 0.5, np.empty(0, complex), 0) == 0
+
+
+@pytest.mark.parametrize("unit", [1e-8, 1e-3, 1.0, 1e4, 1e8])
+def test_a_spectrum_is_the_same_in_any_unit_of_time(unit: float) -> None:
+    """Swings, one nearly and one critically damped, decays, a free motion and a preload."""
+    swings = [np.array([[0.0, w], [-w, -2 * ratio * w]]) for w, ratio in ((5.0, 0.1), (3.0, 0.999), (4.0, 0.0), (2.5, 1.0))]
+    loop = np.zeros((4, 4))  # two springs between two bodies
+    loop[0, 2:], loop[1, 2:], loop[2, :2], loop[3, :2] = [1.0, -1.0], [1.0, -1.0], [-6.0, -3.0], [2.0, 1.0]
+    A = block_diag(*swings, [[-7.0]], [[-0.5]], loop)
+    speeds, forces = np.eye(len(A))[-2:], np.diag([6.0, 3.0])
+    found = dense_spectrum(unit * A, speeds, None, np.hstack([np.zeros((2, len(A) - 4)), forces, np.zeros((2, 2))]))
+    expected = [3.0 * np.exp(1j * np.arccos(-0.999)), np.sqrt(12.0) * 1j, 4j, 5.0 * np.exp(1j * np.arccos(-0.1))]
+    assert found.values / unit == pytest.approx(np.array(expected), rel=1e-9)
+    assert (found.values.real[1:3] == 0).all()
+    assert found.decays / unit == pytest.approx([-0.5, -2.5, -2.5, -7.0], rel=1e-6)
+    assert (found.free.shape[1], found.preloads) == (1, 1)
+    assert unit * A @ found.vectors == pytest.approx(found.vectors * found.values, rel=1e-8, abs=1e-9 * unit)
+
+
+@pytest.mark.parametrize("form", [np.asarray, sparse.csr_matrix])
+@pytest.mark.parametrize("seed", range(4))
+def test_preloads_are_taken_out_of_free_motions_of_geared_shafts(seed: int, form: Any) -> None:
+    """Bodies in a row, each driven by the one before through two springs side by side, with any ratio: rounding is no rate."""
+    rng = np.random.default_rng(seed)
+    n = 5
+    ratio, J, c = rng.uniform(0.2, 3, n - 1), 10.0 ** rng.uniform(-3, 3, n), 10.0 ** rng.uniform(0, 6, 2 * (n - 1))
+    twist = np.zeros((2 * (n - 1), n))
+    for k in range(n - 1):
+        twist[[2 * k, 2 * k + 1], k], twist[[2 * k, 2 * k + 1], k + 1] = ratio[k], -1.0
+    A = np.block([[np.zeros((len(c), len(c))), twist], [-(twist * c[:, None]).T / J[:, None], np.zeros((n, n))]])
+    speeds = np.hstack([np.zeros((n, len(c))), np.eye(n)])
+    forces = np.hstack([np.diag(c), np.zeros((len(c), n))])
+    A *= (1e-14, 1e-3, 1e3, 1e9)[seed]  # in any unit of time
+    found = dense_spectrum(A, speeds, None, forces)
+    assert (found.free.shape[1], found.preloads) == (1, n - 1)
+    turning = np.cumprod([1.0, *ratio])
+    locked = np.zeros(len(A))
+    locked[:2] = [c[1], -c[0]]
+    motion = found.free / found.free[-n, 0]
+    free, alone = without_preloads(form(A), form(speeds), motion + 0.3 * locked[:, None] / c.max())
+    assert alone
+    assert free[: len(c)].tolist() == [[0]] * len(c)
+    assert free[len(c) :, 0] == pytest.approx(turning, rel=1e-6)
+    pushed = motion * (1.0, 1e-14, 1e9, 1e-9)[seed]
+    pushed[-1] *= 1.01  # no motion at 0
+    free, alone = without_preloads(form(A), form(speeds), pushed)
+    assert not alone
+    assert free is pushed
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_preloads_and_free_motions_are_counted_in_any_units_of_the_states(seed: int) -> None:
+    """Two bodies that turn freely, with several springs side by side; angles in seconds of arc, speeds in turns a day, and the like."""
+    rng = np.random.default_rng(seed)
+    springs = int(rng.integers(2, 6))
+    c, J = rng.uniform(1, 9, springs), rng.uniform(1, 9, 2)
+    A = np.zeros((springs + 2, springs + 2))
+    A[:springs, -2:] = [1.0, -1.0]
+    A[-2, :springs], A[-1, :springs] = -c / J[0], c / J[1]
+    units = 10.0 ** rng.uniform(-7, 7, springs + 2)
+    scaled = A * units[:, None] / units
+    speeds, forces = np.eye(springs + 2)[-2:] / units, np.diag([*c, 0, 0])[:springs] / units
+    found = dense_spectrum(scaled, speeds, None, forces)
+    assert (found.free.shape[1], found.preloads) == (1, springs - 1)
+    assert found.values == pytest.approx([1j * np.sqrt(c.sum() * (1 / J).sum())])
+    assert speeds @ found.vectors * J[:, None] == pytest.approx(
+        (speeds @ found.vectors * J[:, None])[0] * np.array([[1.0], [-1.0]])
+    )
+
+
+@pytest.mark.parametrize(("unit", "damping"), [(1e-6, 0.05), (1e6, 0.0)])
+def test_damping_of_large_matrices_is_rounding_or_not_in_any_unit_of_time(
+    unit: float, damping: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Damping in proportion to stiffness: the ratio is w d / (2 c). The position of one body is a state, too."""
+    monkeypatch.setattr(module, "MOST_FULL", 0)  # the lowest ones alone are computed
+    n = 100
+    A, speeds, _ = chain(n)
+    A[-n:, -n:] = damping / 18.0 * A[-n:, : n - 1] @ A[: n - 1, -n:]
+    A = np.block([[A, np.zeros((2 * n - 1, 1))], [speeds[0], np.zeros(1)]])
+    speeds = np.hstack([speeds, np.zeros((n, 1))])
+    found = sparse_spectrum(sparse.csr_matrix(unit * A), sparse.csr_matrix(speeds), 3)
+    w = hand(n)[:3]
+    assert np.abs(found.values[:3]) / unit == pytest.approx(w, rel=1e-8)
+    assert -found.values[:3].real / np.abs(found.values[:3]) == pytest.approx(w * damping / 36.0, rel=1e-6)
+    assert damping or (found.values.real == 0).all()
+    assert found.free.shape[1] == 1
+    assert (speeds @ found.free)[:, 0] / (speeds @ found.free)[0, 0] == pytest.approx(np.ones(n), abs=1e-8)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 6, 7, 8, 12])
+def test_all_that_is_inside_is_counted_though_nothing_is_known(count: int) -> None:
+    """Slow decays far inside the disc turn the phase evenly, from the first step on; one outside does not."""
+    values = [-0.001 * (k + 1) for k in range(count)]
+    A = sparse.csc_matrix(np.diag([*values, -50.0, 70.0]))
+    assert missing_inside(A, 1.0, np.empty(0, complex), 0) == count
+    assert missing_inside(A, 1.0, np.array(values[:1], complex), 0) == count - 1
+    assert missing_inside(A, 60.0, np.array(values, complex), 0) == 1
