@@ -12,7 +12,7 @@ from gearlib.language.interior import path_of, radii_of
 from gearparts.gears.meshes import ExternalMesh, InternalMesh
 from gearparts.gears.rigid_gears import IdealGear, IdealPlanetary
 from gearparts.interfaces import Flange
-from gearparts.planetary.phasing import MOST_PLANETS, check_angles, check_assembly
+from gearparts.planetary.phasing import MOST_PLANETS, check_angles, check_assembly, from_first
 from gearparts.rotational.shafts import Damper, Inertia
 from gearparts.tables import IDEAL_MESH, NO_FRICTION
 
@@ -317,7 +317,7 @@ class ElasticPlanetaryUnit(TurningPlanetaryUnit, MeshValues):
         return ExternalMesh(r_a=self.R_s, r_b=self.R_p, c=self.K_sun, d=self.C_sun, e_rate=self.e_rate_sun)
 
     def detailed_meshes(self, angles: list[Any]) -> tuple[list[DetailedExternalMesh], list[DetailedInternalMesh]]:
-        """Meshes at sun and ring that ride on the carrier, each with the phase of a planet at one of the ``angles``."""
+        """Meshes at sun and ring that ride on the carrier, each with the phase of a planet at one of the ``angles`` from the first."""
         if not self.Z_s:  # nor the others: `check` refuses some of them
             raise BindingError(
                 f"{path_of(self) or type(self).__name__}: sun_details and ring_details need the numbers of teeth Z_s, Z_p, Z_r"
@@ -376,7 +376,7 @@ class LumpedPlanetaryUnit(ElasticPlanetaryUnit):
             self.ring_mesh, self.sun_mesh = self.internal_mesh(), self.external_mesh()
             at_ring, at_sun, riding = self.ring_mesh.flange_b, self.sun_mesh.flange_b, []
         else:
-            (self.sun_mesh,), (self.ring_mesh,) = self.detailed_meshes([self.angles()[0]])
+            (self.sun_mesh,), (self.ring_mesh,) = self.detailed_meshes([0.0])
             self.seen_by_ring = PlanetOnCarrier(r_p=self.R_p, r_h=self.R_r - self.R_p)
             self.seen_by_sun = PlanetOnCarrier(r_p=self.R_p, r_h=self.R_s + self.R_p)
             at_ring, at_sun = self.seen_by_ring.ring_side, self.seen_by_sun.sun_side
@@ -396,7 +396,8 @@ class TorsionalPlanetaryUnit(ElasticPlanetaryUnit):
 
     ``K_ring, C_ring, K_sun, C_sun`` apply to one mesh. With ``sun_details`` or ``ring_details`` the meshes are detailed ones
     (`DetailedExternalMesh`, `DetailedInternalMesh`) with these choices and values, whose phases follow from the numbers of teeth:
-    planet n at ``psi_n`` has the mesh phase ``-Z_s psi_n`` at the sun and ``ring_phase - Z_r psi_n`` at the ring (`planet_phasing`).
+    planet n at ``psi_n`` from the first has the mesh phase ``-Z_s psi_n`` at the sun and ``ring_phase - Z_r psi_n`` at the ring
+    (`planet_phasing`).
     With the sun driving, the ring's phase decreases, and its patterns are traversed backwards.
     """
 
@@ -413,7 +414,7 @@ class TorsionalPlanetaryUnit(ElasticPlanetaryUnit):
         self.ring_meshes: list[Any]
         self.sun_meshes: list[Any]
         if detailed:
-            self.sun_meshes, self.ring_meshes = self.detailed_meshes(self.angles())
+            self.sun_meshes, self.ring_meshes = self.detailed_meshes(from_first(self.angles()))
         else:
             self.ring_meshes = [self.internal_mesh() for _ in self.planet]
             self.sun_meshes = [self.external_mesh() for _ in self.planet]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import pickle
 from collections.abc import Callable
 from typing import Any
@@ -132,6 +133,24 @@ def ripple(Z_s: int, Z_p: int, in_phase: bool) -> tuple[float, Any]:
     start |= {f"unit.planet[{n}].spin.w": -(R_S * 30.0 - R_h * start["carrier_body.w"]) / R_p for n in range(N)}
     result = system.simulate(0.02, samples=101, parameters=still, start=start, method="rk", rtol=1e-9)
     return float(np.ptp(result["sun_body.w"])), [result[n] / (2 * np.pi) for n in names]
+
+
+@pytest.mark.parametrize("planet_meshes", ["lumped", "separate"])
+def test_phases_do_not_depend_on_where_positions_are_counted_from(planet_meshes: str) -> None:
+    found = []
+    for by in (0.0, 0.4):
+        given = {
+            **DATA,
+            **LEVELS["detailed"],
+            "planet_meshes": planet_meshes,
+            "planets": 2,
+            "positions": (by, 0.4 * math.pi + by),
+        }
+        table = flatten(gp.PlanetaryUnit(**given)).parameters
+        values = table.evaluate({})
+        found.append([float(values[k]) for name, k in table.index.items() if name.endswith("phase0")])
+    assert len(found[0]) == (4 if planet_meshes == "separate" else 2)
+    assert found[1] == pytest.approx(found[0], abs=1e-9)
 
 
 def test_phases_from_teeth_cancel_or_add_up_on_the_sun() -> None:
