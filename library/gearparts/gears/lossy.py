@@ -11,7 +11,7 @@ from gearlib.errors import BindingError
 from gearparts.interfaces import Dissipative, Flange, MaybeHeated, TwoFlanges, TwoFlangesAndSupport
 from gearparts.rotational.backlash import ElastoBacklash
 from gearparts.rotational.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, YIELD, sign_while
-from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, interpolated, piecewise_without_events
+from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, extremes, interpolated, piecewise_without_events
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection
@@ -69,6 +69,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
                     f"LossyGear.loss_table has the row {row}; expected a speed, eta1 from 0 to 1, eta2 above 0 up to 1, and B1, B2 "
                     "of 0 or more"
                 )
+        self._check_between(rows)
         housing = self.support.phi if self.use_support else 0
         laws = self._ideal() if rows == IDEAL else [*self._losses(rows), *self._modes()]
         return [
@@ -79,6 +80,17 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
             gl.Eq(self.loss_power, self.tau_loss * self.w_a),
             *laws,
         ]
+
+    def _check_between(self, rows: Rows) -> None:
+        """Refuse a curve that goes beyond what losses can be between the rows."""
+        for column, (low, high) in LIMITS.items():
+            least, most = extremes(rows, column, self.smoothness)
+            if least < min(low, *(row[column] for row in rows)) - ROUNDING or most > high + ROUNDING:
+                raise BindingError(
+                    f"LossyGear.loss_table: the {self.smoothness} curve of {('eta1', 'eta2', 'B1', 'B2')[column - 1]} goes from "
+                    f"{least:.6g} to {most:.6g} between rows; expected eta1 from 0 to 1, eta2 above 0 up to 1, and B1, B2 of 0 or more: "
+                    "give more rows there, or smoothness='linear'"
+                )
 
     def _ideal(self) -> list[gl.Eq]:
         none = (self.tau_loss, self.loss_forward, self.loss_backward)
