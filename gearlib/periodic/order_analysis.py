@@ -209,6 +209,9 @@ def _prepared(
     name, reference = one_name("name", name, "load.w"), one_name("reference", reference, "motor.phi")
     time, signal, motion = result.time, result[name], result[reference]
     inside = (time >= (time[0] if begin is None else begin)) & (time <= (time[-1] if end is None else end))
+    inside &= np.append(
+        np.diff(time) > 0, True
+    )  # a file of another program repeats the time of an event: its last values count
     time, signal, motion = time[inside], signal[inside], motion[inside]
     if len(time) < 12:
         raise ArgumentError(f"the interval holds {len(time)} samples; a spectrum needs more")

@@ -109,6 +109,16 @@ def test_waves_above_all_orders_are_not_seen_as_lower_ones_where_the_shaft_is_sl
     assert whole.amplitudes[whole.orders < 6.0].max() < 0.01
 
 
+@pytest.mark.parametrize("reference", ["angle", "speed", "back"])
+def test_times_that_a_file_repeats_at_events_count_once(reference: str) -> None:
+    plain = turning(6.0, 385, {2.0: 0.5})
+    twice = np.sort(np.append(np.arange(385), [0, 100, 100, 250, 384]))
+    data = np.column_stack([plain[name] for name in UNITS])[twice]
+    run = StoredResult(Record(plain.time[twice], data, tuple(UNITS), (0, 1, 2, 3), (1,) * 4, tuple(UNITS.values()), ("",) * 4))
+    spectra = [gl.order_spectrum(each, "signal", reference) for each in (plain, run)]
+    assert spectra[0].amplitudes.tolist() == spectra[1].amplitudes.tolist()
+
+
 def test_what_turns_to_and_fro_has_no_orders() -> None:
     t = np.linspace(0.0, 1.0, 50)
     for motion in (np.sin(20 * t), np.minimum(30 * t, 20.0)):
