@@ -8,7 +8,7 @@ import gearlib as gl
 from gearlib.arguments import shown
 from gearlib.errors import BindingError
 from gearlib.language.declarations import Offered
-from gearlib.language.interior import path_of, radii_of
+from gearlib.language.interior import number_of, path_of, radii_of
 from gearparts.gears.meshes import ExternalMesh, InternalMesh
 from gearparts.gears.rigid_gears import IdealGear, IdealPlanetary
 from gearparts.interfaces import Flange
@@ -184,7 +184,7 @@ class PlanetaryUnit(gl.Component):
             self.check_radii()
 
     def check_radii(self) -> None:
-        """Refuse pitch radii of sun and ring that are not in the ratio of their teeth, to half a tooth of the ring.
+        """Refuse radii of sun, ring and carrier that contradict their teeth, to half a tooth of the ring.
 
         The radii determine the speeds, the teeth the mesh phases: both meshes of a planet must have one frequency. The planet's own
         radius is not compared, since its working pitch circles at sun and ring differ with profile shift.
@@ -194,6 +194,12 @@ class PlanetaryUnit(gl.Component):
             raise BindingError(
                 f"{path_of(self) or type(self).__name__}: R_r / R_s = {R_r:g} / {R_s:g} = {R_r / R_s:.6g}, but Z_r / Z_s = {self.Z_r} / "
                 f"{self.Z_s} = {self.Z_r / self.Z_s:.6g}; expected R_r = {R_s * self.Z_r / self.Z_s:.6g} m (by default R_s + 2 R_p)"
+            )
+        R_h, both = number_of(self, "R_h"), 1 + self.Z_r / self.Z_s
+        if R_s > 0 and R_h is not None and abs(2 * R_h / R_s - both) * self.Z_s > 0.5:
+            raise BindingError(
+                f"{path_of(self) or type(self).__name__}: 2 R_h / R_s = 2 * {R_h:g} / {R_s:g} = {2 * R_h / R_s:.6g}, but 1 + Z_r / Z_s = "
+                f"{both:.6g}, the ratio of sun and carrier; expected R_h = {R_s * both / 2:.6g} m (by default R_s + R_p)"
             )
 
     def drawn_gears(self) -> GearSet | None:
