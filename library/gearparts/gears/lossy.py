@@ -69,7 +69,6 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
                     f"LossyGear.loss_table has the row {row}; expected a speed, eta1 from 0 to 1, eta2 above 0 up to 1, and B1, B2 "
                     "of 0 or more"
                 )
-        self._check_between(rows)
         housing = self.support.phi if self.use_support else 0
         laws = self._ideal() if rows == IDEAL else [*self._losses(rows), *self._modes()]
         return [
@@ -103,6 +102,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
         ]
 
     def _losses(self, rows: Rows) -> list[gl.Eq]:
+        self._check_between(rows)
         torque = self.flange_a.tau
         ahead = gl.Or(gl.holds(self.start_forward), gl.equals(gl.pre(self.mode), FORWARD))
         at_rest = [at_zero(rows, column, self.smoothness) for column in LIMITS]
