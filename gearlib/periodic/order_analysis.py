@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 RPM = 30 / np.pi  # 1/min per rad/s
+FINEST, MANY, ALWAYS = 32, 2**22, 4  # points for each sample of a block, at most; of a block with that many points, at most
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +128,9 @@ def order_spectrum(
 ) -> OrderSpectrum:  # fmt: skip
     """Order spectrum of a variable of a run.
 
-    The signal is resampled at equal angle steps by quintic splines, and transformed with a Hann window over as many whole revolutions
-    as the interval contains; two orders are resolved if they differ by more than 2 over the number of revolutions.
+    The signal is resampled by quintic splines at equal angle steps, as fine as the samples where the shaft is slowest, and transformed
+    with a Hann window over as many whole revolutions as the interval contains; two orders are resolved if they differ by more than 2
+    over the number of revolutions.
 
     Parameters
     ----------
@@ -205,6 +209,9 @@ def _prepared(
     name, reference = one_name("name", name, "load.w"), one_name("reference", reference, "motor.phi")
     time, signal, motion = result.time, result[name], result[reference]
     inside = (time >= (time[0] if begin is None else begin)) & (time <= (time[-1] if end is None else end))
+    inside &= np.append(
+        np.diff(time) > 0, True
+    )  # a file of another program repeats the time of an event: its last values count
     time, signal, motion = time[inside], signal[inside], motion[inside]
     if len(time) < 12:
         raise ArgumentError(f"the interval holds {len(time)} samples; a spectrum needs more")
@@ -227,13 +234,12 @@ def _spectra(
     """Orders, and the spectrum of each block beginning at ``starts`` revolutions."""
     from scipy.interpolate import make_interp_spline
 
-    step = float(np.diff(angle).max())
+    steps = np.diff(angle)
+    step = float(steps.max())
     per_revolution = max(8, int(np.ceil(2 * np.pi / step)))
     over_time, turning = make_interp_spline(time, signal, k=5), make_interp_spline(time, angle, k=5)
     rate = turning.derivative()
-    n = per_revolution * revolutions
-    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
-    orders = np.arange(n // 2 + 1) / revolutions
+    orders = np.arange(per_revolution * revolutions // 2 + 1) / revolutions
     highest = np.pi / step  # two samples per wave at the highest speed
     if max_order is not None:
         highest = min(real("max_order", max_order, "a positive order"), highest)
@@ -242,11 +248,25 @@ def _spectra(
     kept = orders <= highest
     rows = []
     for start in starts:
-        wanted = angle[0] + 2 * np.pi * (start + np.arange(n) / per_revolution)
+        n = per_revolution * revolutions * _finer(angle, steps, angle[0] + 2 * np.pi * start, revolutions, per_revolution)
+        window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
+        wanted = angle[0] + 2 * np.pi * (start + revolutions * np.arange(n) / n)
         t = np.interp(wanted, angle, time)
         for _ in range(4):  # Newton's iterations for the time of each angle
             t = np.clip(t - (turning(t) - wanted) / rate(t), time[0], time[-1])
         line = np.abs(np.fft.rfft(over_time(t) * window)) * 2 / window.sum()
         line[0] /= 2
-        rows.append(line[kept])
+        rows.append(line[: len(orders)][kept])
     return orders[kept], np.array(rows)
+
+
+def _finer(angle: Floats, steps: Floats, begin: float, revolutions: int, per_revolution: int) -> int:
+    """How many times finer than ``per_revolution`` a block is resampled, so that its slowest samples are as close in angle.
+
+    Otherwise waves that the run resolves where the shaft is slow would appear as lower orders. Where it is slower than a `FINEST`-th of
+    the mean speed, too little of the block's angle passes to be seen.
+    """
+    inside = steps[(angle[1:] > begin) & (angle[:-1] < begin + 2 * np.pi * revolutions)]
+    needed = 2 * np.pi / per_revolution / float(inside.min())
+    points = max(min(FINEST * len(inside), MANY), ALWAYS * len(inside))
+    return max(1, math.ceil(min(needed, points / (per_revolution * revolutions)) * (1 - ROUNDING)))

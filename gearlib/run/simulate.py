@@ -70,7 +70,7 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
     if earlier:
         from gearlib.run.sampling.instants import given_before
 
-        signals = given_before(translation.controllers, earlier[0].request.signals, signals)
+        signals = given_before(translation.controllers, earlier[0], signals, scene.model, parameters)
     first = begun(begin)
     if not earlier:
         if translation.controllers:

@@ -122,6 +122,29 @@ def at_zero(rows: Rows, column: int = 1, smoothness: str = "linear") -> float:
     return float(law.subs(x, 0)) if isinstance(law, sympy.Basic) else float(law)
 
 
+def extremes(rows: Rows, column: int = 1, smoothness: str = "linear") -> tuple[float, float]:
+    """The least and the largest value of `interpolated` at the rows and between them, for speeds from zero on.
+
+    Only Akima's curve goes beyond its rows.
+
+    Examples
+    --------
+    >>> extremes(((0.0, 1.0), (1.0, 0.0), (2.0, 0.0), (3.0, 1.0)), 1, "akima")
+    (-0.125, 1.0)
+    """
+    import numpy as np
+
+    found = [row[column] for row in rows]
+    if smoothness == "akima" and len(rows) > 2:
+        for (left, right), (a, b) in zip(pairwise(rows), pairwise(_akima_slopes(rows, column)), strict=True):
+            width, rise = right[0] - left[0], right[column] - left[column]
+            # its slope is p s**2 + q s + r
+            p, q, r = 3 * width * (a + b) - 6 * rise, 6 * rise - width * (4 * a + 2 * b), width * a
+            flat = [s.real for s in np.roots([p, q, r]) if s.imag == 0 and 0 < s.real < 1 and left[0] + s.real * width > 0]
+            found += [left[column] + s * (r + s * (q / 2 + s * p / 3)) for s in flat]
+    return float(min(found)), float(max(found))
+
+
 def check_rows(owner: str, rows: Sequence[Any], columns: int, steps: bool = False) -> Rows:
     """Rows of numbers, with an increasing first column; ``steps``: two rows may have the same number there.
 

@@ -92,6 +92,33 @@ def test_the_order_at_is_that_of_the_nearest_line_and_none_beyond_the_last() -> 
         only.at(0.01)
 
 
+def test_waves_above_all_orders_are_not_seen_as_lower_ones_where_the_shaft_is_slow() -> None:
+    """300 waves a second, at 5 revolutions a second 60 of each: the orders shown end at 25, those of 40 revolutions a second."""
+    t = np.linspace(0.0, 2.0, 4001)
+    turns = 5.0 * t + 35.0 * 0.05 * np.log1p(np.exp((t - 1.5) / 0.05))  # 5 a second, and 40 from 1.5 s on
+    data = np.column_stack([np.cos(2 * np.pi * 300.0 * t), 2 * np.pi * turns])
+    run = StoredResult(Record(t, data, ("x", "angle"), (0, 1), (1, 1), ("N", "rad"), ("", "")))
+    found = gl.order_waterfall(run, "x", "angle", revolutions=2)
+    slow = found.speeds < 2 * np.pi * 5.5
+    assert slow.sum() > 3
+    assert found.orders[-1] == pytest.approx(25.0, abs=0.5)
+    assert found.amplitudes[slow].max() < 1e-3
+    assert found.amplitudes[-1].max() > 0.9
+    assert gl.order_spectrum(run, "x", "angle", t_end=1.0, max_order=70.0).at(60.0) == pytest.approx(1.0, rel=1e-3)
+    whole = gl.order_spectrum(run, "x", "angle")
+    assert whole.amplitudes[whole.orders < 6.0].max() < 0.01
+
+
+@pytest.mark.parametrize("reference", ["angle", "speed", "back"])
+def test_times_that_a_file_repeats_at_events_count_once(reference: str) -> None:
+    plain = turning(6.0, 385, {2.0: 0.5})
+    twice = np.sort(np.append(np.arange(385), [0, 100, 100, 250, 384]))
+    data = np.column_stack([plain[name] for name in UNITS])[twice]
+    run = StoredResult(Record(plain.time[twice], data, tuple(UNITS), (0, 1, 2, 3), (1,) * 4, tuple(UNITS.values()), ("",) * 4))
+    spectra = [gl.order_spectrum(each, "signal", reference) for each in (plain, run)]
+    assert spectra[0].amplitudes.tolist() == spectra[1].amplitudes.tolist()
+
+
 def test_what_turns_to_and_fro_has_no_orders() -> None:
     t = np.linspace(0.0, 1.0, 50)
     for motion in (np.sin(20 * t), np.minimum(30 * t, 20.0)):

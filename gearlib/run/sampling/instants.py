@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from types import NoneType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,10 @@ from gearlib.run.start_values import Start
 from gearlib.run.state_switching import Switched, integrate_through
 from gearlib.solvers.inputs.table import Table, breakpoints, values
 from gearlib.solvers.problem import Solution
+
+if TYPE_CHECKING:
+    from gearlib.flatten.model import FlatModel
+    from gearlib.run.result import SimulatedResult
 
 Floats = NDArray[np.float64]
 MOST_CUTS = 1_000_000  # pieces of a run, each an integration of its own
@@ -206,10 +211,41 @@ def begun_with(begin: Callable[[tuple[Any, ...]], Start], run: Run, controllers:
     )
 
 
-def given_before(controllers: Sequence[Controller | Delay], before: Sequence[Any], signals: Sequence[Any]) -> tuple[Any, ...]:
-    """Inputs of a continued run; outputs of controllers and delays keep their values from the end of the earlier run."""
+def given_before(
+    controllers: Sequence[Controller | Delay], earlier: SimulatedResult, signals: Sequence[Any], model: FlatModel, parameters: Floats
+) -> tuple[Any, ...]:  # fmt: skip
+    """Inputs of a run that goes on; outputs of controllers are those at the end of the earlier one, delays read its history.
+
+    Parameters
+    ----------
+    controllers : sequence of Controller and Delay
+    earlier : SimulatedResult
+    signals : sequence
+        Inputs of the run.
+    model : FlatModel
+    parameters : array
+        The complete table of the run.
+
+    Raises
+    ------
+    ArgumentError
+        A delay has become longer than what the earlier run knows of its signal.
+    """
     given = {k for controller in controllers for k in controller.gives}
-    return tuple(before[k] if k in given else s for k, s in enumerate(signals))
+    found = [earlier.request.signals[k] if k in given else s for k, s in enumerate(signals)]
+    for delay in controllers:
+        if not isinstance(delay, Delay):
+            continue
+        then = earlier.request.parameters[earlier.translation.model.parameters.index[model.parameters.names[delay.parameter]]]
+        more, k = float(parameters[delay.parameter] - then), delay.gives[0]
+        if more > 0.0 and not isinstance(earlier.request.start, (str, Mapping, NoneType)):
+            raise ArgumentError(
+                f"the delay of {delay.path} becomes {parameters[delay.parameter]:g} s, and the run that goes on, itself one that went on, "
+                f"has kept its signal for {then:g} s; give it no longer one, or begin at the beginning"
+            )
+        if more and isinstance(found[k], Table):
+            found[k] = found[k].later(more)
+    return tuple(found)
 
 
 def _acting(controllers: Sequence[Controller], t0: float, t1: float) -> dict[float, tuple[Controller, ...]]:

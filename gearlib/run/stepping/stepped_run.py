@@ -115,7 +115,9 @@ class SteppedRun:
         self._begun = earlier is not None  # the earlier run has handled an instant at its end
         if earlier:
             begin = earlier[0].moment(scene, earlier[1])
-            self.inputs.signals = given_before(translation.controllers, tuple(earlier[0].request.signals), self.inputs.signals)
+            self.inputs.signals = given_before(
+                translation.controllers, earlier[0], self.inputs.signals, scene.model, parameters
+            )
         else:
             begin = self._start(scene, parameters, t_start, start)
         self.events: list[Any] = []

@@ -200,6 +200,18 @@ class Table(Tabulated):
         found.coefficients, found.y = c, c[0]
         return found
 
+    def later(self, by: float) -> Table:
+        """The same values some time later, s.
+
+        >>> Table([0, 1], [2, 3]).later(0.5)([0.5, 1.5])
+        array([2., 3.])
+        """
+        found = copy(self)
+        found.t, found.origin, found._repeated = self.t + by, found, None
+        if self._corners is not None:
+            found._corners = self._corners + by
+        return found
+
     def over(self, t0: float, t1: float) -> Table:
         """The table over an interval (s), with periods unrolled.
 

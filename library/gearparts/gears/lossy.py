@@ -11,7 +11,7 @@ from gearlib.errors import BindingError
 from gearparts.interfaces import Dissipative, Flange, MaybeHeated, TwoFlanges, TwoFlangesAndSupport
 from gearparts.rotational.backlash import ElastoBacklash
 from gearparts.rotational.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, YIELD, sign_while
-from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, interpolated, piecewise_without_events
+from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, extremes, interpolated, piecewise_without_events
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection
@@ -80,6 +80,17 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
             *laws,
         ]
 
+    def _check_between(self, rows: Rows) -> None:
+        """Refuse a curve that goes beyond what losses can be between the rows."""
+        for column, (low, high) in LIMITS.items():
+            least, most = extremes(rows, column, self.smoothness)
+            if least < min(low, *(row[column] for row in rows)) - ROUNDING or most > high + ROUNDING:
+                raise BindingError(
+                    f"LossyGear.loss_table: the {self.smoothness} curve of {('eta1', 'eta2', 'B1', 'B2')[column - 1]} goes from "
+                    f"{least:.6g} to {most:.6g} between rows; expected eta1 from 0 to 1, eta2 above 0 up to 1, and B1, B2 of 0 or more: "
+                    "give more rows there, or smoothness='linear'"
+                )
+
     def _ideal(self) -> list[gl.Eq]:
         none = (self.tau_loss, self.loss_forward, self.loss_backward)
         never = (self.moving, self.was_stuck, self.start_forward, self.start_backward, self.locked)
@@ -91,6 +102,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
         ]
 
     def _losses(self, rows: Rows) -> list[gl.Eq]:
+        self._check_between(rows)
         torque = self.flange_a.tau
         ahead = gl.Or(gl.holds(self.start_forward), gl.equals(gl.pre(self.mode), FORWARD))
         at_rest = [at_zero(rows, column, self.smoothness) for column in LIMITS]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from fractions import Fraction
 from math import pi
 from typing import Any
 
@@ -22,6 +25,7 @@ from gearparts.gears.mesh_phase import (
 from gearparts.tables import Rows
 
 SAMPLES = 2001  # of a period, in which a negative stiffness is looked for
+PERIODS, OF_A_WAVE = 1000, 64  # the most periods, and samples of the shortest wave where there are several
 EVEN: Rows = ((0.0, 1.0), (2.0, 1.0), (4.0, 1.0))
 
 
@@ -79,7 +83,9 @@ class FourierStiffness(StiffnessLaw):
 
     def _terms(self, mesh: Any) -> Rows:
         rows = checked_terms(mesh, "stiffness_terms")
-        phase = np.linspace(0.0, 2 * pi, SAMPLES)
+        if any(order == 0 for order, _, _ in rows):
+            raise BindingError(f"{type(mesh).__name__}.stiffness_terms has the order 0; expected others, since the mean is c")
+        phase = _phases([order for order, _, _ in rows])
         _refuse_negative(mesh, "stiffness_terms", 1 + sum(a * np.cos(k * phase + p) for k, a, p in rows))
         return rows
 
@@ -101,6 +107,13 @@ class TabulatedStiffness(StiffnessLaw):
         begin = rows[0][0]
         _refuse_negative(mesh, "stiffness_table", period_spline(rows)(np.linspace(begin, begin + 2 * pi, SAMPLES)))
         return rows
+
+
+def _phases(orders: Sequence[float]) -> Any:
+    """Phases at which a sum of cosines of some orders is tried, over its period: several teeth where orders are fractions."""
+    periods = min(math.lcm(*(Fraction(order).limit_denominator(PERIODS).denominator for order in orders)), PERIODS)
+    each = SAMPLES - 1 if periods == 1 else OF_A_WAVE * math.ceil(max(1.0, *(abs(order) for order in orders)))
+    return np.linspace(0.0, 2 * pi * periods, periods * min(each, SAMPLES - 1) + 1)
 
 
 def _refuse_negative(mesh: Any, name: str, values: Any) -> None:

@@ -15,6 +15,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -82,7 +83,7 @@ def planet_phasing(
     planets : int
         Number of planets.
     positions : sequence of float, optional
-        Angles of the planets on the carrier, rad; by default equally spaced.
+        Angles of the planets on the carrier, rad, of which only the differences count; by default equally spaced.
     clockwise : bool
         Direction in which the planets rotate on the carrier.
     ring_to_sun : float, optional
@@ -106,7 +107,7 @@ def planet_phasing(
     check_assembly("planet_phasing", Z_s, Z_p, Z_r, planets, positions)
     if not (ring_to_sun is None or is_real(ring_to_sun)):
         raise BindingError(f"planet_phasing: ring_to_sun is {shown(ring_to_sun)}; expected a number of mesh periods")
-    turns = [n / planets for n in range(planets)] if positions is None else [float(p) / (2 * math.pi) for p in positions]
+    turns = [n / planets for n in range(planets)] if positions is None else [p / (2 * math.pi) for p in from_first(positions)]
     sense = 1 if flag("clockwise", clockwise) else -1
     return PlanetPhasing(
         tuple(_fraction(sense * Z_s * turn) for turn in turns),
@@ -114,6 +115,15 @@ def planet_phasing(
         _fraction((Z_p - 1) / 2 if ring_to_sun is None else ring_to_sun),
         (Z_s, Z_r),
     )
+
+
+def from_first(positions: Sequence[Any]) -> list[Any]:
+    """Angles from the first planet on: where an observer counts them from makes no difference to the teeth in mesh.
+
+    >>> from_first([1.0, 3.0, 5.0])
+    [0.0, 2.0, 4.0]
+    """
+    return [psi - positions[0] for psi in positions]
 
 
 def _fraction(periods: float) -> float:

@@ -8,11 +8,11 @@ import gearlib as gl
 from gearlib.arguments import shown
 from gearlib.errors import BindingError
 from gearlib.language.declarations import Offered
-from gearlib.language.interior import path_of, radii_of
+from gearlib.language.interior import number_of, path_of, radii_of
 from gearparts.gears.meshes import ExternalMesh, InternalMesh
 from gearparts.gears.rigid_gears import IdealGear, IdealPlanetary
 from gearparts.interfaces import Flange
-from gearparts.planetary.phasing import MOST_PLANETS, check_angles, check_assembly
+from gearparts.planetary.phasing import MOST_PLANETS, check_angles, check_assembly, from_first
 from gearparts.rotational.shafts import Damper, Inertia
 from gearparts.tables import IDEAL_MESH, NO_FRICTION
 
@@ -184,7 +184,7 @@ class PlanetaryUnit(gl.Component):
             self.check_radii()
 
     def check_radii(self) -> None:
-        """Refuse pitch radii of sun and ring that are not in the ratio of their teeth, to half a tooth of the ring.
+        """Refuse radii of sun, ring and carrier that contradict their teeth, to half a tooth of the ring.
 
         The radii determine the speeds, the teeth the mesh phases: both meshes of a planet must have one frequency. The planet's own
         radius is not compared, since its working pitch circles at sun and ring differ with profile shift.
@@ -194,6 +194,12 @@ class PlanetaryUnit(gl.Component):
             raise BindingError(
                 f"{path_of(self) or type(self).__name__}: R_r / R_s = {R_r:g} / {R_s:g} = {R_r / R_s:.6g}, but Z_r / Z_s = {self.Z_r} / "
                 f"{self.Z_s} = {self.Z_r / self.Z_s:.6g}; expected R_r = {R_s * self.Z_r / self.Z_s:.6g} m (by default R_s + 2 R_p)"
+            )
+        R_h, both = number_of(self, "R_h"), 1 + self.Z_r / self.Z_s
+        if R_s > 0 and R_h is not None and abs(2 * R_h / R_s - both) * self.Z_s > 0.5:
+            raise BindingError(
+                f"{path_of(self) or type(self).__name__}: 2 R_h / R_s = 2 * {R_h:g} / {R_s:g} = {2 * R_h / R_s:.6g}, but 1 + Z_r / Z_s = "
+                f"{both:.6g}, the ratio of sun and carrier; expected R_h = {R_s * both / 2:.6g} m (by default R_s + R_p)"
             )
 
     def drawn_gears(self) -> GearSet | None:
@@ -317,7 +323,7 @@ class ElasticPlanetaryUnit(TurningPlanetaryUnit, MeshValues):
         return ExternalMesh(r_a=self.R_s, r_b=self.R_p, c=self.K_sun, d=self.C_sun, e_rate=self.e_rate_sun)
 
     def detailed_meshes(self, angles: list[Any]) -> tuple[list[DetailedExternalMesh], list[DetailedInternalMesh]]:
-        """Meshes at sun and ring that ride on the carrier, each with the phase of a planet at one of the ``angles``."""
+        """Meshes at sun and ring that ride on the carrier, each with the phase of a planet at one of the ``angles`` from the first."""
         if not self.Z_s:  # nor the others: `check` refuses some of them
             raise BindingError(
                 f"{path_of(self) or type(self).__name__}: sun_details and ring_details need the numbers of teeth Z_s, Z_p, Z_r"
@@ -376,7 +382,7 @@ class LumpedPlanetaryUnit(ElasticPlanetaryUnit):
             self.ring_mesh, self.sun_mesh = self.internal_mesh(), self.external_mesh()
             at_ring, at_sun, riding = self.ring_mesh.flange_b, self.sun_mesh.flange_b, []
         else:
-            (self.sun_mesh,), (self.ring_mesh,) = self.detailed_meshes([self.angles()[0]])
+            (self.sun_mesh,), (self.ring_mesh,) = self.detailed_meshes([0.0])
             self.seen_by_ring = PlanetOnCarrier(r_p=self.R_p, r_h=self.R_r - self.R_p)
             self.seen_by_sun = PlanetOnCarrier(r_p=self.R_p, r_h=self.R_s + self.R_p)
             at_ring, at_sun = self.seen_by_ring.ring_side, self.seen_by_sun.sun_side
@@ -396,7 +402,8 @@ class TorsionalPlanetaryUnit(ElasticPlanetaryUnit):
 
     ``K_ring, C_ring, K_sun, C_sun`` apply to one mesh. With ``sun_details`` or ``ring_details`` the meshes are detailed ones
     (`DetailedExternalMesh`, `DetailedInternalMesh`) with these choices and values, whose phases follow from the numbers of teeth:
-    planet n at ``psi_n`` has the mesh phase ``-Z_s psi_n`` at the sun and ``ring_phase - Z_r psi_n`` at the ring (`planet_phasing`).
+    planet n at ``psi_n`` from the first has the mesh phase ``-Z_s psi_n`` at the sun and ``ring_phase - Z_r psi_n`` at the ring
+    (`planet_phasing`).
     With the sun driving, the ring's phase decreases, and its patterns are traversed backwards.
     """
 
@@ -413,7 +420,7 @@ class TorsionalPlanetaryUnit(ElasticPlanetaryUnit):
         self.ring_meshes: list[Any]
         self.sun_meshes: list[Any]
         if detailed:
-            self.sun_meshes, self.ring_meshes = self.detailed_meshes(self.angles())
+            self.sun_meshes, self.ring_meshes = self.detailed_meshes(from_first(self.angles()))
         else:
             self.ring_meshes = [self.internal_mesh() for _ in self.planet]
             self.sun_meshes = [self.external_mesh() for _ in self.planet]

@@ -14,7 +14,7 @@ import gearlib as gl
 from gearlib.arguments import shown
 from gearlib.errors import BindingError
 from gearparts.interfaces import SLOW, Compliant, Dissipative, Flange, TwoFlanges
-from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, interpolated
+from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, extremes, interpolated
 
 BACKWARD, STUCK, FORWARD, FREE, UNKNOWN = -1, 0, 1, 2, 3
 HYSTERESIS = 1e-4  # relative, for a one-way clutch's break-away torque
@@ -145,6 +145,12 @@ def _checked(owner: str, rows: Any, smoothness: str) -> Rows:
         raise BindingError(f"{owner} is {shown(rows)}; expected friction of 0 or more in the second column")
     if at_zero(table, 1, smoothness) < -1e-12 * table[0][1]:  # less is rounding
         raise BindingError(f"{owner} is {shown(rows)}, whose extrapolation to the speed 0 is negative; expected a row for it")
+    least, most = extremes(table, 1, smoothness)
+    if least < -1e-12 * most:
+        raise BindingError(
+            f"{owner} is {shown(rows)}, whose {smoothness} curve falls to {least:.3g} between rows; expected friction of 0 or more: give "
+            "more rows there, or smoothness='linear'"
+        )
     return table
 
 

@@ -104,6 +104,34 @@ def test_runs_go_on_with_the_history(system: gl.System) -> None:
     assert first["gain.y"] == pytest.approx(-first["late.y"])
 
 
+class Late(gl.Component):
+    """A ramp of 0.2 a second, delayed."""
+
+    def assemble(self) -> list[gl.Connection]:
+        self.ramp, self.late = B.Ramp(height=2.0, duration=10.0), B.FixedDelay(delay_time=0.25)
+        return [gl.connect(self.ramp.y, self.late.u)]
+
+
+@pytest.mark.parametrize("delay", [0.1, 0.25, 0.4, 2.0])
+def test_a_run_that_goes_on_with_another_delay_reads_the_signal_as_it_was_then(delay: float) -> None:
+    system = gl.compile(Late(), outputs=["late.y"])
+    first, longer = system.simulate(1.0, samples=3), {"late.delay_time": delay}
+    for t in (1.0, 0.6):
+        then = system.simulate(2.0, start=(first, t), samples=8, parameters=longer)
+        assert then["late.y"] == pytest.approx(0.2 * np.maximum(then.time - delay, 0.0), abs=1e-9)
+    run = system.stepper(start=first, parameters=longer)
+    run.advance(1.2)
+    assert run["late.y"] == pytest.approx(0.2 * max(1.2 - delay, 0.0), abs=1e-9)
+    second = system.simulate(1.5, start=first, samples=3)
+    if delay <= 0.25:
+        again = system.simulate(2.0, start=second, samples=8, parameters=longer)
+        assert again["late.y"] == pytest.approx(0.2 * (again.time - delay), abs=1e-9)
+    else:
+        said = rf"the delay of late becomes {delay:g} s, and the run that goes on, .* has kept its signal for 0\.25 s"
+        with pytest.raises(ArgumentError, match=said):
+            system.simulate(2.0, start=second, samples=8, parameters=longer)
+
+
 def test_stepped_runs_keep_it_and_come_back(system: gl.System) -> None:
     run = system.stepper(rtol=1e-9)
     for k in range(1, 18):

@@ -351,6 +351,19 @@ def test_a_table_whose_losses_would_drive_at_rest_is_named(column: int) -> None:
                 flatten(model)
 
 
+@pytest.mark.parametrize(("column", "name"), [(1, "eta1"), (2, "eta2"), (3, "B1"), (4, "B2")])
+def test_losses_whose_curve_would_drive_between_rows_are_named(column: int, name: str) -> None:
+    rows = [[speed, 0.8, 0.8, 0.5, 0.5] for speed in (0.0, 1.0, 2.0, 3.0)]
+    for row, value in zip(rows, (0.5, 1.0, 1.0, 0.5) if column < 3 else (0.5, 0.0, 0.0, 0.5), strict=True):
+        row[column] = value
+    table = tuple(map(tuple, rows))
+    with pytest.raises(
+        BindingError, match=rf"LossyGear\.loss_table: the akima curve of {name} goes from .* smoothness='linear'"
+    ):
+        flatten(LossyGear(ratio=2.0, loss_table=table, smoothness="akima"))
+    flatten(LossyGear(ratio=2.0, loss_table=table))
+
+
 @pytest.mark.parametrize("sense", [1, -1])
 def test_losses_far_beyond_their_table_do_not_drive(sense: int) -> None:
     """Each column is extrapolated to a limit: falling from half its value at rest, or growing by half."""

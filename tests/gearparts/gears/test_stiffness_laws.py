@@ -79,6 +79,9 @@ def test_the_slope_of_a_law_of_the_library_is_that_of_its_value(terms: Any) -> N
         ({"stiffness_terms": ((1, 1.0 + 1.1e-9, 0.0),)}, "-1.1e-09"),
         ({"stiffness_terms": ((1, 1.5, 0.3),)}, "-0.5"),
         ({"stiffness_terms": ((3, 2e7, 0.0),)}, "-2e+07"),
+        ({"stiffness_terms": ((0.05, 1.5, 0.0),)}, "-0.5"),  # once in 20 teeth
+        ({"stiffness_terms": ((1 / 37, 0.7, 1.0), (1 / 23, 0.7, 2.0))}, "-0.39"),
+        ({"stiffness_terms": ((1 / 37, 0.4, 1.0), (1 / 23, 0.4, 2.0), (1.0, 0.19, 0.0))}, None),
         ({"stiffness_table": ((0.0, 0.0), (2.0, 1.0), (4.0, 1.0))}, "-0."),  # the spline goes below its rows
         ({"stiffness_table": ((1.0, 0.5), (2.0, 1.0), (4.0, 1.0))}, None),
         ({"stiffness_table": ((0.0, 1.0), (2.0, -0.5), (4.0, 1.0))}, "-0."),
@@ -93,6 +96,13 @@ def test_a_stiffness_below_zero_is_refused(law: dict[str, Any], least: str | Non
         said = rf"DetailedExternalMesh\.{name}: the stiffness falls to {re.escape(least)}.* times c; expected 0 or more"
         with pytest.raises(BindingError, match=said):
             flatten(mesh)
+
+
+def test_terms_that_change_the_mean_stiffness_are_refused() -> None:
+    terms = ((0.0, 1.0, 0.0), (1.0, 0.2, 0.0))
+    mesh = gp.DetailedExternalMesh(r_a=0.1, r_b=0.2, c=1e8, d=0.0, stiffness="fourier", stiffness_terms=terms)
+    with pytest.raises(BindingError, match=r"DetailedExternalMesh\.stiffness_terms has the order 0; .* the mean is c"):
+        flatten(mesh)
 
 
 @pytest.mark.parametrize("kind", ["constant", "sinusoidal", "fourier", "table"])

@@ -60,6 +60,17 @@ def test_the_sense_and_the_positions() -> None:
     assert uneven.sun == pytest.approx((0.0, 0.27, 0.73), abs=1e-12)
 
 
+@pytest.mark.parametrize("clockwise", [True, False])
+def test_phases_do_not_depend_on_where_angles_are_counted_from(clockwise: bool) -> None:
+    at = gp.planet_positions(19, 81, 3)
+    plain, turned = (
+        gp.planet_phasing(19, 31, 81, 3, positions=[psi + by for psi in at], clockwise=clockwise) for by in (0.0, 0.4)
+    )
+    assert turned.sun[0] == turned.ring[0] == 0.0
+    assert turned.sun == pytest.approx(plain.sun, abs=1e-9)
+    assert turned.ring == pytest.approx(plain.ring, abs=1e-9)
+
+
 def test_a_phase_between_ring_and_sun_may_be_given() -> None:
     assert gp.planet_phasing(19, 31, 81, 5, ring_to_sun=0.25).ring_to_sun == 0.25
     assert [gp.planet_phasing(20, Z_p, 80, 5).ring_to_sun for Z_p in (30, 31)] == [0.5, 0.0]

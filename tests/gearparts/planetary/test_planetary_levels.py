@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import pickle
 from collections.abc import Callable
 from typing import Any
@@ -134,6 +135,24 @@ def ripple(Z_s: int, Z_p: int, in_phase: bool) -> tuple[float, Any]:
     return float(np.ptp(result["sun_body.w"])), [result[n] / (2 * np.pi) for n in names]
 
 
+@pytest.mark.parametrize("planet_meshes", ["lumped", "separate"])
+def test_phases_do_not_depend_on_where_positions_are_counted_from(planet_meshes: str) -> None:
+    found = []
+    for by in (0.0, 0.4):
+        given = {
+            **DATA,
+            **LEVELS["detailed"],
+            "planet_meshes": planet_meshes,
+            "planets": 2,
+            "positions": (by, 0.4 * math.pi + by),
+        }
+        table = flatten(gp.PlanetaryUnit(**given)).parameters
+        values = table.evaluate({})
+        found.append([float(values[k]) for name, k in table.index.items() if name.endswith("phase0")])
+    assert len(found[0]) == (4 if planet_meshes == "separate" else 2)
+    assert found[1] == pytest.approx(found[0], abs=1e-9)
+
+
 def test_phases_from_teeth_cancel_or_add_up_on_the_sun() -> None:
     sequential, phases = ripple(21, 31, in_phase=False)  # 21 / 4 leaves a rest: the errors cancel in the torque
     together, _ = ripple(21, 31, in_phase=True)
@@ -155,12 +174,31 @@ def test_phases_from_teeth_cancel_or_add_up_on_the_sun() -> None:
 @pytest.mark.parametrize(
     ("given", "right"),
     [
+        ({"R_p": 0.0444, "R_r": 0.12}, False),  # a planet with profile shift: R_s + R_p is not the carrier's radius
+        ({"R_p": 0.0444, "R_r": 0.12, "R_h": 0.075}, True),
+        ({"R_h": 0.0754}, False),
+        ({"R_h": 0.0753}, True),  # rounded: 80.4 teeth
+    ],
+)
+def test_the_carrier_s_radius_is_that_of_the_teeth(level: str, given: dict[str, Any], right: bool) -> None:
+    unit = gp.PlanetaryUnit(**{**DATA, **LEVELS[level], "Z_s": 20, "Z_p": 29, "Z_r": 80, **given})
+    if right:
+        flatten(unit)
+        return
+    with pytest.raises(BindingError, match=r"2 R_h / R_s = .*, but 1 \+ Z_r / Z_s = 5, .*; expected R_h = 0\.075 m"):
+        flatten(unit)
+
+
+@pytest.mark.parametrize("level", ["ideal", "detailed", "planar"])
+@pytest.mark.parametrize(
+    ("given", "right"),
+    [
         ({"Z_s": 20, "Z_p": 30, "Z_r": 80}, True),
         ({"Z_s": 20, "Z_p": 29, "Z_r": 80}, True),  # a planet with profile shift
         ({"Z_s": 24, "Z_p": 30, "Z_r": 84}, False),
         ({"Z_s": 24, "Z_p": 30, "Z_r": 84, "R_p": 0.0375}, True),
         ({"Z_s": 20, "Z_p": 30, "Z_r": 84}, False),
-        ({"Z_s": 20, "Z_p": 30, "Z_r": 84, "R_r": 0.126}, True),
+        ({"Z_s": 20, "Z_p": 30, "Z_r": 84, "R_r": 0.126, "R_h": 0.078}, True),
         ({"Z_s": 20, "Z_p": 30, "Z_r": 80, "R_r": 0.1207}, True),  # rounded: 80.47 teeth
         ({"Z_s": 20, "Z_p": 30, "Z_r": 80, "R_r": 0.1209}, False),  # 80.6 teeth
         ({"Z_s": 20, "Z_p": 30, "Z_r": 80, "R_r": 0.1192}, False),  # 79.47 teeth

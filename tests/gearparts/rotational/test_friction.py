@@ -19,7 +19,7 @@ from gearlib.errors import BindingError, SolverError
 from gearlib.flatten.flatten import flatten
 from gearparts.rotational.friction import BearingFriction, Brake, Clutch
 from gearparts.rotational.friction import OneWayClutch as OneWayClutchPart
-from gearparts.tables import at_zero, check_rows, interpolated
+from gearparts.tables import at_zero, check_rows, extremes, interpolated
 from tests.gearparts import heat_losses_by_hand
 from tests.gearparts import msl_hybrid_examples as msl
 from tests.gearparts.laws import right_side
@@ -415,6 +415,34 @@ def test_friction_that_would_drive_is_named(make: Any, name: str) -> None:
         BindingError, match=rf"{name} is .*, whose extrapolation to the speed 0 is negative; expected a row for it"
     ):
         flatten(make(((1.0, 0.3), (3.0, 1.0))))
+
+
+@pytest.mark.parametrize(("make", "name"), [
+    (lambda rows, how: Brake(fn_max=1.0, f_normalized=1.0, mu_pos=rows, smoothness=how), r"Brake\.mu_pos"),
+    (lambda rows, how: BearingFriction(tau_pos=rows, smoothness=how), r"BearingFriction\.tau_pos"),
+])  # fmt: skip
+def test_friction_whose_curve_would_drive_between_rows_is_named(make: Any, name: str) -> None:
+    deep = ((0.0, 0.5), (1.0, 0.02), (2.0, 0.02), (3.0, 0.5))
+    with pytest.raises(
+        BindingError, match=rf"{name} is .*, whose akima curve falls to -0\.04 between rows; .* smoothness='linear'"
+    ):
+        flatten(make(deep, "akima"))
+    flatten(make(deep, "linear"))
+    flatten(make(((0.0, 0.5), (1.0, 0.2), (2.0, 0.2), (3.0, 0.5)), "akima"))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_extremes_of_a_curve_are_those_of_many_points(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    left = np.cumsum(random.uniform(0.1, 2.0, 6)) - 2.0
+    right = random.choice([0.0, 0.2, 0.9, 1.0], 6)
+    rows = tuple(zip(left.tolist(), right.tolist(), strict=True))
+    at = np.linspace(max(left[0], 0.0), left[-1], 20001)
+    curve = Akima1DInterpolator(left, right)(at)
+    low, high = extremes(rows, 1, "akima")
+    assert low == pytest.approx(min(curve.min(), right.min()), abs=1e-6)
+    assert high == pytest.approx(max(curve.max(), right.max()), abs=1e-6)
+    assert extremes(rows) == extremes(rows, 1, "constant") == (right.min(), right.max())
 
 
 @pytest.mark.parametrize("smoothness", ["linear", "akima"])
