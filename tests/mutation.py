@@ -307,7 +307,8 @@ def unnoticed(log: Path) -> Iterator[Mutant]:
     for one in {one.key: one for one in logged(log) if one.verdict != "assertion"}.values():
         alike = [m for m in modules() if Path(m).name == one.key[0]]
         moved = ((m, *change) for m in alike for place in places(m) for change in place if change[0] == one.operator)
-        made = (mutant(*change) for change in (one.change, *moved) if change[0] in alike)
+        there = [one.change] if one.module in alike and (one.operator, one.occurrence) in where(one.module) else []
+        made = (mutant(*change) for change in (*there, *moved))
         yield from itertools.islice((found for found in made if found is not None and found.key == one.key), 1)
 
 

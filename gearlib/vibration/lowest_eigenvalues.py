@@ -53,7 +53,7 @@ def lowest(A: Any, count: int, at_zero: int) -> Lowest | None:
     Examples
     --------
     >>> import scipy.sparse as sparse
-    >>> pairs = [[[0.0, w], [-w, 0.0]] for w in range(1, 200)]
+    >>> pairs = [sparse.coo_array([[0.0, w], [-w, 0.0]]) for w in range(1, 200)]
     >>> found = lowest(sparse.csc_matrix(sparse.block_diag(pairs)), 3, 0)
     >>> found.values[found.values.imag > 0].imag.round(9).tolist()[:3]
     [1.0, 2.0, 3.0]

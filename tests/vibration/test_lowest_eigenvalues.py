@@ -114,7 +114,7 @@ def test_chain_with_a_damper_at_its_end(n: int) -> None:
 
 def pairs(w: Floats, ratio: float = 0.0) -> Any:
     """A matrix with eigenvalues of the magnitudes w, in scattered units and order."""
-    blocks = [[[0.0, x * 1e3], [-x / 1e3, -2 * ratio * x]] for x in w]
+    blocks = [sparse.coo_array([[0.0, x * 1e3], [-x / 1e3, -2 * ratio * x]]) for x in w]
     return sparse.csc_matrix(sparse.block_diag(blocks))
 
 
