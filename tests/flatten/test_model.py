@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -240,3 +241,46 @@ def test_ranks_do_not_depend_on_the_order_of_declaration() -> None:
     rows = [names[0].split(".")[0] for names in orders[0] if names[0].endswith("].w")]
     assert rows == [f"row[{i}]" for i in range(11)]
     assert sorted(["b[10]", "b[9].x", "b", "a2", "a10", "a"], key=alphabetical) == ["a", "a2", "a10", "b", "b[9].x", "b[10]"]
+
+
+class Governed(gl.Component):
+    """A torque that depends on a comparison, a body, and a counter of its turns."""
+
+    compared: Callable[[Any], Any] = staticmethod(lambda w: w > 0.5)
+    low, J, start, step, least, nominal = 1.0, 2.0, 0.25, 2.0, 0.0, 3.0
+    fixed, turned, reset = True, False, False
+
+    def assemble(self) -> list[Any]:
+        start = {"w": self.start}
+        self.body = gp.Inertia(J=self.J, nominal={"w": self.nominal}, **{"start" if self.fixed else "guess": start})
+        self.torque = gp.Torque(tau=gl.Piecewise((self.low, self.compared(self.body.w)), (4.0, True)))
+        self.counter = self.counted()()
+        return [gl.connect(self.torque.flange, self.body.flange_b if self.turned else self.body.flange_a)]
+
+    def counted(self) -> type[gl.Component]:
+        class Counter(gl.Component):
+            p = gl.Parameter("1", default=self.step, min=self.least)
+            q = gl.Parameter("1", default=lambda part: 2 * part.p)
+            n = gl.Discrete("count", start=self.step)
+            x = gl.Variable("1", start=0.0)
+
+            def equations(part) -> list[Any]:  # noqa: N805
+                law = [gl.Eq(part.n, gl.pre(part.n) + part.q), *([gl.reinit(part.x, 0.0)] if self.reset else [])]
+                return [gl.When(part.x > 1, *law), gl.Eq(gl.der(part.x), part.p)]
+
+        return Counter
+
+
+def test_digests_tell_models_apart() -> None:
+    """Also where nothing but the direction of a comparison differs, whose equation has no text of its own."""
+    changes: list[dict[str, Any]] = [
+        {}, {"compared": lambda w: w >= 0.5}, {"compared": lambda w: w < 0.5}, {"compared": lambda w: w <= 0.5},
+        {"compared": lambda w: w > 0.75}, {"low": 3.0}, {"J": 5.0}, {"start": 0.5}, {"step": 5.0}, {"least": -1.0},
+        {"nominal": 7.0}, {"fixed": False}, {"turned": True}, {"reset": True},
+    ]  # fmt: skip
+    found = []
+    for change in changes:
+        kind = type("Governed", (Governed,), {k: staticmethod(v) if callable(v) else v for k, v in change.items()})
+        found.append(flatten(kind()).digest)
+    assert len(set(found)) == len(found)
+    assert flatten(Governed()).digest == found[0]
