@@ -340,7 +340,7 @@ class FlatModel:
 
         tell([i[:2] for i in self.instances], table.names, self.discretes, table.defaults, table.lower, table.upper)
         tell(self.started, self.start_slots, self.start_fixed, self.inputs, self.representative, self.sign, self.nominal)
-        tell(self.discrete_starts)
+        tell(self.preference, self.discrete_starts)
         for group in (*self.groups, *(update.equations for update in self.updates)):
             template = group.template
             relations = [(str(r.g), r.strict, r.negated) for r in template.relations]

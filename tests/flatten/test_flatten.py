@@ -97,6 +97,24 @@ def test_parameters_in_a_circle() -> None:
         flatten(Circle())
 
 
+def test_what_leads_into_a_circle_is_not_part_of_it() -> None:
+    class Leading(gl.Component):
+        a = gl.Parameter("1", "leads there", default=lambda s: s.b + s.e)
+        b = gl.Parameter("1", "one", default=lambda s: s.c)
+        c = gl.Parameter("1", "other", default=lambda s: 2 * s.d)
+        d = gl.Parameter("1", "third", default=lambda s: s.b - s.e)
+        e = gl.Parameter("1", "in none", default=1.0)
+
+    with pytest.raises(BindingError, match=r"^the parameters b, c, d depend on each other cyclically; give one of them a"):
+        flatten(Leading())
+
+    class Alone(gl.Component):
+        a = gl.Parameter("1", "of itself", default=lambda s: s.a + 1)
+
+    with pytest.raises(BindingError, match=r"^the parameter a depends on itself; give it a number"):
+        flatten(Alone())
+
+
 def part(**given: Any) -> gl.Component:
     class Model(gl.Component):
         q = gl.Parameter("any", "own parameter", default=1.0)

@@ -119,6 +119,7 @@ def test_bounds_are_inclusive_and_named(model: FlatModel) -> None:
     wrong = {
         -10.5: r"part\[1\]\.a is -10\.5; expected at least -10",
         11.0: "is 11; expected at most 10",
+        10.0000001: r"is 10\.0000001; expected at most 10\.0",
         np.inf: "is inf; expected a finite",
     }
     for value, message in wrong.items():
@@ -248,11 +249,11 @@ class Governed(gl.Component):
 
     compared: Callable[[Any], Any] = staticmethod(lambda w: w > 0.5)
     low, J, start, step, least, nominal = 1.0, 2.0, 0.25, 2.0, 0.0, 3.0
-    fixed, turned, reset = True, False, False
+    fixed, turned, reset, state = True, False, False, "default"
 
     def assemble(self) -> list[Any]:
-        start = {"w": self.start}
-        self.body = gp.Inertia(J=self.J, nominal={"w": self.nominal}, **{"start" if self.fixed else "guess": start})
+        start = {"start" if self.fixed else "guess": {"w": self.start}}
+        self.body = gp.Inertia(J=self.J, nominal={"w": self.nominal}, state={"w": self.state}, **start)
         self.torque = gp.Torque(tau=gl.Piecewise((self.low, self.compared(self.body.w)), (4.0, True)))
         self.counter = self.counted()()
         return [gl.connect(self.torque.flange, self.body.flange_b if self.turned else self.body.flange_a)]
@@ -276,7 +277,7 @@ def test_digests_tell_models_apart() -> None:
     changes: list[dict[str, Any]] = [
         {}, {"compared": lambda w: w >= 0.5}, {"compared": lambda w: w < 0.5}, {"compared": lambda w: w <= 0.5},
         {"compared": lambda w: w > 0.75}, {"low": 3.0}, {"J": 5.0}, {"start": 0.5}, {"step": 5.0}, {"least": -1.0},
-        {"nominal": 7.0}, {"fixed": False}, {"turned": True}, {"reset": True},
+        {"nominal": 7.0}, {"fixed": False}, {"turned": True}, {"reset": True}, {"state": "avoid"},
     ]  # fmt: skip
     found = []
     for change in changes:
