@@ -285,3 +285,44 @@ def test_digests_tell_models_apart() -> None:
         found.append(flatten(kind()).digest)
     assert len(set(found)) == len(found)
     assert flatten(Governed()).digest == found[0]
+
+
+class Star(gl.Component):
+    """So many bodies on one shaft that the sum of their torques is split, and a part with a signal of any unit."""
+
+    bodies = gl.Structural(12)
+
+    def assemble(self) -> list[Any]:
+        self.body, self.torque = [gp.Inertia(J=1.0) for _ in range(self.bodies)], gp.Torque()
+        self.gain = gp.blocks.Gain(k=2.0, u=self.body[0].w)
+        return [gl.connect(self.torque.flange, *(body.flange_a for body in self.body))]
+
+
+def test_variables_that_split_a_sum_have_names_but_no_declaration() -> None:
+    """13 addends: two sums, of 7 and of 6 of them; their units are not known, as those of signals."""
+    model = flatten(Star())
+    assert model.n_variables == model.auxiliary + 1 == len(list(model.names())) + 1
+    assert model.name(model.auxiliary) == "flow_sum[0]"
+    assert model.declaration(model.auxiliary) is None
+    assert model.unit(model.auxiliary) == ""
+    last = model.auxiliary - 1
+    assert (model.name(last), model.unit(last)) == ("gain.u", "any")
+    two = flatten(Star(bodies=18))  # of 19
+    assert [two.name(v) for v in range(two.auxiliary, two.n_variables)] == ["flow_sum[0]", "flow_sum[1]"]
+    others = replace(model, flow=np.zeros_like(model.flow))
+    assert others.name(model.auxiliary) == "sum[0]"
+    known = {"rad": [0, 0, 0, 0, 0], "rad/s": [0, 0, -1, 0, 0], "rad/s2": [0, 0, -2, 0, 0], "N.m": [1, 2, -2, 0, 0]}
+    unknown = [np.nan] * 5
+    expected = [known.get(model.unit(v), unknown) for v in range(model.n_variables)]  # of kg, m, s, K, A
+    np.testing.assert_array_equal(model.exponents, expected)
+    assert {model.unit(v) for v in range(model.n_variables)} <= {*known, "any", ""}
+
+
+def test_relations_are_numbered_group_by_group_with_those_of_updates_last(model: FlatModel) -> None:
+    counts = [len(g.template.relations) * len(g) for g in model.groups]
+    counts += [len(u.equations.template.relations) * len(u.equations) for u in model.updates]
+    assert model.first_relations.tolist() == [sum(counts[:k]) for k in range(len(counts) + 1)]
+    assert sum(counts) == 2
+    assert model.n_relations == 2
+    reduced = model.with_groups(model.groups[:1], 3)
+    assert (len(reduced.groups), reduced.redundant, reduced.updates) == (1, 3, model.updates)
