@@ -342,3 +342,48 @@ def test_error_of_a_foreign_connection_names_the_composite() -> None:
 
     with pytest.raises(ConnectionError, match="inside: connects Inertia 'flange_a', which is not part of it"):
         flatten(Model())
+
+
+class Chain(gl.Component):
+    """A torque on a row of bodies, each joined to the next; or the last one twice, by both of its flanges."""
+
+    bodies = gl.Structural(3)
+    ring = gl.Structural(False)
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.body = gp.Torque(), [gp.Inertia(J=1.0) for _ in range(self.bodies)]
+        flanges = [self.torque.flange, *(f for body in self.body for f in (body.flange_a, body.flange_b))]
+        last = [c(self.body[-1].flange_b, self.body[0].flange_a)] if self.ring else []
+        return [*(c(one, other) for one, other in zip(flanges[::2], flanges[1::2], strict=False)), *last]
+
+
+@pytest.mark.parametrize("ring", [False, True])
+@pytest.mark.parametrize("bodies", [1, 3])
+def test_equations_are_counted(bodies: int, ring: bool) -> None:
+    """As many as there are variables but the input; what an equation says again of aliases is counted apart."""
+    model = flatten(Chain(bodies=bodies, ring=ring))
+    assert model.n_equations == model.n_variables - 1
+    assert model.n_connection_sets == bodies
+    left = sum(map(len, model.groups))
+    unknown = {int(model.representative[v]) for v in range(model.n_variables) if model.sign[v]} - {*model.inputs.tolist()}
+    assert left == model.n_equations - model.n_aliases - model.redundant
+    assert model.redundant == ring, "the angles of a ring of rigid bodies are equal by all equations but one"
+    assert len(unknown) == left + ring
+
+
+@pytest.mark.parametrize("springs", [4, 5])
+def test_a_sum_whose_flows_all_cancel_is_an_equation_that_says_nothing(springs: int) -> None:
+    """Whether it is long enough to be looked at before it is split or not; springs between a node and itself."""
+
+    class Node(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.spring = [gp.Spring(c=1.0) for _ in range(springs)]
+            return [c(*(f for s in self.spring for f in (s.flange_a, s.flange_b)))]
+
+    model = flatten(Node())
+    assert model.n_equations == model.n_variables == model.auxiliary
+    left = sum(map(len, model.groups))
+    assert (left, model.redundant) == (springs, 1), "the law of each spring is left"
+    assert model.n_aliases == model.n_equations - springs - 1
+    still = {name for name in model.names() if not model.sign[model.variable(name)]}
+    assert still == {f"spring[{k}].{name}" for k in range(springs) for name in ("phi_rel", "w_rel")}

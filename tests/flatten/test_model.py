@@ -307,6 +307,10 @@ def test_variables_that_split_a_sum_have_names_but_no_declaration() -> None:
     assert model.unit(model.auxiliary) == ""
     last = model.auxiliary - 1
     assert (model.name(last), model.unit(last)) == ("gain.u", "any")
+    owners = {
+        (g.template.label.startswith("sum of"), model.owner(k, i)) for k, g in enumerate(model.groups) for i in range(len(g))
+    }
+    assert owners == {(True, "connection"), (False, "gain"), *((False, f"body[{k}]") for k in range(12))}
     two = flatten(Star(bodies=18))  # of 19
     assert [two.name(v) for v in range(two.auxiliary, two.n_variables)] == ["flow_sum[0]", "flow_sum[1]"]
     others = replace(model, flow=np.zeros_like(model.flow))
