@@ -387,3 +387,25 @@ def test_a_sum_whose_flows_all_cancel_is_an_equation_that_says_nothing(springs: 
     assert model.n_aliases == model.n_equations - springs - 1
     still = {name for name in model.names() if not model.sign[model.variable(name)]}
     assert still == {f"spring[{k}].{name}" for k in range(springs) for name in ("phi_rel", "w_rel")}
+
+
+def test_an_equation_that_says_nothing_of_equal_variables_is_redundant() -> None:
+    """Where x = y, x' = y' is 0 = 0; no other variable is changed by it."""
+
+    class Repeated(gl.Component):
+        free, other, w, x, y = (gl.Variable("1") for _ in range(5))
+
+        def equations(self) -> list[gl.Eq]:
+            law = [gl.Eq(self.w * self.free, 1.0), gl.Eq(gl.der(self.x), self.w)]
+            return [*law, gl.Eq(self.x, self.y), gl.Eq(gl.der(self.x), gl.der(self.y))]
+
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.part = [Repeated(), Repeated()]
+            return []
+
+    model = flatten(Two())
+    assert (model.n_equations, model.n_aliases, model.redundant) == (8, 2, 2)
+    assert sum(map(len, model.groups)) == 4
+    assert model.sign.tolist() == [1] * 10
+    assert model.representative.tolist() == [0, 1, 2, 3, 3, 5, 6, 7, 8, 8]
