@@ -330,3 +330,57 @@ def test_relations_are_numbered_group_by_group_with_those_of_updates_last(model:
     assert model.n_relations == 2
     reduced = model.with_groups(model.groups[:1], 3)
     assert (len(reduced.groups), reduced.redundant, reduced.updates) == (1, 3, model.updates)
+
+
+class Supervised(gl.Component):
+    """Parts with laws of their own, and laws over their names, also at events."""
+
+    p, q, r = (gl.Parameter("1", default=value) for value in (0.5, 0.75, 0.25))
+    u, v = gl.Variable("1"), gl.Variable("1", start=0.0)
+    m, n = gl.Discrete(), gl.Discrete(start=2.0)
+
+    def assemble(self) -> list[Any]:
+        self.part = [Part(), Part(d=self.q)]
+        return []
+
+    def equations(self) -> list[Any]:
+        first, second = self.part
+        return [
+            gl.Eq(self.u, self.r * first.y + second.d * second.z),
+            gl.Eq(gl.der(self.v), second.b * first.x),
+            gl.When(self.u > self.q, gl.reinit(self.v, self.p * second.x), gl.Eq(self.n, gl.pre(self.n) + self.r * second.y)),
+            gl.When(first.x > self.r, gl.Eq(self.m, gl.pre(self.n) + self.q * first.z)),
+        ]
+
+
+def test_equations_are_over_the_names_of_their_owner() -> None:
+    """Those of several parts of a class, and of a composite, whose names have paths; events follow after equations."""
+
+    class Outer(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.other, self.one, self.two = Part(), Supervised(), Supervised()
+            return []
+
+    model, names = flatten(Outer()), flatten(Outer()).parameters.names
+    owners = set()
+    for group in (*model.groups, *(update.equations for update in model.updates)):
+        for i, owner in enumerate(group.owners.tolist()):
+            path = model.instances[owner].path
+            owners.add(path)
+            assert [names[p] for p in group.parameters[i]] == [f"{path}.{name}" for name in group.template.parameters]
+            numbers = [model.variable(f"{path}.{name}") for name in group.template.locals]
+            assert group.variables[i].tolist() == model.representative[numbers].tolist()
+            assert group.signs[i].tolist() == model.sign[numbers].tolist()
+            for k, name in zip(group.discretes[i].tolist(), group.template.discretes, strict=True):
+                assert (name.startswith("pre("), f"{path}.{name.removeprefix('pre(').removesuffix(')')}") == (
+                    k >= len(model.discretes), model.discretes[k % len(model.discretes)],
+                )  # fmt: skip
+    assert owners == {"other", *(f"{path}{part}" for path in ("one", "two") for part in ("", ".part[0]", ".part[1]"))}
+    changed = [
+        (model.name(target) if update.reinit else model.discretes[target], model.instances[owner].path)
+        for update in model.updates
+        for target, owner in zip(update.targets.tolist(), update.equations.owners.tolist(), strict=True)
+    ]
+    own = [(f"{path}.{name}", path) for path in ("one", "two") for name in ("v", "m", "n", "when_0", "when_1")]
+    parts = ["other", *(f"{path}.part[{k}]" for path in ("one", "two") for k in range(2))]
+    assert sorted(changed) == sorted([*own, *((f"{path}.n", path) for path in parts)])
