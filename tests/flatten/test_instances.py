@@ -231,3 +231,37 @@ def test_an_input_follows_a_discrete_variable_of_another_part() -> None:
     run = gl.compile(Driven(), outputs=["body.w"]).simulate(2.0, samples=5)
     assert run["body.w"] == pytest.approx([0.0, 1.0, 2.0, 5.0, 8.0], abs=1e-9)
     assert run["torque.tau"][[0, -1]] == pytest.approx([4.0, 12.0])
+
+
+class Counting(gl.Component):
+    """Counts at an event, and knows whether the run is being started."""
+
+    first, second = gl.Discrete(start=1.0), gl.Discrete(start=2.0)
+
+    def equations(self) -> list[Any]:
+        fresh = gl.Piecewise((5.0, gl.initial()), (gl.pre(self.first) + 1, True))
+        return [gl.When(gl.time > 1, gl.Eq(self.first, fresh)), gl.Eq(self.second, gl.pre(self.second) + self.first)]
+
+
+def test_discrete_variables_are_at_their_places_in_the_discrete_state() -> None:
+    """Of n = 6: the k-th at k, before an event at n + k, and whether the run is being started at 2 n."""
+
+    class Bound(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.one, self.two, self.load = Counting(), Counting(), gp.Inertia(J=1.0)
+            self.now = gp.Torque(tau=self.two.second)
+            self.before = gp.Torque(tau=gl.pre(self.two.first) + 2 * self.one.second)
+            return [gl.connect(self.load.flange_a, self.now.flange, self.before.flange)]
+
+    model = flatten(Bound())
+    assert model.discretes == tuple(f"{path}.{name}" for path in ("one", "two") for name in ("first", "second", "when_0"))
+    assert model.discrete_starts[[0, 1, 3, 4]].tolist() == [1.0, 2.0, 1.0, 2.0]
+    places = [*(f"{name}" for name in model.discretes), *(f"pre({name})" for name in model.discretes), "initial()"]
+    found = {
+        tuple(places[k] for k in row)
+        for group in (*model.groups, *(update.equations for update in model.updates)) if group.template.discretes
+        for row in group.discretes.tolist()
+    }  # fmt: skip
+    own = [[f"initial(),pre({p}.first),pre({p}.when_0),{p}.when_0", f"{p}.first,pre({p}.second)"] for p in ("one", "two")]
+    bound = ["two.second", "one.second,pre(two.first)"]
+    assert found == {tuple(names.split(",")) for names in (*own[0], *own[1], *bound)}
