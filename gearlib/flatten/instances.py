@@ -133,10 +133,9 @@ def _add_signals(tree: Tree, component: Component, number_: int) -> None:
         target = tree.numbers[id(part)]
         known = tree.signals.setdefault(target, {})
         if local in known:
-            path = tree.instances[target].path
-            raise ConnectionError(
-                f"{path or tree.instances[target].kind}: '{local}' takes two signals: {source}, which "
-                f"{tree.instances[number_].path or type(component).__name__} joins to it, and {known[local][1]}"
+            raise ConnectionError(  # the outermost component is the first to join, so that both have a path
+                f"{tree.instances[target].path}: '{local}' takes two signals: {source}, which {tree.instances[number_].path} "
+                f"joins to it, and {known[local][1]}"
             )
         known[local] = component, source
 

@@ -9,7 +9,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import BindingError, BoundError, ModelError
+from gearlib.errors import BindingError, BoundError, DeclarationError, ModelError
 from gearlib.flatten.flatten import flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.language.expressions import real_symbol
@@ -265,3 +265,54 @@ def test_discrete_variables_are_at_their_places_in_the_discrete_state() -> None:
     own = [[f"initial(),pre({p}.first),pre({p}.when_0),{p}.when_0", f"{p}.first,pre({p}.second)"] for p in ("one", "two")]
     bound = ["two.second", "one.second,pre(two.first)"]
     assert found == {tuple(names.split(",")) for names in (*own[0], *own[1], *bound)}
+
+
+def test_a_component_is_assembled_once_more_where_it_may_have_changed() -> None:
+    class Growing(gl.Component):
+        calls = 0
+
+        def assemble(self) -> list[Any]:
+            type(self).calls += 1
+            self.body = [gp.Inertia(J=1.0) for _ in range(self.calls)]
+            return []
+
+    one = Growing()
+    for anew, bodies in ((False, 1), (False, 1), (True, 2), (True, 3), (False, 3)):
+        assert len(flatten(one, anew=anew).instances) == 1 + bodies
+
+
+def test_units_of_given_values_are_those_of_what_they_are_given_to() -> None:
+    class Heavy(gl.Component):
+        m = gl.Parameter("kg", default=2.0)
+
+        def assemble(self) -> list[Any]:
+            self.body = gp.Inertia(J=self.m)
+            return []
+
+    class Whole(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.heavy = Heavy()
+            return []
+
+    for made in (Heavy, Whole):
+        with pytest.raises(DeclarationError, match=r"units do not match .*: Heavy: body\.J is in kg\.m2, its value m in kg"):
+            flatten(made())
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_signals_are_joined_where_nothing_else_is_connected(inside: bool) -> None:
+    class Blocks(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.first, self.second = gp.blocks.Gain(k=2.0, u=3.0), gp.blocks.Gain(k=5.0)
+            return [gl.connect(self.first.y, self.second.u)]
+
+    class Whole(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.blocks = Blocks()
+            return []
+
+    model = flatten(Whole() if inside else Blocks())
+    assert model.inputs.tolist() == []
+    path = "blocks." if inside else ""
+    first, second = (int(model.representative[model.variable(path + name)]) for name in ("first.y", "second.u"))
+    assert first == second
