@@ -330,20 +330,17 @@ def _bind_input(tree: Tree, component: Component, scope: Component | None, own: 
 def _resolve(tree: Tree, scope: Component, name: str) -> tuple[int, str | None]:
     """Number and kind of a name, as seen from ``scope``."""
     part, local = descend(scope, name)
-    if id(part) in tree.numbers:
-        instance = tree.instances[tree.numbers[id(part)]]
-        if local in instance.declared.variables:
-            return instance.variable(local), "variable"
-        if local in instance.declared.parameters:
-            return instance.parameter(local), "parameter"
+    instance = tree.instances[tree.numbers[id(part)]]
+    if local in instance.declared.variables:
+        return instance.variable(local), "variable"
+    if local in instance.declared.parameters:
+        return instance.parameter(local), "parameter"
     return -1, None
 
 
 def _discrete(tree: Tree, scope: Component, name: str) -> int:
     """The number of a discrete variable as seen from ``scope``; -1 if the name is not one."""
     part, local = descend(scope, name)
-    if id(part) not in tree.numbers:
-        return -1
     number_ = tree.numbers[id(part)]
     known = tree.instances[number_].record.discretes
     return tree.first_discrete[number_] + list(known).index(local) if local in known else -1

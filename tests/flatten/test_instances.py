@@ -68,6 +68,7 @@ def test_start_values_of_one_component() -> None:
     assert starts(flatten(Cell())) == {"x": (1.0, True), "y": (2.0, False)}
     assert starts(flatten(Cell(start={"y": 5.0}))) == {"x": (1.0, True), "y": (5.0, True)}
     assert starts(flatten(Cell(guess={"y": 5.0}))) == {"x": (1.0, True), "y": (5.0, False)}
+    assert starts(flatten(Cell(start={"n": 2, "y": 5.0}))) == {"x": (1.0, True), "y": (5.0, True)}
     own = flatten(Cell(start={"n": 2}))
     assert own.discrete_starts.tolist() == [2.0]
     assert flatten(Cell()).discrete_starts.tolist() == [4.0]
@@ -81,6 +82,8 @@ def test_start_values_of_one_component() -> None:
         (lambda: Cell(start={"n": "a"}), BindingError, r"^start\(n\) is 'a' \(str\); expected a number in 1 \(start value of a disc"),
         (lambda: Cell(start={"a": 2}), BindingError, r"^Cell: start value for 'a', which is the derivative of 'v'.*start=\{'v': \.\.\.\} "),
         (lambda: Cell(guess={"der(x)": 2}), BindingError, r"^Cell: guess value for 'der\(x\)', which is the derivative of 'x'"),
+        (lambda: Cell(start={"der(zz)": 2}), BindingError, r"^Cell: start value for 'der\(zz\)', which is not a variable of Cell"),
+        (lambda: Cell(start={"der(z)": 2}), BindingError, r"^Cell: start value for 'der\(z\)', which is the derivative of 'z'"),
         (lambda: Cell(start={3: 2}), BindingError, r"^Cell: start value for '3', which is not a variable of Cell"),
         (lambda: Box(start={"cell.xx": 2}), BindingError, r"^Box: start value for 'cell\.xx', which is not a variable of Box; .*cell\.x"),
         (lambda: Box(start={"cel.x": 2}), BindingError, r"^Box: start value for 'cel\.x', which is not a variable of Box"),
@@ -316,3 +319,30 @@ def test_signals_are_joined_where_nothing_else_is_connected(inside: bool) -> Non
     path = "blocks." if inside else ""
     first, second = (int(model.representative[model.variable(path + name)]) for name in ("first.y", "second.u"))
     assert first == second
+
+
+def test_what_a_value_is_missing_for_is_named() -> None:
+    for part, path in ((gp.Inertia(), "J"), (Holding(), "body.J")):
+        with pytest.raises(BindingError) as told:
+            flatten(part)
+        assert str(told.value) == f"{path} has no value; give one in kg.m2 (moment of inertia): J=..."
+    with pytest.raises(BindingError) as told:
+        flatten(Cell(start={"x": None}))
+    assert str(told.value) == "start(x) has no value; give one in m (start value)"
+
+
+class Holding(gl.Component):
+    """A body without an inertia."""
+
+    def assemble(self) -> list[Any]:
+        self.body = gp.Inertia()
+        return []
+
+
+def test_a_table_that_an_input_is_bound_to_has_events_at_its_corners() -> None:
+    class Driven(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.torque, self.body = gp.Torque(tau=gl.Table([0.0, 1.0, 2.0, 4.0], [0.0, 3.0, 1.0, 2.0])), gp.Inertia(J=2.0)
+            return [gl.connect(self.torque.flange, self.body.flange_a)]
+
+    assert flatten(Driven()).n_relations >= 3
