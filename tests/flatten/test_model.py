@@ -114,6 +114,8 @@ def test_bounds_are_inclusive_and_named(model: FlatModel) -> None:
     k = table.number("k")
     for value, right in ((5.0, True), (5.1, False)):  # which is half of part[0].a
         assert table.within_bounds(table.evaluate({k: value}), {k: value}) == right
+        other = flatten(Whole()).parameters  # which did not compute them
+        assert other.within_bounds(table.evaluate({k: value}), {k: value}) == right
     both = np.column_stack([table.defaults, table.evaluate({a: 11.0})])
     assert out_of_bounds(table, both).sum(axis=0).tolist() == [0, 1]
     wrong = {
@@ -125,6 +127,33 @@ def test_bounds_are_inclusive_and_named(model: FlatModel) -> None:
     for value, message in wrong.items():
         with pytest.raises(gl.GearlibError, match=message):
             check_bounds(table, table.evaluate({a: value}))
+
+
+def test_bounds_of_a_parameter_that_no_other_follows_from_are_inclusive() -> None:
+    table = flatten(type("Alone", (gl.Component,), {"p": gl.Parameter("1", default=0.0, min=-2.0, max=3.0)})()).parameters
+    for value, right in ((-2.0, True), (3.0, True), (-2.001, False), (3.001, False), (np.nan, False), (-np.inf, False)):
+        assert table.within_bounds(table.evaluate({0: value}), {0: value}) == right
+    free = flatten(type("Free", (gl.Component,), {"p": gl.Parameter("1", default=0.0)})()).parameters
+    for value, right in ((-1e308, True), (1e308, True), (np.inf, False), (-np.inf, False), (np.nan, False)):
+        assert free.within_bounds(free.evaluate({0: value}), {0: value}) == free.within_bounds(np.array([value])) == right
+
+
+def test_rates_of_parameters_beside_one_that_is_given() -> None:
+    """In a row of parts the middle one's b is given; those of the others follow from a: b = a^2 + 1, c = a b."""
+
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.part = [Part() for _ in range(3)]
+            return []
+
+    table = flatten(Row()).parameters
+    seeds, held = [table.number(f"part[{k}].a") for k in range(3)], table.number("part[1].b")
+    a = [1.5, -2.0, 3.0]
+    values = table.evaluate({held: 7.0, **dict(zip(seeds, a, strict=True))})
+    found = {(table.names[p], k): rate for p, k, rate in table.derivatives(values, seeds, [held])}
+    expected = {(f"part[{k}].a", k): 1.0 for k in range(3)} | {("part[1].c", 1): 7.0}
+    expected |= {(f"part[{k}].b", k): 2 * a[k] for k in (0, 2)} | {(f"part[{k}].c", k): 3 * a[k] ** 2 + 1 for k in (0, 2)}
+    assert found == pytest.approx(expected)
 
 
 def test_names_of_parameters(model: FlatModel) -> None:
@@ -152,6 +181,27 @@ def test_variables_by_name(model: FlatModel) -> None:
     assert str(told.value).endswith(f"name one of its variables: {', '.join(f'part.x{k}' for k in range(12))}")  # of fourteen
     least = [(i, v.min) for i in range(model.auxiliary) if (v := model.declaration(i)) is not None and v.min > -1e300]
     assert list(model.bounded) == least == [(model.variable(f"part[{i}].y"), -1.0) for i in range(2)]
+
+
+def test_what_a_wrong_name_may_mean_is_in_the_component_that_it_begins_with() -> None:
+    class Outer(gl.Component):
+        k = gl.Variable("1")
+
+        def assemble(self) -> list[Any]:
+            self.whole, self.many = Whole(), OfMany()
+            return []
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(self.k, 1.0)]
+
+    model = flatten(Outer())
+    for name, known in (("whole.part[1].velocity", ["x", "y", "z"]), ("velocity", ["k"])):
+        with pytest.raises(NameLookupError) as told:
+            model.variable(name)
+        prefix = name.removesuffix("velocity")
+        assert str(told.value).endswith(f": {', '.join(prefix + local for local in known)}")
+    with pytest.raises(NameLookupError, match=r"no variable 'nowhere\.velocity'; .*k, many\.part\.x0, "):
+        model.variable("nowhere.velocity")
 
 
 def test_start_values_and_guesses(model: FlatModel) -> None:
@@ -184,6 +234,9 @@ def test_the_discrete_state_before_anything_is_evaluated(model: FlatModel) -> No
     assert model.initial_discrete(np.array([5.0, 6.0])).tolist() == [0, 0, 5, 6, 5, 6, 1]
     assert model.same_names(model)
     assert not model.same_names(flatten(Part()))
+    for other in ({"updates": ()}, {"discretes": ()}, {"instances": model.instances[:-1]}):
+        assert not model.same_names(replace(model, **other))
+        assert not replace(model, **other).same_names(model)
     assert flatten(gp.Inertia(J=1.0)).n_discrete == 0
 
 
@@ -249,7 +302,7 @@ class Governed(gl.Component):
 
     compared: Callable[[Any], Any] = staticmethod(lambda w: w > 0.5)
     low, J, start, step, least, nominal = 1.0, 2.0, 0.25, 2.0, 0.0, 3.0
-    fixed, turned, reset, state = True, False, False, "default"
+    fixed, turned, reset, state, shifted = True, False, False, "default", False
 
     def assemble(self) -> list[Any]:
         start = {"start" if self.fixed else "guess": {"w": self.start}}
@@ -261,7 +314,7 @@ class Governed(gl.Component):
     def counted(self) -> type[gl.Component]:
         class Counter(gl.Component):
             p = gl.Parameter("1", default=self.step, min=self.least)
-            q = gl.Parameter("1", default=lambda part: 2 * part.p)
+            q = gl.Parameter("1", default=(lambda part: part.p + 2) if self.shifted else lambda part: 2 * part.p)
             n = gl.Discrete("count", start=self.step)
             x = gl.Variable("1", start=0.0)
 
@@ -277,7 +330,7 @@ def test_digests_tell_models_apart() -> None:
     changes: list[dict[str, Any]] = [
         {}, {"compared": lambda w: w >= 0.5}, {"compared": lambda w: w < 0.5}, {"compared": lambda w: w <= 0.5},
         {"compared": lambda w: w > 0.75}, {"low": 3.0}, {"J": 5.0}, {"start": 0.5}, {"step": 5.0}, {"least": -1.0},
-        {"nominal": 7.0}, {"fixed": False}, {"turned": True}, {"reset": True}, {"state": "avoid"},
+        {"nominal": 7.0}, {"fixed": False}, {"turned": True}, {"reset": True}, {"state": "avoid"}, {"shifted": True},
     ]  # fmt: skip
     found = []
     for change in changes:
@@ -285,6 +338,7 @@ def test_digests_tell_models_apart() -> None:
         found.append(flatten(kind()).digest)
     assert len(set(found)) == len(found)
     assert flatten(Governed()).digest == found[0]
+    assert flatten(type("Other", (Governed,), {})()).digest not in found
 
 
 class Star(gl.Component):
