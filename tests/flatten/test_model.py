@@ -365,6 +365,7 @@ def test_variables_that_split_a_sum_have_names_but_no_declaration() -> None:
         (g.template.label.startswith("sum of"), model.owner(k, i)) for k, g in enumerate(model.groups) for i in range(len(g))
     }
     assert owners == {(True, "connection"), (False, "gain"), *((False, f"body[{k}]") for k in range(12))}
+    assert flatten(gp.Inertia(J=1.0)).owner(0, 0) == "Inertia"
     two = flatten(Star(bodies=18))  # of 19
     assert [two.name(v) for v in range(two.auxiliary, two.n_variables)] == ["flow_sum[0]", "flow_sum[1]"]
     others = replace(model, flow=np.zeros_like(model.flow))

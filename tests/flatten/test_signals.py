@@ -11,6 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError, ConnectionError, DeclarationError
+from gearlib.flatten.flatten import flatten
 from gearlib.language.expressions import real_symbol
 from gearlib.language.outline import outline
 
@@ -145,3 +146,30 @@ def test_a_connected_signal_replaces_a_default() -> None:
             return [c(self.current.y, self.brake.excitation), c(self.brake.flange, self.load.flange_a)]
 
     assert gl.simulate(Excited(), 0.1, samples=2)["brake.excitation"].tolist() == [0.5, 0.5]
+
+
+def test_a_discrete_variable_is_a_source() -> None:
+    class Switch(gl.Component):
+        mode = gl.Discrete("1", start=2.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.When(gl.time > 0.5, gl.Eq(self.mode, 5.0))]
+
+    class Switched(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.switch, self.gain = Switch(), B.Gain(k=3.0)
+            return [c(self.switch.mode, self.gain.u)]
+
+    class Twice(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.switch, self.gain = [Switch(), Switch()], B.Gain(k=3.0)
+            return [c(self.switch[0].mode, self.gain.u, self.switch[1].mode)]
+
+    model = flatten(Switched())
+    assert model.inputs.tolist() == []
+    (bound,) = (g for g in model.groups if g.template.binds)
+    assert bound.discretes.tolist() == [[model.discretes.index("switch.mode")]]
+    with pytest.raises(
+        ConnectionError, match=r"^Twice: connect\(\) joins the signals switch\[0\]\.mode, switch\[1\]\.mode, each of"
+    ):
+        flatten(Twice())

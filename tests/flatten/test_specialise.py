@@ -210,3 +210,18 @@ def test_patterns_say_which_locals_are_one_variable_or_none(seed: int) -> None:
             expected[i] = tuple(pattern)
     found = {int(i): pattern for some, pattern in by_pattern(raw, aliases) for i in some}
     assert found == expected
+
+
+def test_a_variable_that_is_zero_leaves_an_equation() -> None:
+    """Also a derivative of it, and where it is the argument of a function."""
+    x, y, z, rate = (sympy.Symbol(name, real=True) for name in ("x", "y", "z", "der(x)"))
+    template = template_of(gl.Eq(sympy.cos(x) * y + 3 * rate - x * z, z), "test", lambda name: False)
+    assert template.locals == ("x", "y", "z")
+    assert specialised(template, ((-1, 0), (1, 1), (2, 1))).residual == y - z
+    assert specialised(template, ((0, 1), (-1, 0), (2, 1))).residual == 3 * rate - x * z - z
+    linear = template_of(gl.Eq(x + y, 2 * z), "test", lambda name: False)
+    assert merged(linear, ((-1, 0), (1, 1), (2, 1))) is linear, "it is no alias without it"
+    half = template_of(gl.Eq(x + y, z), "test", lambda name: False)
+    assert merged(half, ((-1, 0), (1, 1), (2, 1))).alias == (0, 1, 1)
+    assert merged(half, ((-1, 0), (1, 1), (-1, 0))).alias == (0, -1, 0)
+    assert merged(half, ((-1, 0), (-1, 0), (-1, 0))).columns == ()
