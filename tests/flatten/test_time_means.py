@@ -68,6 +68,8 @@ def test_a_periodic_law_is_off_its_mean(law: Any) -> None:
         (lambda s, t: branch(t > -1, gl.cos(t), 5 + gl.sin(t)), -1.0), (lambda s, t: branch(t >= 0, gl.cos(t), 5 + gl.sin(t)), -1.0),
         (lambda s, t: branch(gl.cos(s.w * t) > s.a, gl.sin(t), gl.cos(t)), -1.0),
         (lambda s, t: branch(gl.cos(s.w * t) < s.a, gl.sin(t), gl.cos(t)), 0.0),
+        (lambda s, t: branch(gl.cos(t) > 1.25, gl.sin(t), gl.cos(t)), -1.0),
+        (lambda s, t: branch(gl.cos(2 * t) < -1.25, gl.sin(t), gl.cos(t)), -1.0),
         (lambda s, t: branch(t > 1, 1, 2), np.nan), (lambda s, t: branch(t < 1e-4, 1, 2), np.nan),
         (lambda s, t: branch(t < 1e6, 1, 2), np.nan),
         (lambda s, t: branch(gl.sin(t) > 0.5, 1, 2), np.nan), (lambda s, t: t, np.nan), (lambda s, t: gl.exp(-t), np.nan),
