@@ -306,3 +306,24 @@ def test_values_behind_one_that_counts_are_looked_at() -> None:
 
     with pytest.raises(BindingError, match=r"^second \(Own\): u=4\.0 has no effect"):
         flatten(Two())
+
+
+class Both(gl.Component):
+    """Its number counts where two choices are made, of three."""
+
+    cold = gl.Structural(False)
+    heavy = gl.Structural(False)
+    law = gl.Structural("none", choices=("none", "one", "two"))
+    m = gl.Parameter("kg", default=1.0)
+    x = gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.m if self.heavy and self.law == "two" else 2.0 if self.cold else 1.0)]
+
+
+def test_advice_may_be_two_choices() -> None:
+    with pytest.raises(BindingError) as refused:
+        flatten(Both(m=3.0))
+    assert str(refused.value) == (
+        "Both: m=3.0 has no effect with cold=False, heavy=False, law='none'; it counts with heavy=True and law='two'"
+    )
