@@ -409,3 +409,37 @@ def test_an_equation_that_says_nothing_of_equal_variables_is_redundant() -> None
     assert sum(map(len, model.groups)) == 4
     assert model.sign.tolist() == [1] * 10
     assert model.representative.tolist() == [0, 1, 2, 3, 3, 5, 6, 7, 8, 8]
+
+
+@pytest.mark.parametrize("across", [False, True])
+def test_what_lies_in_series_with_parts_side_by_side_carries_the_same(across: bool) -> None:
+    """Also where a part beside them lies across one rigid set, whose equations are simplified first."""
+
+    class Model(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.wall, self.front, self.damper = gp.Fixed(), gp.Spring(c=1.0), [gp.Damper(d=1.0), gp.Damper(d=2.0)]
+            self.body, self.other = gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+            one, two = self.damper
+            links = [c(self.wall.flange, self.front.flange_a), c(self.body.flange_b, self.other.flange_a)]
+            if across:
+                self.spring = gp.Spring(c=1.0)
+                links += [c(self.spring.flange_a, self.body.flange_b), c(self.spring.flange_b, self.other.flange_b)]
+            between = [c(self.front.flange_b, one.flange_a, two.flange_a), c(one.flange_b, two.flange_b, self.body.flange_a)]
+            return [*links, *between]
+
+    model = flatten(Model())
+    carried = {int(model.representative[model.variable(name)]) for name in ("front.tau", "body.flange_a.tau")}
+    assert len(carried) == 1
+    assert model.n_equations == model.n_variables
+    unknown = {int(model.representative[v]) for v in range(model.n_variables) if model.sign[v]}
+    assert sum(map(len, model.groups)) == len(unknown)
+
+
+def test_the_first_value_out_of_its_bounds_is_named() -> None:
+    class Pair(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.other, self.third = (gp.Inertia(J=j) for j in (1.0, -2.0, -3.0))
+            return []
+
+    with pytest.raises(BoundError, match=r"^other\.J is -2; expected at least 0$"):
+        flatten(Pair())
