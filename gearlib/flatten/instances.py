@@ -52,7 +52,7 @@ def walk(root: Component, anew: bool = True) -> Tree:
         if interior.parts_of(component):
             prefix = f"{path}." if path else ""
             stack += [(part, prefix + name) for name, part in reversed(interior.parts_of(component).items())]
-        if interior.parts_of(component) or connections or not record.local:
+        if connections or not record.local:
             composites.append((component, number_, connections))
     for component, number_, connections in composites:
         _add_links(tree, component, number_, connections)
@@ -157,12 +157,7 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
     for offset, (name, declared) in enumerate(instance.declared.parameters.items()):
         value = bindings.get(name, declared.default)
         scope = parent if name in bindings else component
-        read = set(interior.choices_read_of(component)) if callable(value) else None
         _set_parameter(tree, instance.first_parameter + offset, value, scope, declared.unit, declared.description)
-        if (
-            read is not None and name not in record.own_names and not interior.parts_of(component)
-        ):  # what only its default reads has no effect
-            interior.choices_read_of(component).intersection_update(read)
     signals = tree.signals.get(number_, {})
     for name, variable in (instance.declared.variables if signals else instance.declared.valued).items():
         if isinstance(variable, Input):

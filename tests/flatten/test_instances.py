@@ -9,7 +9,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import BindingError, BoundError, DeclarationError, ModelError
+from gearlib.errors import BindingError, BoundError, ConnectionError, DeclarationError, ModelError
 from gearlib.flatten.flatten import flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.language.expressions import real_symbol
@@ -346,3 +346,30 @@ def test_a_table_that_an_input_is_bound_to_has_events_at_its_corners() -> None:
             return [gl.connect(self.torque.flange, self.body.flange_a)]
 
     assert flatten(Driven()).n_relations >= 3
+
+
+@pytest.mark.parametrize("deep", [False, True])
+def test_a_connection_to_a_part_of_another_component_is_refused(deep: bool) -> None:
+    """Also where both belong to one model."""
+    others: list[Any] = []
+
+    class Inside(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.own = gp.Inertia(J=1.0)
+            return [gl.connect(self.own.flange_a, others[-1].flange_a)]
+
+    class Model(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.beside = [gp.Inertia(J=1.0)]
+            others.append(self.beside[0])
+            self.inside = Holder() if deep else Inside()
+            return []
+
+    class Holder(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.held = Inside()
+            return []
+
+    path = r"inside\.held" if deep else "inside"
+    with pytest.raises(ConnectionError, match=rf"^{path}: connects Inertia 'beside\[0\]\.flange_a', which is not part of it; "):
+        flatten(Model())
