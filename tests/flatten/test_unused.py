@@ -327,3 +327,17 @@ def test_advice_may_be_two_choices() -> None:
     assert str(refused.value) == (
         "Both: m=3.0 has no effect with cold=False, heavy=False, law='none'; it counts with heavy=True and law='two'"
     )
+
+
+def test_an_input_that_is_left_to_the_run_and_values_that_are_functions_may_go_unused() -> None:
+    class Two(gl.Component):
+        k = gl.Parameter("kg", default=1.0)
+
+        def assemble(self) -> list[Any]:
+            self.first = Own(u=None)
+            self.second = Own(m=lambda part: 2.0)
+            self.third = Own(heavy=True, m=self.k)
+            return []
+
+    part = Two()
+    refuse_unused(walk(part), part)
