@@ -274,6 +274,7 @@ def test_ranks_do_not_depend_on_the_order_of_declaration() -> None:
             names = ["b", "a", "row"]
             for name in reversed(names) if self.backwards else names:
                 setattr(self, name, [gp.Inertia(J=1.0) for _ in range(11)] if name == "row" else gp.Inertia(J=1.0))
+            self.z_deep = Whole()  # whose parts come first
             return [gl.connect(self.a.flange_b, self.b.flange_a)]
 
     orders = []
