@@ -15,7 +15,7 @@ from gearlib.equations.template import checked, parse_column, piecewise
 from gearlib.errors import DeclarationError, nearest
 from gearlib.language.component import Component, energies_of
 from gearlib.language.declarations import Connector, Flow, Potential, declared_by
-from gearlib.language.expressions import time
+from gearlib.language.expressions import real_symbol, time
 from gearlib.language.interior import connections_of, parts_of, reads_parts
 from gearlib.language.units import dimension
 
@@ -159,7 +159,7 @@ def _powers(name: str, connector: Connector) -> list[tuple[Any, bool]] | None:
         return None
     found = []
     for (potential, unit), (flow, flow_unit) in zip(potentials, flows, strict=True):
-        across, into = (sympy.Symbol(f"{name}.{n}", real=True) for n in (potential, flow))
+        across, into = (real_symbol(f"{name}.{n}") for n in (potential, flow))
         try:
             a, b = dimension(unit), dimension(flow_unit)
         except DeclarationError:
@@ -170,7 +170,7 @@ def _powers(name: str, connector: Connector) -> list[tuple[Any, bool]] | None:
         if b == POWER:
             found.append((into, True))
         elif product == ENERGY:
-            found.append((into * sympy.Symbol(f"der({name}.{potential})", real=True), False))
+            found.append((into * real_symbol(f"der({name}.{potential})"), False))
         elif product == POWER:
             found.append((into * across, False))
         else:

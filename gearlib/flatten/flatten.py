@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
@@ -198,8 +199,11 @@ def check_bounds(table: ParameterTable, values: Floats, given: Mapping[int, floa
         low, high, value = table.lower[k], table.upper[k], values[k]
         if not np.isfinite(value):
             raise BoundError(f"{table.names[k]} is {value}; expected a finite number")
-        bound = f"at least {low:g}" if value < low else f"at most {high:g}"
-        raise BoundError(f"{table.names[k]} is {value:g}; expected {bound}")
+        bound, limit = ("at least", low) if value < low else ("at most", high)
+        found, expected = f"{value:g}", f"{limit:g}"
+        if found == expected:  # which differ in later digits
+            found, expected = repr(float(value)), repr(float(limit))
+        raise BoundError(f"{table.names[k]} is {found}; expected {bound} {expected}")
 
 
 def _parameter_table(tree: Tree) -> ParameterTable:
@@ -236,8 +240,13 @@ def _parameter_levels(tree: Tree) -> dict[int, int]:
                 continue
             opened.add(target)
             if any(a in opened for a in waiting):
-                names = ", ".join(sorted(tree.parameter_names[a] for a in opened))
-                raise BindingError(f"the parameters {names} depend on each other cyclically; give one of them a number")
+                circle = nx.find_cycle(nx.DiGraph((t, a) for t in opened for a in made[t] if a in opened))
+                names = sorted(tree.parameter_names[t] for t, _ in circle)
+                if len(names) == 1:
+                    raise BindingError(f"the parameter {names[0]} depends on itself; give it a number")
+                raise BindingError(
+                    f"the parameters {', '.join(names)} depend on each other cyclically; give one of them a number"
+                )
             stack += waiting
     return level
 

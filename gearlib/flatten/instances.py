@@ -52,7 +52,7 @@ def walk(root: Component, anew: bool = True) -> Tree:
         if interior.parts_of(component):
             prefix = f"{path}." if path else ""
             stack += [(part, prefix + name) for name, part in reversed(interior.parts_of(component).items())]
-        if interior.parts_of(component) or connections or not record.local:
+        if connections or not record.local:
             composites.append((component, number_, connections))
     for component, number_, connections in composites:
         _add_links(tree, component, number_, connections)
@@ -133,10 +133,9 @@ def _add_signals(tree: Tree, component: Component, number_: int) -> None:
         target = tree.numbers[id(part)]
         known = tree.signals.setdefault(target, {})
         if local in known:
-            path = tree.instances[target].path
-            raise ConnectionError(
-                f"{path or tree.instances[target].kind}: '{local}' takes two signals: {source}, which "
-                f"{tree.instances[number_].path or type(component).__name__} joins to it, and {known[local][1]}"
+            raise ConnectionError(  # the outermost component is the first to join, so that both have a path
+                f"{tree.instances[target].path}: '{local}' takes two signals: {source}, which {tree.instances[number_].path} "
+                f"joins to it, and {known[local][1]}"
             )
         known[local] = component, source
 
@@ -158,12 +157,7 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
     for offset, (name, declared) in enumerate(instance.declared.parameters.items()):
         value = bindings.get(name, declared.default)
         scope = parent if name in bindings else component
-        read = set(interior.choices_read_of(component)) if callable(value) else None
         _set_parameter(tree, instance.first_parameter + offset, value, scope, declared.unit, declared.description)
-        if (
-            read is not None and name not in record.own_names and not interior.parts_of(component)
-        ):  # what only its default reads has no effect
-            interior.choices_read_of(component).intersection_update(read)
     signals = tree.signals.get(number_, {})
     for name, variable in (instance.declared.variables if signals else instance.declared.valued).items():
         if isinstance(variable, Input):
@@ -331,20 +325,17 @@ def _bind_input(tree: Tree, component: Component, scope: Component | None, own: 
 def _resolve(tree: Tree, scope: Component, name: str) -> tuple[int, str | None]:
     """Number and kind of a name, as seen from ``scope``."""
     part, local = descend(scope, name)
-    if id(part) in tree.numbers:
-        instance = tree.instances[tree.numbers[id(part)]]
-        if local in instance.declared.variables:
-            return instance.variable(local), "variable"
-        if local in instance.declared.parameters:
-            return instance.parameter(local), "parameter"
+    instance = tree.instances[tree.numbers[id(part)]]
+    if local in instance.declared.variables:
+        return instance.variable(local), "variable"
+    if local in instance.declared.parameters:
+        return instance.parameter(local), "parameter"
     return -1, None
 
 
 def _discrete(tree: Tree, scope: Component, name: str) -> int:
     """The number of a discrete variable as seen from ``scope``; -1 if the name is not one."""
     part, local = descend(scope, name)
-    if id(part) not in tree.numbers:
-        return -1
     number_ = tree.numbers[id(part)]
     known = tree.instances[number_].record.discretes
     return tree.first_discrete[number_] + list(known).index(local) if local in known else -1

@@ -340,10 +340,11 @@ class FlatModel:
 
         tell([i[:2] for i in self.instances], table.names, self.discretes, table.defaults, table.lower, table.upper)
         tell(self.started, self.start_slots, self.start_fixed, self.inputs, self.representative, self.sign, self.nominal)
-        tell(self.discrete_starts)
+        tell(self.preference, self.discrete_starts)
         for group in (*self.groups, *(update.equations for update in self.updates)):
             template = group.template
-            tell(template.label, str(template.residual), [str(r.g) for r in template.relations])
+            relations = [(str(r.g), r.strict, r.negated) for r in template.relations]
+            tell(template.label, str(template.residual), relations)
             tell(group.variables, group.signs, group.parameters, group.discretes)
         for update in self.updates:
             tell(update.targets, update.reinit)

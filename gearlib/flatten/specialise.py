@@ -93,16 +93,10 @@ def with_values(raw: EquationGroup, values: Mapping[int, float], names: Sequence
 def by_pattern(raw: EquationGroup, aliases: Aliases) -> list[tuple[Integers, Pattern]]:
     """Rows in which a local is an alias of another one, or zero, grouped by pattern; other rows are omitted."""
     representative, sign = aliases.representative[raw.variables], raw.signs * aliases.sign[raw.variables]
-    zero = sign == 0
-    # Identically zero locals are not aliases of each other
-    apart = np.where(zero, -1 - np.arange(representative.shape[1]), representative)
-    apart.sort(axis=1)
-    zero[:, 1:] |= apart[:, 1:] == apart[:, :-1]
-    if not zero.any():
-        return []
-    special = np.flatnonzero(zero.any(axis=1))
+    ordered = np.sort(representative, axis=1)
+    special = (sign == 0).any(axis=1) | (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
     found: dict[Pattern, list[int]] = {}
-    for i in special.tolist():
+    for i in np.flatnonzero(special).tolist():
         first: dict[int, int] = {}
         pattern = []
         signs = sign[i].tolist()

@@ -17,7 +17,7 @@ from gearlib.language.declarations import Input
 from gearlib.language.expressions import real_symbol, time
 
 Floats = NDArray[np.float64]
-FOREVER = 1e12  # s
+SOON, FOREVER = 1.0, 1e12  # s
 SMALL = 1e-12  # of its sinusoids: what a signal is off its mean by rounding
 
 
@@ -38,7 +38,7 @@ def _off_mean(template: Template, given: dict[Any, Any]) -> float:
         return np.nan
     try:
         states = {
-            relation_symbol(k): _state(r.g.xreplace(given))
+            relation_symbol(k): _state(r.g.xreplace(given), r.negated)
             for k, r in enumerate(template.relations)
             if time in r.g.free_symbols
         }
@@ -53,11 +53,13 @@ def _off_mean(template: Template, given: dict[Any, Any]) -> float:
     return off if abs(off) > SMALL * sum(abs(c) for powers in signal.values() for c in powers) else 0.0
 
 
-def _state(g: Any) -> Any:
+def _state(g: Any, negated: bool) -> Any:
     """Whether a comparison of time holds from time 0 on for ever."""
-    if len(switch_times(g > 0, 0.0, FOREVER)):
+    if g.free_symbols != {time}:
+        raise OutsideClassError(f"{g} depends on more than time")
+    if any(len(switch_times(g > 0, 0.0, end)) for end in (SOON, FOREVER)):  # what is close to zero is none among large times
         raise OutsideClassError(f"{g} changes its sign")
-    return sympy.Integer(bool(g.subs(time, 1.0) > 0))
+    return sympy.Integer(bool(g.subs(time, SOON) < 0 if negated else g.subs(time, SOON) > 0))
 
 
 def held_in_time(model: FlatModel, parameters: Floats, means: bool) -> list[str]:

@@ -103,3 +103,42 @@ def test_attributes_of_aliases_are_those_of_their_representative() -> None:
     assert sizes([1.0] * 5) == [1.0, 1.0]
     assert sizes([1.0, 1e-3, 1e-2, 50.0, 1.0]) == [1e-3, 50.0]
     assert sizes([1.0, 1e-3, 1e-2, 1.0, 1.0], (2, "nominal", 7.0), (0, "nominal", 5.0), (4, "state", "never")) == [5.0, 1.0]
+
+
+class Heat(gl.Connector):
+    T = gl.Potential("K", "temperature")
+    Q = gl.Flow("W", "heat")
+
+
+class Heated(gl.Component):
+    """Its angle is a coordinate, its temperature is none; dials show both, and a number without a unit."""
+
+    flange, heat = gp.Flange("shaft"), Heat("heat port")
+    c, k = gl.Parameter("N.m/rad", default=2.0), gl.Parameter("W/K", default=3.0)
+    angle, warmth, count = gl.Variable("rad"), gl.Variable("K"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        law = [gl.Eq(self.angle, self.flange.phi), gl.Eq(self.warmth, self.heat.T), gl.Eq(self.count, 1.0)]
+        return [*law, gl.Eq(self.flange.tau, self.c * self.angle), gl.Eq(self.heat.Q, self.k * self.warmth)]
+
+
+def test_coordinates_are_potentials_with_a_place_of_their_own_to_count_from() -> None:
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.other, self.body = Heated(), Heated(), gp.Inertia(J=1.0)
+            return [
+                gl.connect(self.one.flange, self.other.flange, self.body.flange_a),
+                gl.connect(self.one.heat, self.other.heat),
+            ]
+
+    model = flatten(Two())
+
+    def those(marked: Any) -> set[str]:
+        return {name for name in model.names() if marked[model.representative[model.variable(name)]]}
+
+    dials = {"one.flange.phi", "other.flange.phi", "one.angle", "other.angle"}
+    assert those(model.potential) == dials | {"body.phi", "body.flange_a.phi", "body.flange_b.phi"}
+    flanges = {"one.flange.tau", "other.flange.tau", "body.flange_a.tau", "body.flange_b.tau"}
+    assert those(model.flow) == flanges | {"one.heat.Q", "other.heat.Q"}
+    preferred = dict(zip(model.names(), model.preference[model.representative].tolist(), strict=True))
+    assert {name for name, level in preferred.items() if level == PREFERENCE["avoid"]} == those(model.potential)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -13,16 +14,19 @@ from hypothesis import strategies as st
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.equations.template import template_of
 from gearlib.flatten.aliases import Aliases, unite
 from gearlib.flatten.connections import (
     MOST_ADDENDS,
     connection_sets,
     series_of_parallels,
     split_sum,
+    sum_groups,
     sum_template,
     without_opposites,
 )
 from gearlib.flatten.model import EquationGroup
+from gearlib.language.expressions import real_symbol
 
 
 @given(st.lists(st.lists(st.integers(0, 12), min_size=1, max_size=4), max_size=8))
@@ -130,6 +134,22 @@ def test_parallel_parts_in_series_carry_the_same() -> None:
     assert series_of_parallels([two], aliases) == ([], [two]), "sums of two are equalities anyway"
     apart = sums_of([[0, 2, 3], [1, 2, 3]], [[1, 1, 1], [1, -1, 1]])
     assert series_of_parallels([apart], aliases) == ([], [apart])
+    same = sums_of([[0, 2, 3], [3, 0, 2]], [[1, 1, 1], [-1, -1, -1]])
+    assert series_of_parallels([same], aliases) == ([], [same]), "one of them is redundant, which is found later"
+    law = template_of(gl.Eq(sum(real_symbol(name) ** 2 for name in "xyz"), 0), "no sum", lambda name: False)
+    assert series_of_parallels([replace(group, template=law)], aliases) == ([], [replace(group, template=law)])
+
+
+def test_sums_of_one_length_are_one_group() -> None:
+    """With their signs and owners in the order of their sums; they have neither parameters nor discrete variables."""
+    owned = [(((4, 1), (2, -1), (0, 1)), 5), (((1, -1), (3, 1)), -1), (((6, -1), (5, -1), (7, 1)), 2)]
+    two, three = sum_groups(owned)
+    assert (two.variables.tolist(), two.signs.tolist(), two.owners.tolist()) == ([[1, 3]], [[-1, 1]], [-1])
+    assert (three.variables.tolist(), three.owners.tolist()) == ([[4, 2, 0], [6, 5, 7]], [5, 2])
+    assert three.signs.tolist() == [[1, -1, 1], [-1, -1, 1]]
+    assert two.parameters.shape == two.discretes.shape == (1, 0)
+    assert three.parameters.shape == three.discretes.shape == (2, 0)
+    assert three.template.residual == sum(real_symbol(f"flow_{k}") for k in range(3))
 
 
 class SideBySide(gl.Component):

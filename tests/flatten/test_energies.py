@@ -65,6 +65,10 @@ def test_heat_beside_work_is_counted_apart() -> None:
     found = part(a=turn("one"), b=turn("other"), c=heat("heat"), d=heat("more heat"))
     assert said(found.through) == symbol("der(a.e0)") * symbol("a.f0") + symbol("der(b.e0)") * symbol("b.f0")
     assert said(found.heat_in) == symbol("c.f0") + symbol("d.f0")
+    wired = part(a=connector(("V", "A"))("one"), b=connector(("rad/s", "N.m"))("other"), c=heat("heat"), d=turn("third"))
+    across = [symbol(f"{plug}.e0") * symbol(f"{plug}.f0") for plug in "ab"]
+    assert said(wired.through) == sum(across) + symbol("der(d.e0)") * symbol("d.f0")
+    assert said(wired.heat_in) == symbol("c.f0")
     alone = part(c=heat("heat"), d=heat("more heat"))
     assert (said(alone.through), alone.heat_in) == (symbol("c.f0") + symbol("d.f0"), None)
 

@@ -97,6 +97,24 @@ def test_parameters_in_a_circle() -> None:
         flatten(Circle())
 
 
+def test_what_leads_into_a_circle_is_not_part_of_it() -> None:
+    class Leading(gl.Component):
+        a = gl.Parameter("1", "leads there", default=lambda s: s.b + s.e)
+        b = gl.Parameter("1", "one", default=lambda s: s.c)
+        c = gl.Parameter("1", "other", default=lambda s: 2 * s.d)
+        d = gl.Parameter("1", "third", default=lambda s: s.b - s.e)
+        e = gl.Parameter("1", "in none", default=1.0)
+
+    with pytest.raises(BindingError, match=r"^the parameters b, c, d depend on each other cyclically; give one of them a"):
+        flatten(Leading())
+
+    class Alone(gl.Component):
+        a = gl.Parameter("1", "of itself", default=lambda s: s.a + 1)
+
+    with pytest.raises(BindingError, match=r"^the parameter a depends on itself; give it a number"):
+        flatten(Alone())
+
+
 def part(**given: Any) -> gl.Component:
     class Model(gl.Component):
         q = gl.Parameter("any", "own parameter", default=1.0)
@@ -324,3 +342,104 @@ def test_error_of_a_foreign_connection_names_the_composite() -> None:
 
     with pytest.raises(ConnectionError, match="inside: connects Inertia 'flange_a', which is not part of it"):
         flatten(Model())
+
+
+class Chain(gl.Component):
+    """A torque on a row of bodies, each joined to the next; or the last one twice, by both of its flanges."""
+
+    bodies = gl.Structural(3)
+    ring = gl.Structural(False)
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.body = gp.Torque(), [gp.Inertia(J=1.0) for _ in range(self.bodies)]
+        flanges = [self.torque.flange, *(f for body in self.body for f in (body.flange_a, body.flange_b))]
+        last = [c(self.body[-1].flange_b, self.body[0].flange_a)] if self.ring else []
+        return [*(c(one, other) for one, other in zip(flanges[::2], flanges[1::2], strict=False)), *last]
+
+
+@pytest.mark.parametrize("ring", [False, True])
+@pytest.mark.parametrize("bodies", [1, 3])
+def test_equations_are_counted(bodies: int, ring: bool) -> None:
+    """As many as there are variables but the input; what an equation says again of aliases is counted apart."""
+    model = flatten(Chain(bodies=bodies, ring=ring))
+    assert model.n_equations == model.n_variables - 1
+    assert model.n_connection_sets == bodies
+    left = sum(map(len, model.groups))
+    unknown = {int(model.representative[v]) for v in range(model.n_variables) if model.sign[v]} - {*model.inputs.tolist()}
+    assert left == model.n_equations - model.n_aliases - model.redundant
+    assert model.redundant == ring, "the angles of a ring of rigid bodies are equal by all equations but one"
+    assert len(unknown) == left + ring
+
+
+@pytest.mark.parametrize("springs", [4, 5])
+def test_a_sum_whose_flows_all_cancel_is_an_equation_that_says_nothing(springs: int) -> None:
+    """Whether it is long enough to be looked at before it is split or not; springs between a node and itself."""
+
+    class Node(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.spring = [gp.Spring(c=1.0) for _ in range(springs)]
+            return [c(*(f for s in self.spring for f in (s.flange_a, s.flange_b)))]
+
+    model = flatten(Node())
+    assert model.n_equations == model.n_variables == model.auxiliary
+    left = sum(map(len, model.groups))
+    assert (left, model.redundant) == (springs, 1), "the law of each spring is left"
+    assert model.n_aliases == model.n_equations - springs - 1
+    still = {name for name in model.names() if not model.sign[model.variable(name)]}
+    assert still == {f"spring[{k}].{name}" for k in range(springs) for name in ("phi_rel", "w_rel")}
+
+
+def test_an_equation_that_says_nothing_of_equal_variables_is_redundant() -> None:
+    """Where x = y, x' = y' is 0 = 0; no other variable is changed by it."""
+
+    class Repeated(gl.Component):
+        free, other, w, x, y = (gl.Variable("1") for _ in range(5))
+
+        def equations(self) -> list[gl.Eq]:
+            law = [gl.Eq(self.w * self.free, 1.0), gl.Eq(gl.der(self.x), self.w)]
+            return [*law, gl.Eq(self.x, self.y), gl.Eq(gl.der(self.x), gl.der(self.y))]
+
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.part = [Repeated(), Repeated()]
+            return []
+
+    model = flatten(Two())
+    assert (model.n_equations, model.n_aliases, model.redundant) == (8, 2, 2)
+    assert sum(map(len, model.groups)) == 4
+    assert model.sign.tolist() == [1] * 10
+    assert model.representative.tolist() == [0, 1, 2, 3, 3, 5, 6, 7, 8, 8]
+
+
+@pytest.mark.parametrize("across", [False, True])
+def test_what_lies_in_series_with_parts_side_by_side_carries_the_same(across: bool) -> None:
+    """Also where a part beside them lies across one rigid set, whose equations are simplified first."""
+
+    class Model(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.wall, self.front, self.damper = gp.Fixed(), gp.Spring(c=1.0), [gp.Damper(d=1.0), gp.Damper(d=2.0)]
+            self.body, self.other = gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+            one, two = self.damper
+            links = [c(self.wall.flange, self.front.flange_a), c(self.body.flange_b, self.other.flange_a)]
+            if across:
+                self.spring = gp.Spring(c=1.0)
+                links += [c(self.spring.flange_a, self.body.flange_b), c(self.spring.flange_b, self.other.flange_b)]
+            between = [c(self.front.flange_b, one.flange_a, two.flange_a), c(one.flange_b, two.flange_b, self.body.flange_a)]
+            return [*links, *between]
+
+    model = flatten(Model())
+    carried = {int(model.representative[model.variable(name)]) for name in ("front.tau", "body.flange_a.tau")}
+    assert len(carried) == 1
+    assert model.n_equations == model.n_variables
+    unknown = {int(model.representative[v]) for v in range(model.n_variables) if model.sign[v]}
+    assert sum(map(len, model.groups)) == len(unknown)
+
+
+def test_the_first_value_out_of_its_bounds_is_named() -> None:
+    class Pair(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.other, self.third = (gp.Inertia(J=j) for j in (1.0, -2.0, -3.0))
+            return []
+
+    with pytest.raises(BoundError, match=r"^other\.J is -2; expected at least 0$"):
+        flatten(Pair())

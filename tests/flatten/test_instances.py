@@ -9,7 +9,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import BindingError, BoundError, ModelError
+from gearlib.errors import BindingError, BoundError, ConnectionError, DeclarationError, ModelError
 from gearlib.flatten.flatten import flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.language.expressions import real_symbol
@@ -68,6 +68,7 @@ def test_start_values_of_one_component() -> None:
     assert starts(flatten(Cell())) == {"x": (1.0, True), "y": (2.0, False)}
     assert starts(flatten(Cell(start={"y": 5.0}))) == {"x": (1.0, True), "y": (5.0, True)}
     assert starts(flatten(Cell(guess={"y": 5.0}))) == {"x": (1.0, True), "y": (5.0, False)}
+    assert starts(flatten(Cell(start={"n": 2, "y": 5.0}))) == {"x": (1.0, True), "y": (5.0, True)}
     own = flatten(Cell(start={"n": 2}))
     assert own.discrete_starts.tolist() == [2.0]
     assert flatten(Cell()).discrete_starts.tolist() == [4.0]
@@ -81,6 +82,8 @@ def test_start_values_of_one_component() -> None:
         (lambda: Cell(start={"n": "a"}), BindingError, r"^start\(n\) is 'a' \(str\); expected a number in 1 \(start value of a disc"),
         (lambda: Cell(start={"a": 2}), BindingError, r"^Cell: start value for 'a', which is the derivative of 'v'.*start=\{'v': \.\.\.\} "),
         (lambda: Cell(guess={"der(x)": 2}), BindingError, r"^Cell: guess value for 'der\(x\)', which is the derivative of 'x'"),
+        (lambda: Cell(start={"der(zz)": 2}), BindingError, r"^Cell: start value for 'der\(zz\)', which is not a variable of Cell"),
+        (lambda: Cell(start={"der(z)": 2}), BindingError, r"^Cell: start value for 'der\(z\)', which is the derivative of 'z'"),
         (lambda: Cell(start={3: 2}), BindingError, r"^Cell: start value for '3', which is not a variable of Cell"),
         (lambda: Box(start={"cell.xx": 2}), BindingError, r"^Box: start value for 'cell\.xx', which is not a variable of Box; .*cell\.x"),
         (lambda: Box(start={"cel.x": 2}), BindingError, r"^Box: start value for 'cel\.x', which is not a variable of Box"),
@@ -231,3 +234,142 @@ def test_an_input_follows_a_discrete_variable_of_another_part() -> None:
     run = gl.compile(Driven(), outputs=["body.w"]).simulate(2.0, samples=5)
     assert run["body.w"] == pytest.approx([0.0, 1.0, 2.0, 5.0, 8.0], abs=1e-9)
     assert run["torque.tau"][[0, -1]] == pytest.approx([4.0, 12.0])
+
+
+class Counting(gl.Component):
+    """Counts at an event, and knows whether the run is being started."""
+
+    first, second = gl.Discrete(start=1.0), gl.Discrete(start=2.0)
+
+    def equations(self) -> list[Any]:
+        fresh = gl.Piecewise((5.0, gl.initial()), (gl.pre(self.first) + 1, True))
+        return [gl.When(gl.time > 1, gl.Eq(self.first, fresh)), gl.Eq(self.second, gl.pre(self.second) + self.first)]
+
+
+def test_discrete_variables_are_at_their_places_in_the_discrete_state() -> None:
+    """Of n = 6: the k-th at k, before an event at n + k, and whether the run is being started at 2 n."""
+
+    class Bound(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.one, self.two, self.load = Counting(), Counting(), gp.Inertia(J=1.0)
+            self.now = gp.Torque(tau=self.two.second)
+            self.before = gp.Torque(tau=gl.pre(self.two.first) + 2 * self.one.second)
+            return [gl.connect(self.load.flange_a, self.now.flange, self.before.flange)]
+
+    model = flatten(Bound())
+    assert model.discretes == tuple(f"{path}.{name}" for path in ("one", "two") for name in ("first", "second", "when_0"))
+    assert model.discrete_starts[[0, 1, 3, 4]].tolist() == [1.0, 2.0, 1.0, 2.0]
+    places = [*(f"{name}" for name in model.discretes), *(f"pre({name})" for name in model.discretes), "initial()"]
+    found = {
+        tuple(places[k] for k in row)
+        for group in (*model.groups, *(update.equations for update in model.updates)) if group.template.discretes
+        for row in group.discretes.tolist()
+    }  # fmt: skip
+    own = [[f"initial(),pre({p}.first),pre({p}.when_0),{p}.when_0", f"{p}.first,pre({p}.second)"] for p in ("one", "two")]
+    bound = ["two.second", "one.second,pre(two.first)"]
+    assert found == {tuple(names.split(",")) for names in (*own[0], *own[1], *bound)}
+
+
+def test_a_component_is_assembled_once_more_where_it_may_have_changed() -> None:
+    class Growing(gl.Component):
+        calls = 0
+
+        def assemble(self) -> list[Any]:
+            type(self).calls += 1
+            self.body = [gp.Inertia(J=1.0) for _ in range(self.calls)]
+            return []
+
+    one = Growing()
+    for anew, bodies in ((False, 1), (False, 1), (True, 2), (True, 3), (False, 3)):
+        assert len(flatten(one, anew=anew).instances) == 1 + bodies
+
+
+def test_units_of_given_values_are_those_of_what_they_are_given_to() -> None:
+    class Heavy(gl.Component):
+        m = gl.Parameter("kg", default=2.0)
+
+        def assemble(self) -> list[Any]:
+            self.body = gp.Inertia(J=self.m)
+            return []
+
+    class Whole(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.heavy = Heavy()
+            return []
+
+    for made in (Heavy, Whole):
+        with pytest.raises(DeclarationError, match=r"units do not match .*: Heavy: body\.J is in kg\.m2, its value m in kg"):
+            flatten(made())
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_signals_are_joined_where_nothing_else_is_connected(inside: bool) -> None:
+    class Blocks(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.first, self.second = gp.blocks.Gain(k=2.0, u=3.0), gp.blocks.Gain(k=5.0)
+            return [gl.connect(self.first.y, self.second.u)]
+
+    class Whole(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.blocks = Blocks()
+            return []
+
+    model = flatten(Whole() if inside else Blocks())
+    assert model.inputs.tolist() == []
+    path = "blocks." if inside else ""
+    first, second = (int(model.representative[model.variable(path + name)]) for name in ("first.y", "second.u"))
+    assert first == second
+
+
+def test_what_a_value_is_missing_for_is_named() -> None:
+    for part, path in ((gp.Inertia(), "J"), (Holding(), "body.J")):
+        with pytest.raises(BindingError) as told:
+            flatten(part)
+        assert str(told.value) == f"{path} has no value; give one in kg.m2 (moment of inertia): J=..."
+    with pytest.raises(BindingError) as told:
+        flatten(Cell(start={"x": None}))
+    assert str(told.value) == "start(x) has no value; give one in m (start value)"
+
+
+class Holding(gl.Component):
+    """A body without an inertia."""
+
+    def assemble(self) -> list[Any]:
+        self.body = gp.Inertia()
+        return []
+
+
+def test_a_table_that_an_input_is_bound_to_has_events_at_its_corners() -> None:
+    class Driven(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.torque, self.body = gp.Torque(tau=gl.Table([0.0, 1.0, 2.0, 4.0], [0.0, 3.0, 1.0, 2.0])), gp.Inertia(J=2.0)
+            return [gl.connect(self.torque.flange, self.body.flange_a)]
+
+    assert flatten(Driven()).n_relations >= 3
+
+
+@pytest.mark.parametrize("deep", [False, True])
+def test_a_connection_to_a_part_of_another_component_is_refused(deep: bool) -> None:
+    """Also where both belong to one model."""
+    others: list[Any] = []
+
+    class Inside(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.own = gp.Inertia(J=1.0)
+            return [gl.connect(self.own.flange_a, others[-1].flange_a)]
+
+    class Model(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.beside = [gp.Inertia(J=1.0)]
+            others.append(self.beside[0])
+            self.inside = Holder() if deep else Inside()
+            return []
+
+    class Holder(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.held = Inside()
+            return []
+
+    path = r"inside\.held" if deep else "inside"
+    with pytest.raises(ConnectionError, match=rf"^{path}: connects Inertia 'beside\[0\]\.flange_a', which is not part of it; "):
+        flatten(Model())

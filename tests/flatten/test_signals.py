@@ -11,6 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError, ConnectionError, DeclarationError
+from gearlib.flatten.flatten import flatten
 from gearlib.language.expressions import real_symbol
 from gearlib.language.outline import outline
 
@@ -100,7 +101,11 @@ def test_a_sensor_is_a_source_and_the_diagram_shows_signals() -> None:
             r"got 2\*ramp\.y \(an expression is bound where the part is made",
         ),
         (lambda m: [c(m.ramp.y, m.load.flange_a)], ConnectionError, r"joins connectors, such as motor\.flange_b; got ramp\.y"),
-        (lambda m: [c(m.ramp.y, m.amplifier.first.u)], ConnectionError, r"'u' takes two signals: "),
+        (
+            lambda m: [c(m.ramp.y, m.amplifier.first.u)],
+            ConnectionError,
+            r"^amplifier\.first: 'u' takes two signals: u, which amplifier joins to it, and ramp\.y$",
+        ),
         (lambda m: [c(m.load.w, m.torque.tau)], DeclarationError, r"load\.w is in s-1, torque\.tau is in kg\.m2\.s-2"),
     ],
 )
@@ -141,3 +146,30 @@ def test_a_connected_signal_replaces_a_default() -> None:
             return [c(self.current.y, self.brake.excitation), c(self.brake.flange, self.load.flange_a)]
 
     assert gl.simulate(Excited(), 0.1, samples=2)["brake.excitation"].tolist() == [0.5, 0.5]
+
+
+def test_a_discrete_variable_is_a_source() -> None:
+    class Switch(gl.Component):
+        mode = gl.Discrete("1", start=2.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.When(gl.time > 0.5, gl.Eq(self.mode, 5.0))]
+
+    class Switched(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.switch, self.gain = Switch(), B.Gain(k=3.0)
+            return [c(self.switch.mode, self.gain.u)]
+
+    class Twice(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.switch, self.gain = [Switch(), Switch()], B.Gain(k=3.0)
+            return [c(self.switch[0].mode, self.gain.u, self.switch[1].mode)]
+
+    model = flatten(Switched())
+    assert model.inputs.tolist() == []
+    (bound,) = (g for g in model.groups if g.template.binds)
+    assert bound.discretes.tolist() == [[model.discretes.index("switch.mode")]]
+    with pytest.raises(
+        ConnectionError, match=r"^Twice: connect\(\) joins the signals switch\[0\]\.mode, switch\[1\]\.mode, each of"
+    ):
+        flatten(Twice())

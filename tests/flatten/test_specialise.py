@@ -16,7 +16,7 @@ from gearlib.equations.template import relation_symbol, template_of
 from gearlib.errors import ModelError, SingularError
 from gearlib.flatten.aliases import Aliases
 from gearlib.flatten.model import EquationGroup
-from gearlib.flatten.specialise import by_pattern, merged, specialised, with_values
+from gearlib.flatten.specialise import by_pattern, merged, simplified, specialised, with_values
 from gearlib.program.schedule import levels
 
 c = gl.connect
@@ -210,3 +210,49 @@ def test_patterns_say_which_locals_are_one_variable_or_none(seed: int) -> None:
             expected[i] = tuple(pattern)
     found = {int(i): pattern for some, pattern in by_pattern(raw, aliases) for i in some}
     assert found == expected
+    assert {type(n) for pattern in found.values() for pair in pattern for n in pair} <= {int}, (
+        "decimals would spoil expressions"
+    )
+
+
+def test_a_variable_that_is_zero_leaves_an_equation() -> None:
+    """Also a derivative of it, and where it is the argument of a function."""
+    x, y, z, rate = (sympy.Symbol(name, real=True) for name in ("x", "y", "z", "der(x)"))
+    template = template_of(gl.Eq(sympy.cos(x) * y + 3 * rate - x * z, z), "test", lambda name: False)
+    assert template.locals == ("x", "y", "z")
+    assert specialised(template, ((-1, 0), (1, 1), (2, 1))).residual == y - z
+    assert specialised(template, ((0, 1), (-1, 0), (2, 1))).residual == 3 * rate - x * z - z
+    linear = template_of(gl.Eq(x + y, 2 * z), "test", lambda name: False)
+    assert merged(linear, ((-1, 0), (1, 1), (2, 1))) is linear, "it is no alias without it"
+    half = template_of(gl.Eq(x + y, z), "test", lambda name: False)
+    assert merged(half, ((-1, 0), (1, 1), (2, 1))).alias == (0, 1, 1)
+    assert merged(half, ((-1, 0), (1, 1), (-1, 0))).alias == (0, -1, 0)
+    assert merged(half, ((-1, 0), (-1, 0), (-1, 0))).columns == ()
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        ([[0, 1, 4], [4, 1, 0]], [([0, 1], "x + y - z")]),
+        ([[0, 1, 5]], [([0], "x + y")]),  # variable 5 is zero, so that the first two are opposite
+        ([[0, 1, 4], [0, 1, 5], [4, 1, 0], [5, 4, 1]], [([0, 2], "x + y - z"), ([1], "x + y"), ([3], "y - z")]),
+        ([[0, 1, 5], [1, 4, 5]], [([0, 1], "x + y")]), ([[0, 2, 4], [0, 1, 4]], [([1], "x + y - z"), ([0], "2*x - z")]),
+    ],
+)  # fmt: skip
+def test_each_row_has_one_template(rows: list[list[int]], expected: list[tuple[list[int], str]]) -> None:
+    """Those without aliases keep theirs, and come first; variables 0 and 2 are one, and 5 is zero."""
+    x, y, z = (sympy.Symbol(name, real=True) for name in "xyz")
+    template = template_of(gl.Eq(x + y, z), "test", lambda name: False)
+    raw = group(template, [[] for _ in rows], rows)
+    aliases = Aliases(np.array([0, 1, 0, 3, 4, 5]), np.array([1, 1, 1, 1, 1, 0]), 0)
+    found = simplified(raw, aliases)
+    assert [(some.tolist(), str(fitting.residual)) for some, fitting in found] == expected
+
+
+def test_rows_with_zeros_that_are_no_aliases_keep_their_template() -> None:
+    w, x, y, z = (sympy.Symbol(name, real=True) for name in "wxyz")
+    template = template_of(gl.Eq(w + x + y, z), "test", lambda name: False)
+    raw = group(template, [[], []], [[0, 1, 2, 3], [1, 2, 0, 3]])
+    ((some, fitting),) = simplified(raw, Aliases(np.arange(4), np.array([0, 1, 1, 1]), 0))
+    assert some.tolist() == [0, 1]
+    assert fitting is template

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
+from gearlib.flatten.flatten import flatten
 from gearlib.flatten.instances import walk
 from gearlib.flatten.unused import Used, refuse_unused
 from tests.gearparts.bench import needed_values, structural_choices
@@ -220,3 +222,122 @@ def test_long_values_are_cut(length: int) -> None:
         )
     shown = repr(value) if length == 58 else f"{repr(value)[:55]} ..."
     assert f"note={shown} has no effect" in str(refused.value)
+
+
+class Inner(gl.Component):
+    """Uses what it is told to, through a parameter that follows from another one, and from an input."""
+
+    law = gl.Structural("none", choices=("none", "all"))
+    a = gl.Parameter("1", default=1.0)
+    b = gl.Parameter("1", default=lambda part: 2 * part.a)
+    u = gl.Input("1", default=0.0)
+    x = gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.b + self.u if self.law == "all" else 1.0)]
+
+
+class Paths(gl.Component):
+    """A parameter for each way in which one may count, and one for each in which it does not."""
+
+    names = ("law", "event", "reset", "begin", "chain", "bound", "twice", "idle_chain", "idle_bound", "none")
+    law, event, reset, begin, chain, bound, twice, idle_chain, idle_bound, none = (
+        gl.Parameter("1", default=1.0) for _ in range(10)
+    )
+    signal, idle = gl.Input("1", default=0.0), gl.Input("1", default=0.0)
+    y = gl.Variable("1", start=0.0)
+    n = gl.Discrete()
+
+    def assemble(self) -> list[Any]:
+        self.inner = Inner(law="all", a=self.chain, u=self.bound + self.signal, start={"x": 3 * self.begin})
+        self.idle_inner = Inner(a=self.idle_chain, u=self.idle_bound * self.idle)
+        self.deeper = [Through(a=self.twice), Through(law="none")]
+        return []
+
+    def equations(self) -> list[Any]:
+        when = gl.When(self.y > 1, gl.reinit(self.y, self.reset), gl.Eq(self.n, gl.pre(self.n) + self.event))
+        return [gl.Eq(gl.der(self.y), self.law), when]
+
+
+class Through(gl.Component):
+    law = gl.Structural("all", choices=("none", "all"))
+    a = gl.Parameter("1", default=1.0)
+
+    def assemble(self) -> list[Any]:
+        self.inner = Inner(law=self.law, a=2 * self.a)
+        return []
+
+
+def test_what_counts_is_found_by_all_ways_to_an_equation() -> None:
+    """In equations, at events, in start values, and by way of other parameters and of inputs that count."""
+    tree = walk(Paths())
+    used = Used(tree)
+    number = {instance.path: k for k, instance in enumerate(tree.instances)}
+    counts = {name for name in Paths.names if used.has(0, name)}
+    assert counts == {"law", "event", "reset", "begin", "chain", "bound", "twice"}
+    assert (used.has(0, "signal"), used.has(0, "idle")) == (True, False)
+    for path, here in (("inner", True), ("idle_inner", False), ("deeper[0].inner", True), ("deeper[1].inner", False)):
+        assert {name: used.has(number[path], name) for name in "abu"} == dict.fromkeys("abu", here)
+    assert (used.has(number["deeper[0]"], "a"), used.has(number["deeper[1]"], "a")) == (True, False)
+    for name in Paths.names:
+        part = Paths(**{name: 2.0})
+        if name in counts:
+            refuse_unused(walk(part), part)
+        else:
+            with pytest.raises(BindingError, match=rf"^Paths: {name}=2\.0 has no effect.*; leave it out$"):
+                refuse_unused(walk(part), part)
+
+
+def test_values_behind_one_that_counts_are_looked_at() -> None:
+    """Values that may go unused, that count, or that are the default, do not end the search; nor do choices."""
+    offered = gl.offered({"m": 2.0, "u": 1.0})
+    table = ((0.0, 2.0),)
+    for given in ({**offered, "table": table}, {"table": np.array(table)}, {"law": "none", "heavy": False, "table": table}):
+        with pytest.raises(BindingError, match=r"^Own: table=.* has no effect"):
+            flatten(Own(**given))
+
+    class Two(gl.Component):
+        k = gl.Parameter("1", default=1.0)
+
+        def assemble(self) -> list[Any]:
+            self.first = Own(heavy=True, m=2.0, u=self.k)
+            self.second = Own(**gl.offered({"m": 3.0}), u=4.0)
+            return []
+
+    with pytest.raises(BindingError, match=r"^second \(Own\): u=4\.0 has no effect"):
+        flatten(Two())
+
+
+class Both(gl.Component):
+    """Its number counts where two choices are made, of three."""
+
+    cold = gl.Structural(False)
+    heavy = gl.Structural(False)
+    law = gl.Structural("none", choices=("none", "one", "two"))
+    m = gl.Parameter("kg", default=1.0)
+    x = gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.m if self.heavy and self.law == "two" else 2.0 if self.cold else 1.0)]
+
+
+def test_advice_may_be_two_choices() -> None:
+    with pytest.raises(BindingError) as refused:
+        flatten(Both(m=3.0))
+    assert str(refused.value) == (
+        "Both: m=3.0 has no effect with cold=False, heavy=False, law='none'; it counts with heavy=True and law='two'"
+    )
+
+
+def test_an_input_that_is_left_to_the_run_and_values_that_are_functions_may_go_unused() -> None:
+    class Two(gl.Component):
+        k = gl.Parameter("kg", default=1.0)
+
+        def assemble(self) -> list[Any]:
+            self.first = Own(u=None)
+            self.second = Own(m=lambda part: 2.0)
+            self.third = Own(heavy=True, m=self.k)
+            return []
+
+    part = Two()
+    refuse_unused(walk(part), part)
