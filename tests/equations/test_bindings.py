@@ -10,7 +10,15 @@ import pytest
 import sympy
 
 import gearlib as gl
-from gearlib.equations.bindings import MOST_NUMBERS, bind_input, canonical, is_expression, number, parameter_function
+from gearlib.equations.bindings import (
+    MOST_NUMBERS,
+    bind_input,
+    canonical,
+    is_computable,
+    is_expression,
+    number,
+    parameter_function,
+)
 from gearlib.equations.template import Template
 from gearlib.errors import BindingError, BoundError
 
@@ -147,3 +155,25 @@ def test_numbers(given: Any) -> None:
 def test_what_is_no_number(given: Any, description: str, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         number(given, "m.J", "kg.m2", description)
+
+
+def test_functions_that_gearlib_has_can_be_computed() -> None:
+    """Whatever their value is at a point: the logarithm of zero is one, too."""
+    a, other = sympy.symbols("a0 a1", real=True)
+    known = {sympy.sin(a) + other: True, sympy.log(a - other): True, 1 / (a - 1): True, a**other: True}
+    unknown = {sympy.gamma(a): False, sympy.Function("g")(a) * other: False}
+    for expression, there in (known | unknown).items():
+        assert is_computable(expression, ("a0", "a1")) is there, expression
+
+
+@pytest.mark.parametrize("given", [0, 1, -1, 7, 2.5, gl.pi])
+def test_a_number_is_a_parameter_of_its_own(given: Any) -> None:
+    template, variables, values = bound(given)
+    assert (variables, values) == ({}, {"p0": float(given)})
+    assert template.residual == sympy.Symbol("bound", real=True) - sympy.Symbol("p0", real=True)
+    assert (template.columns, template.parameters, template.relations) == ((("bound", 0),), ("p0",), ())
+
+
+@pytest.mark.parametrize("given", [k, 1 + k, k * w, sympy.S.One / k])
+def test_what_holds_no_number_brings_none(given: Any) -> None:
+    assert all(isinstance(value, str) for value in bound(given)[2].values())

@@ -18,11 +18,13 @@ from gearlib.equations.kernel import (
     derivative_of,
     difference_kernel,
     differentiated,
+    is_zero_without,
     partial_kernel,
     relation_kernel,
     residual_kernel,
     rest_of,
     solve_kernel,
+    terms_of_parameters,
     without_columns,
 )
 from gearlib.equations.template import Template, template_of
@@ -273,3 +275,22 @@ def test_solutions_whatever_the_sign_and_size_of_the_coefficient(residual: Any, 
 def test_a_coefficient_that_switches_is_not_divided_by() -> None:
     template = make(gl.Piecewise((x, gl.time > 1), (2 * x, True)) - y)
     assert solve_kernel(template, [name for name, _ in template.columns].index("x")) is None
+
+
+def test_terms_of_parameters_are_those_in_which_nothing_moves() -> None:
+    kernel = residual_kernel(make(p * (x + q) - q**2 + 3 + gl.sin(gl.time) * p))
+    fixed, moving = terms_of_parameters(kernel)
+    assert (fixed.columns, fixed.parameters, fixed.on_time) == ((), (0, 1), False)
+    assert (moving.columns, moving.parameters, moving.on_time) == ((0,), (0,), True)
+    assert scalar(fixed) == pytest.approx(POINT["p"] * POINT["q"] - POINT["q"] ** 2 + 3, rel=1e-15)
+    assert scalar(moving) == pytest.approx(POINT["p"] * (POINT["x"] + math.sin(T)), rel=1e-15)
+    assert terms_of_parameters(residual_kernel(make(x * p)))[0].is_zero
+    assert terms_of_parameters(residual_kernel(make(q * p)))[1].is_zero
+
+
+def test_kernels_that_vanish_without_their_parameters() -> None:
+    """Not the bend q of a joint alone, but both where both are zero; 1/q has no value there."""
+    kernel = residual_kernel(make(p * x + q * y + gl.sin(p) * gl.time))
+    assert [is_zero_without(kernel, parts) for parts in ((), (0,), (1,), (0, 1))] == [False, False, False, True]
+    assert is_zero_without(residual_kernel(make(q * x)), (0,))
+    assert not is_zero_without(residual_kernel(make(x / q)), (0,))
