@@ -56,7 +56,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
@@ -151,35 +151,93 @@ def source(module: str) -> str:
     return (ROOT / module).read_text(encoding="utf-8")
 
 
+@dataclass(frozen=True)
+class Piece:
+    """A statement of a module or of a class in it, which is parsed alone; what stands around it makes it a program."""
+
+    text: str
+    before: str = ""
+    after: str = ""
+
+    @property
+    def program(self) -> str:
+        return self.before + self.text + self.after
+
+
 @cache
-def places(module: str) -> list[list[tuple[str, int]]]:
-    """Pairs (operator, occurrence) of each place of a module that can be changed."""
+def pieces(module: str) -> list[Piece]:
+    """The statements of a module; of a class its head, then its own statements."""
+    from cosmic_ray.ast import get_ast
+
+    found: list[Piece] = []
+    for node in get_ast(source(module)).children:
+        defined = node.children[-1] if node.type == "decorated" else node
+        suite = defined.children[-1] if defined.type == "classdef" else None
+        if suite is None or suite.type != "suite":
+            found.append(Piece(node.get_code()))
+            continue
+        body = "".join(inner.get_code() for inner in suite.children[1:])
+        head = node.get_code().removesuffix(body)
+        assert node.get_code() == head + body
+        found.append(Piece(head, after="    pass\n"))
+        found += [Piece(inner.get_code(), before="class _:\n") for inner in suite.children[1:]]
+    return found
+
+
+@cache
+def changes(module: str) -> list[list[tuple[str, int, int, int]]]:
+    """Each place of a module that can be changed: operator, occurrence in the module, piece, occurrence in that."""
     from cosmic_ray.ast import ast_nodes, get_ast
     from cosmic_ray.plugins import get_operator
 
     operators = {name: get_operator(f"core/{name}")() for name in OPERATORS}
-    count: Counter[str] = Counter()
-    found: dict[Any, list[tuple[str, int]]] = {}
-    for node in ast_nodes(get_ast(source(module))):
-        for name, operator in operators.items():
-            for start, _ in operator.mutation_positions(node):
-                if name != "ReplaceBinaryOperator_Mul_Div" or node.parent.type == "term":  # not the star of an argument
-                    found.setdefault(start, []).append((name, count[name]))
-                count[name] += 1
-    return list(found.values())
+    before: Counter[str] = Counter()
+    found: list[list[tuple[str, int, int, int]]] = []
+    for k, piece in enumerate(pieces(module)):
+        count: Counter[str] = Counter()
+        at: dict[Any, list[tuple[str, int, int, int]]] = {}
+        for node in ast_nodes(get_ast(piece.program)):
+            for name, operator in operators.items():
+                for start, _ in operator.mutation_positions(node):
+                    if name != "ReplaceBinaryOperator_Mul_Div" or node.parent.type == "term":  # not the star of an argument
+                        at.setdefault(start, []).append((name, before[name] + count[name], k, count[name]))
+                    count[name] += 1
+        before += count
+        found += at.values()
+    return found
+
+
+def places(module: str) -> list[list[tuple[str, int]]]:
+    """Pairs (operator, occurrence) of each place of a module that can be changed."""
+    return [[(name, occurrence) for name, occurrence, _, _ in at] for at in changes(module)]
 
 
 @cache
-def mutated(module: str, operator: str, occurrence: int) -> str:
+def where(module: str) -> dict[tuple[str, int], tuple[int, int]]:
+    """The piece, and the occurrence in it, of each change (operator, occurrence)."""
+    return {(name, occurrence): (k, inner) for at in changes(module) for name, occurrence, k, inner in at}
+
+
+@cache
+def mutated_piece(module: str, operator: str, occurrence: int) -> tuple[int, Piece]:
+    """A changed piece of a module, and which it is."""
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
 
-    return str(mutate_code(source(module), get_operator(f"core/{operator}")(), occurrence))
+    k, inner = where(module)[operator, occurrence]
+    piece = pieces(module)[k]
+    text = str(mutate_code(piece.program, get_operator(f"core/{operator}")(), inner))
+    return k, replace(piece, text=text.removeprefix(piece.before).removesuffix(piece.after))
+
+
+def mutated(module: str, operator: str, occurrence: int) -> str:
+    k, changed = mutated_piece(module, operator, occurrence)
+    return "".join(piece.text for piece in [*pieces(module)[:k], changed, *pieces(module)[k + 1 :]])
 
 
 @cache
 def meaning(text: str) -> str:
-    """A module without what has no effect when all is right: annotations and some switches."""
+    """A program without what has no effect when all is right: annotations and some switches."""
     tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(node, ast.arg | ast.AnnAssign):
@@ -195,12 +253,13 @@ def meaning(text: str) -> str:
 
 def mutant(module: str, operator: str, occurrence: int) -> Mutant | None:
     """The mutant, if it means anything else than the module."""
-    before, after = source(module), mutated(module, operator, occurrence)
+    k, changed = mutated_piece(module, operator, occurrence)
     try:
-        if meaning(before) == meaning(after):
+        if meaning(pieces(module)[k].program) == meaning(changed.program):
             return None
     except SyntaxError:  # a star that is no operator
         return None
+    before, after = source(module), mutated(module, operator, occurrence)
     for number, (old, new) in enumerate(zip(before.splitlines(), after.splitlines(), strict=True), 1):
         if old != new:
             return Mutant(module, operator, occurrence, number, old.strip(), new.strip())
@@ -229,12 +288,12 @@ def sample(n: int, seed: int, under: tuple[str, ...]) -> Iterator[Mutant]:
             return
 
 
-def every(seed: int, under: tuple[str, ...]) -> Iterator[Mutant]:
-    """One mutant at each place of some modules; the seed chooses which."""
+def every(seed: int, under: tuple[str, ...], known: set[tuple[str, str, int]]) -> Iterator[Mutant]:
+    """One mutant at each place of some modules that is not known; the seed chooses which."""
     draw = random.Random(seed)
     for module in filter(lambda name: name.startswith(under), modules()):
-        made = (mutant(module, *draw.choice(place)) for place in places(module))
-        yield from filter(None, made)
+        chosen = [draw.choice(place) for place in places(module)]
+        yield from filter(None, (mutant(module, *change) for change in chosen if (module, *change) not in known))
 
 
 def logged(log: Path) -> list[Mutant]:
@@ -246,9 +305,9 @@ def logged(log: Path) -> list[Mutant]:
 def unnoticed(log: Path) -> Iterator[Mutant]:
     """Those of a log that no assertion noticed, wherever their lines are now."""
     for one in {one.key: one for one in logged(log) if one.verdict != "assertion"}.values():
-        where = [m for m in modules() if Path(m).name == one.key[0]]
-        changes = [one.change, *((m, *c) for m in where for place in places(m) for c in place if c[0] == one.operator)]
-        made = (mutant(*change) for change in changes if change[0] in where)
+        alike = [m for m in modules() if Path(m).name == one.key[0]]
+        moved = ((m, *change) for m in alike for place in places(m) for change in place if change[0] == one.operator)
+        made = (mutant(*change) for change in (one.change, *moved) if change[0] in alike)
         yield from itertools.islice((found for found in made if found is not None and found.key == one.key), 1)
 
 
@@ -305,11 +364,20 @@ def lines_run(module: str) -> dict[int, set[str]]:
     return {new + k + 1: tests.get(old + k + 1, set()) for old, new, size in same for k in range(size)}
 
 
+@cache
+def parsed(module: str) -> ast.Module:
+    return ast.parse(source(module))
+
+
+@cache
+def statements(module: str) -> list[ast.stmt]:
+    return [node for node in ast.walk(parsed(module)) if isinstance(node, ast.stmt)]
+
+
 def around(module: str, line: int) -> list[ast.stmt]:
     """The simple statement on a line, and the functions and classes around it, the innermost first."""
     kinds = ast.FunctionDef | ast.ClassDef
-    found = [node for node in ast.walk(ast.parse(source(module))) if isinstance(node, ast.stmt)]
-    found = [node for node in found if node.lineno <= line <= (node.end_lineno or 0)]
+    found = [node for node in statements(module) if node.lineno <= line <= (node.end_lineno or 0)]
     return sorted(
         (node for node in found if isinstance(node, kinds) or not hasattr(node, "body")), key=lambda node: -node.lineno
     )
@@ -322,6 +390,7 @@ def is_compiled(module: str, line: int) -> bool:
     )
 
 
+@cache
 def inside(node: ast.AST) -> set[int]:
     """The lines of the functions in a syntax tree, which run when they are called."""
     functions = [inner for inner in ast.walk(node) if isinstance(inner, ast.FunctionDef)]
@@ -330,7 +399,7 @@ def inside(node: ast.AST) -> set[int]:
 
 def covering(module: str, line: int) -> set[str]:
     """The tests that run a line; of one that runs on import or has changed since, those that run a function around it."""
-    nodes = [*around(module, line), ast.parse(source(module))]
+    nodes = [*around(module, line), parsed(module)]
     spans = [inside(n) if hasattr(n, "body") else set(range(n.lineno, (n.end_lineno or 0) + 1)) for n in nodes]
     for lines in ({line}, *spans):
         tests: set[str] = set().union(*(lines_run(module).get(number, ()) for number in lines & spans[-1]))
@@ -339,10 +408,16 @@ def covering(module: str, line: int) -> set[str]:
     return set()
 
 
+@cache
+def test_files() -> list[Path]:
+    return sorted((ROOT / "tests").rglob("test_*.py"))
+
+
+@cache
 def mirrors(module: str) -> list[str]:
     """The test files of a module's name, those in its own folder first, and the module for its doctests."""
     stem, folder = Path(module).stem, Path(module).parent.name
-    paths = [path for path in sorted((ROOT / "tests").rglob("test_*.py")) if re.fullmatch(rf"test_{stem}(_\w+)?", path.stem)]
+    paths = [path for path in test_files() if re.fullmatch(rf"test_{stem}(_\w+)?", path.stem)]
     paths = sorted(paths, key=lambda path: (path.parent.name != folder, len(str(path))))
     return [*(str(path.relative_to(ROOT)) for path in paths if not str(path.relative_to(ROOT)).startswith(UNFIT)), module]
 
@@ -356,9 +431,9 @@ def rounds(one: Mutant) -> list[list[str]]:
             files.setdefault(test.partition("::")[0], []).append(test)
     folder = Path(one.module).parent.name
     if not files or is_compiled(one.module, one.line):  # what is compiled runs unseen
-        own = [str(path.relative_to(ROOT)) for path in sorted((ROOT / "tests").rglob(f"{folder}/test_*.py"))]
+        own = [str(path.relative_to(ROOT)) for path in test_files() if path.parent.name == folder]
         files |= {file: [file] for file in own if not file.startswith((*UNFIT, *first))}
-    declares = one.line not in inside(ast.parse(source(one.module)))
+    declares = one.line not in inside(parsed(one.module))
 
     def rank(file: str) -> tuple[bool, bool, int, str]:
         return not (declares and "declared" in file), Path(file).parent.name != folder, -len(files[file]), file
@@ -434,7 +509,7 @@ class Notice:
         limit_processor_time(int(started) + 30)  # for a test that hangs
         self.write(item.nodeid)
         done = yield
-        self.took[item.nodeid] = round(time.process_time() - started, 2)
+        self.took.setdefault(item.nodeid, round(time.process_time() - started, 2))
         if self.assertions or time.process_time() > self.budget:
             item.session.shouldstop = "enough is known"
         return done
@@ -458,6 +533,7 @@ def in_child(
 
     file, times = copy / "said.json", ROOT / ".cache" / "mutation-times.json"
     file.unlink(missing_ok=True)
+    known = json.loads(times.read_text()) if times.exists() else {}
     pid = os.fork()
     if pid == 0:
         with suppress(Exception):
@@ -467,10 +543,10 @@ def in_child(
             limit_processor_time(int(time.process_time()) + 60)  # until the first test sets its own
             resource.setrlimit(resource.RLIMIT_AS, (8 * 2**30,) * 2)
             os.chdir(copy)
-            known = json.loads(times.read_text()) if times.exists() else {}
-            notice = Notice([*targets], time.process_time() + budget, likely, known, file)
+            notice = Notice([*targets], time.process_time() + budget, likely, dict(known), file)
             run(notice, without)
-            times.write_text(json.dumps(notice.took))
+            if len(notice.took) > len(known):
+                times.write_text(json.dumps(notice.took))
             notice.write()
         os._exit(0)
     started = time.monotonic()
@@ -528,7 +604,7 @@ class InPlace:
                 words(function)
         for one in self.mutants:
             path = str(self.copy / one.module)
-            before, after = (dict(code_of(compile(text, path, "exec"))) for text in (source(one.module), mutated(*one.change)))
+            before, after = codes(source(one.module), path), codes(mutated(*one.change), path)
             changed = {name: code for name, code in after.items() if code != before.get(name)}
             swaps = [(f, changed[named(f.__code__)]) for f in functions.get(path, ()) if named(f.__code__) in changed]
             swaps = [] if is_compiled(one.module, one.line) else swaps
@@ -546,8 +622,13 @@ def named(code: CodeType) -> tuple[str, int]:
     return code.co_qualname, code.co_firstlineno
 
 
-def code_of(whole: CodeType) -> Iterator[tuple[tuple[str, int], CodeType]]:
+@lru_cache(maxsize=2)
+def codes(text: str, path: str) -> dict[tuple[str, int], CodeType]:
     """The code of a module and of all functions in it, by name and place."""
+    return dict(code_of(compile(text, path, "exec")))
+
+
+def code_of(whole: CodeType) -> Iterator[tuple[tuple[str, int], CodeType]]:
     yield named(whole), whole
     for inner in whole.co_consts:
         if isinstance(inner, CodeType):
@@ -673,7 +754,7 @@ def main() -> None:
     chosen.log.parent.mkdir(exist_ok=True)
     known = {one.change for one in logged(chosen.log)} if chosen.goes_on else set()
     under = tuple(chosen.folder)
-    fresh = every(chosen.seed, under) if chosen.all else sample(chosen.n, chosen.seed, under)
+    fresh = every(chosen.seed, under, known) if chosen.all else sample(chosen.n, chosen.seed, under)
     drawn = unnoticed(chosen.again) if chosen.again else fresh
     todo = [one for one in drawn if one.change not in known]
     with (
