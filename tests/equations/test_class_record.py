@@ -209,3 +209,78 @@ def test_values_that_cannot_be_compared() -> None:
     ):
         refuse_misfits(["a", "b"])
     refuse_misfits([])
+
+
+class Reader(gl.Component):
+    """Its equation reads what the part that it was given is, at some depth."""
+
+    y = gl.Variable("1")
+
+    def __init__(self, part: gl.Component) -> None:
+        super().__init__()
+        self.part = part
+
+    def equations(self) -> list[Any]:
+        part: Any = self.part
+        while isinstance(part, Reader):
+            part = part.part
+        return [gl.Eq(self.y, part.n * int(np.sum(part.gain)) * part.x)]
+
+
+def test_parts_given_to_an_instance_tell_its_equations() -> None:
+    """Within one compilation, too: their classes, choices and attributes, and those of parts within them."""
+    common = {"n": gl.Structural(1), "gain": 1}
+    varying = type("Varying", (gl.Component,), {"x": gl.Variable("1"), **common})
+    given = type("Given", (gl.Component,), {"x": gl.Parameter("1", default=2.0), **common})
+
+    def part(kind: Any, n: int, gain: Any = None) -> Any:
+        made = kind(n=n)
+        if gain is not None:
+            made.gain = gain
+        return made
+
+    parts = [
+        part(varying, 1),
+        part(varying, 2),
+        part(given, 1),
+        part(varying, 1, 3),
+        part(varying, 1, [3, 1]),
+    ]  # what is in a list cannot be compared
+    parts += [Reader(part(varying, 1)), Reader(part(varying, 5)), Reader(part(given, 1)), Reader(part(given, 1, 6))]
+    met: dict[Any, Any] = {}
+    found = [class_record(Reader(one), met).templates[0] for one in parts]
+    wanted = ["part.x", "2*part.x", "part.x", "3*part.x", "4*part.x"]
+    wanted += ["part.part.x", "5*part.part.x", "part.part.x", "6*part.part.x"]
+    assert [t.label for t in found] == [f"Reader: y = {text}" for text in wanted]
+    assert [t.parameters for t in found] == [(), (), ("part.x",), (), (), (), (), ("part.part.x",), ("part.part.x",)]
+    assert class_record(Reader(part(varying, 2)), met) is class_record(Reader(part(varying, 2)), met)
+
+
+def test_equations_are_asked_for_once_per_compilation_class_and_choice() -> None:
+    asked: list[Any] = []
+
+    class Asked(gl.Component):
+        n = gl.Structural(1)
+        x = gl.Variable("1")
+
+        def equations(self) -> list[Any]:
+            asked.append(self.n)
+            return [gl.Eq(self.x, self.n)]
+
+    met: dict[Any, Any] = {}
+    for n in (1, 2, 1, 2):
+        class_record(Asked(n=n), met)
+    assert asked == [1, 2]
+    class_record(Asked(), {})
+    class_record(Asked())
+    assert asked == [1, 2, 1, 1]
+
+
+def test_values_of_parts_that_cannot_be_compared() -> None:
+    class Odd:
+        def __hash__(self) -> int:
+            raise RuntimeError("no")
+
+    free = type("Free", (gl.Component,), {"s": gl.Structural(None), "x": gl.Variable("1")})
+    with pytest.raises(DeclarationError, match=r"Free: values of structural choices must be hashable, got "):
+        class_record(Reader(free(s=Odd())))
