@@ -152,7 +152,7 @@ def _refuse_void(templates: Sequence[Template]) -> None:
             raise BalanceError(
                 f"the model is not balanced. over-determined: {_both(other, t)} say the same; leave one of them out"
             )
-    sharing = _sharing([t for t in _sharing(templates) if t.linear]) if len(templates) <= MOST else ()
+    sharing = _sharing([t for t in _sharing(templates) if t.linear and t.columns]) if len(templates) <= MOST else ()
     if sharing and (repeated := "; ".join(_dependent(sharing))):
         raise BalanceError(
             f"the model is not balanced. over-determined: one of these equations follows from the others: {repeated}"

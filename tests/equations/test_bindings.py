@@ -116,8 +116,9 @@ def test_discrete_variables_are_named_by_their_number() -> None:
     assert bound(held, discrete=lambda name: numbers.get(name, -1))[0].relations == (), "it changes at events only"
 
 
-def test_what_is_an_expression() -> None:
-    assert [is_expression(v) for v in (k, k + 1, t, sympy.Integer(3), gl.pi, 2.0, "k", None)] == [True] * 3 + [False] * 5
+@pytest.mark.parametrize("given", [k, k + 1, t, sympy.Integer(3), gl.pi, 2.0, "k", None])
+def test_what_is_an_expression(given: Any) -> None:
+    assert is_expression(given) is (given in (k, k + 1, t))
 
 
 def test_parameters_of_an_expression_are_numbered_by_name() -> None:
@@ -125,11 +126,15 @@ def test_parameters_of_an_expression_are_numbered_by_name() -> None:
     expression, names = canonical(k * 2 - b / w)
     assert names == ("b", "k", "load.w")
     assert parameter_function(expression, ("a0", "a1", "a2"))(4.0, np.array([1.0, 2.0]), 8.0) == pytest.approx([1.5, 3.5])
-    assert parameter_function(expression, ("a0", "a1", "a2"), "a2")(4.0, 1.0, 8.0) == pytest.approx(4.0 / 64)
     foreign, names = canonical(2 * sympy.Symbol("k", positive=True) + sympy.Symbol("k"))
     assert (parameter_function(foreign, ("a0",))(3.0), names) == (9.0, ("k",)), (
         "symbols of other kinds are the real ones of their names"
     )
+
+
+def test_derivatives_by_a_parameter() -> None:
+    expression, _ = canonical(k * 2 - b / w)
+    assert parameter_function(expression, ("a0", "a1", "a2"), "a2")(4.0, 1.0, 8.0) == pytest.approx(4.0 / 64)
     size, _ = canonical(gl.Max(abs(k), 3))
     assert [parameter_function(size, ("a0",), "a0")(v) for v in (-5.0, 1.0, 5.0)] == [-1.0, 0.0, 1.0]
 
@@ -177,3 +182,18 @@ def test_a_number_is_a_parameter_of_its_own(given: Any) -> None:
 @pytest.mark.parametrize("given", [k, 1 + k, k * w, sympy.S.One / k])
 def test_what_holds_no_number_brings_none(given: Any) -> None:
     assert all(isinstance(value, str) for value in bound(given)[2].values())
+
+
+@pytest.mark.parametrize(
+    ("given", "numbers"),
+    [
+        (2.5 ** gl.sin(3 * t), [2.5, 3.0]), (gl.sin(3 * t) ** 2, [3.0]), (gl.sin(2 * t) ** 2.5, [2.0]),
+        (gl.Piecewise((w, t < 2), (0, True)), [2.0]), (gl.Piecewise((1, t < 2), (-1, True)), [2.0]),
+        (gl.Piecewise((3 * t, t < 2), (gl.cos(4 * t), True)), [2.0, 3.0, 4.0]),
+    ],
+)  # fmt: skip
+def test_numbers_of_a_power_and_of_branches(given: Any, numbers: list[float]) -> None:
+    """Zeros, ones and exponents stay."""
+    values = bound(given)[2]
+    assert sorted(abs(float(v)) for v in values.values()) == numbers
+    assert list(values) == [f"p{i}" for i in range(len(numbers))]

@@ -11,7 +11,7 @@ import sympy
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.equations.class_record import class_record, descend, refuse_misfits
+from gearlib.equations.class_record import check_values, class_record, descend, refuse_misfits
 from gearlib.errors import BalanceError, DeclarationError
 from gearlib.language.interior import connections_of
 
@@ -284,3 +284,110 @@ def test_values_of_parts_that_cannot_be_compared() -> None:
     free = type("Free", (gl.Component,), {"s": gl.Structural(None), "x": gl.Variable("1")})
     with pytest.raises(DeclarationError, match=r"Free: values of structural choices must be hashable, got "):
         class_record(Reader(free(s=Odd())))
+
+
+@pytest.mark.parametrize(
+    ("equations", "names"),
+    [
+        ([lambda s: gl.Eq(s.k * s.n, 2)], [("n",)]),
+        ([lambda s: gl.Eq(s.k, s.n), lambda s: gl.Eq(s.x, s.y), lambda s: gl.Eq(s.x, 2 * s.y)], [("n",), (), ()]),
+        ([lambda s: gl.Eq(s.x, gl.pre(s.n) + s.n * s.k)], [("n", "pre(n)")]),
+        ([lambda s: gl.Eq(s.x, gl.Piecewise((s.k, gl.initial()), (s.y, True)))], [("initial()",)]),
+        ([lambda s: gl.Eq(s.k, gl.Piecewise((1, s.x > 0), (2, True)))], [()]),
+    ],
+)  # fmt: skip
+def test_discrete_variables_in_equations(equations: Any, names: Any) -> None:
+    """An equation without a variable that it determines may still hold one of those, or one in a comparison."""
+    record = class_record(leaf(*equations, *COUNT))
+    assert [t.discretes for t in record.templates] == names
+    assert not any(name in ("n", "pre(n)", "initial()") for t in record.templates for name in t.locals)
+
+
+@pytest.mark.parametrize(
+    "equations",
+    [
+        [lambda s: gl.Eq(s.x, s.k * s.y), lambda s: gl.Eq(s.x, s.m * s.y)],
+        [lambda s: gl.Eq(s.x + 1e-12 * s.y, 0), lambda s: gl.Eq(s.x - 1e-12 * s.y, 0)],
+        [lambda s: gl.Eq(s.x + 1e12 * s.y, 0), lambda s: gl.Eq(s.x - 1e12 * s.y, 0)],
+        [lambda s: gl.Eq(s.x, s.y + s.z), lambda s: gl.Eq(s.y, s.z), lambda s: gl.Eq(s.x, s.z + 3 * s.y)],
+    ],
+)  # fmt: skip
+def test_equations_that_differ_by_a_parameter_or_by_little_are_several(equations: Any) -> None:
+    assert len(class_record(leaf(*equations, *COUNT)).templates) == len(equations)
+
+
+def test_classes_of_many_equations_are_not_examined(monkeypatch: pytest.MonkeyPatch) -> None:
+    circle = (lambda s: gl.Eq(s.x, s.y), lambda s: gl.Eq(s.y, s.z), lambda s: gl.Eq(s.z, s.x))
+    monkeypatch.setattr("gearlib.equations.class_record.MOST", 2)
+    assert len(class_record(leaf(*circle, *COUNT)).templates) == 3
+    monkeypatch.setattr("gearlib.equations.class_record.MOST", 3)
+    with pytest.raises(BalanceError, match="one of these equations follows from the others"):
+        class_record(type("Circle", (Leaf,), {"equations": lambda s: [e(s) for e in (*circle, *COUNT)]})())
+
+
+def test_sides_that_are_nested_too_deeply_are_refused() -> None:
+    def tower(s: Any) -> Any:
+        found = s.y
+        for _ in range(400):
+            found = sympy.sin(found, evaluate=False)
+        return found
+
+    for equation in (lambda s: gl.Eq(s.x, tower(s)), lambda s: gl.Eq(tower(s), s.x)):
+        with pytest.raises(DeclarationError, match=r"^Leaf: an expression is nested too deeply"):
+            class_record(leaf(equation, *COUNT))
+
+
+def test_a_class_without_choices_depends_on_none() -> None:
+    assert (
+        class_record(type("Ends", (gl.Component,), {"a": gp.Flange("one"), "b": gp.Flange("other")})()).choices == frozenset()
+    )
+
+
+def test_lists_of_parts_are_no_attributes() -> None:
+    """Those tell instances apart by what they are; a list of numbers could not be compared."""
+    asked: list[Any] = []
+
+    class Row(gl.Component):
+        y = gl.Variable("1")
+
+        def __init__(self, gain: Any) -> None:
+            super().__init__()
+            self.gain = gain
+
+        def assemble(self) -> list[Any]:
+            self.bodies = [gp.Inertia(J=1.0), gp.Inertia(J=2.0)]
+            return []
+
+        def equations(self) -> list[Any]:
+            asked.append(self.gain)
+            return [gl.Eq(self.y, np.sum(self.gain) * self.bodies[1].w)]
+
+    met: dict[Any, Any] = {}
+    for gain in (2.0, 3.0, 2.0, [1.0, 5.0], [1.0, 5.0], 3.0):
+        row = Row(gain)
+        connections_of(row)
+        assert class_record(row, met).templates[0].label == f"Row: y = {np.sum(gain)}*bodies[1].w"
+    assert asked == [2.0, 3.0, [1.0, 5.0], [1.0, 5.0]]
+
+
+def test_units_of_given_values_are_compared_once_for_each() -> None:
+    class Given(gl.Component):
+        right = gl.Structural(True)
+        m, c = gl.Parameter("kg.m2", default=1.0), gl.Parameter("N.m/rad", default=1.0)
+
+        def assemble(self) -> list[Any]:
+            self.body = gp.Inertia(J=self.m if self.right else self.c)
+            return []
+
+    one, other, plain = Given(), Given(right=False), gp.Inertia(J=1.0)
+    for whole in (one, other, plain):
+        connections_of(whole)
+    record = class_record(one)
+    check_values(one, record)
+    assert len(record.fitting) == 1
+    check_values(one, record)
+    check_values(plain, record)
+    assert len(record.fitting) == 1
+    with pytest.raises(DeclarationError, match=r"units do not match .*body\.J is in .*"):
+        check_values(other, record)
+    assert len(record.fitting) == 1

@@ -227,7 +227,9 @@ def test_a_divisor_of_a_branch_counts_while_the_branch_is_taken() -> None:
     one = gl.Piecewise((1 / x, y > 0), (z, True))
     other = gl.Piecewise((z, y > 0), (1 / x, True))
     for expression, over, under in ((both, 0.7, 0.7), (one, 0.7, 0.0), (other, 0.0, 0.7)):
-        (divisor,) = residual_kernel(make(expression)).divisors
+        found = residual_kernel(make(expression)).divisors
+        assert len(found) == 1
+        (divisor,) = found
         values = [0.7 for _ in divisor.columns]
         assert [abs(float(divisor.function(0.0, *values, *([flag] * len(divisor.relations))))) for flag in (1, 0)] == [
             over,
@@ -239,12 +241,14 @@ def test_what_a_kernel_is() -> None:
     template = make(p * x - y + 3 * z)
     place = {name: c for c, (name, _) in enumerate(template.columns)}
     slope = {name: partial_kernel(template, c) for name, c in place.items()}
+    assert slope["y"].number == -1.0
     assert [slope[n].number for n in "xyz"] == [None, -1.0, 3.0]
     assert [slope[n].constant for n in "xyz"] == [True] * 3
     assert not residual_kernel(template).constant
     assert not residual_kernel(make(p + gl.time)).constant
     assert not residual_kernel(make(gl.Piecewise((1, gl.time > 1), (2, True)))).constant
     only = {n: residual_kernel(make(e)) for n, e in {"x": x, "2x": 2 * x, "xy": x + y, "p": p, "0": sympy.Integer(0)}.items()}
+    assert only["x"].is_copy
     assert [name for name, kernel in only.items() if kernel.is_copy] == ["x"]
     assert [name for name, kernel in only.items() if kernel.is_zero] == ["0"]
     apart = difference_kernel("two")
@@ -294,3 +298,24 @@ def test_kernels_that_vanish_without_their_parameters() -> None:
     assert [is_zero_without(kernel, parts) for parts in ((), (0,), (1,), (0, 1))] == [False, False, False, True]
     assert is_zero_without(residual_kernel(make(q * x)), (0,))
     assert not is_zero_without(residual_kernel(make(x / q)), (0,))
+
+
+def test_discrete_variables_come_after_the_relations() -> None:
+    condition = gl.Piecewise((x, x > q), (y, True))
+    template = template_of(gl.Eq(condition * z, p * y + gl.pre(z)), "test", lambda n: n in "pq", lambda n: n in ("z", "pre(z)"))
+    kernel = residual_kernel(template)
+    assert template.discretes == ("pre(z)", "z")
+    assert kernel.relations == (0, 1, 2)
+    assert {s.name for s in kernel.expression.free_symbols} == {"x0", "x1", "p0", "r0", "r1", "r2"}
+    for flag in (0.0, 1.0):
+        held = flag if not template.relations[0].negated else 1.0 - flag
+        assert kernel.function(T, 2.0, 3.0, 5.0, held, 7.0, 11.0) == 11.0 * (2.0 if held else 3.0) - 5.0 * 3.0 - 7.0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_what_cancels_is_not_in_a_solution(sign: int) -> None:
+    template = make(sign * x + p * (y + q) - p * q)
+    kernel = solve_kernel(template, [name for name, _ in template.columns].index("x"))
+    assert kernel is not None
+    assert [template.parameters[i] for i in kernel.parameters] == ["p"]
+    assert scalar(kernel) == pytest.approx(-sign * POINT["p"] * POINT["y"], rel=1e-15)
