@@ -19,6 +19,7 @@ from gearlib.equations.quasipolynomials import (
     add,
     holds,
     known_rate,
+    mean_value,
     multiply,
     parse,
     value,
@@ -144,3 +145,63 @@ def test_a_gap_between_branches_is_told_by_its_time() -> None:
     assert [parse(gap, 0.5, s) for s in (0.25, 2.0)] == [{0j: [1.0]}, {0j: [2.0]}]
     with pytest.raises(OutsideClassError, match=r"has no value at time = 1\.75$"):
         parse(gap, 0.5, 1.25)
+
+
+def test_zeros_behind_the_last_coefficient_are_cut_and_no_others() -> None:
+    for kept in ([1.0, 0.0, 3.0], [0.0, 2.0], [0.0, 0.0, 5.0], [7.0]):
+        for zeros in range(3):
+            assert add({2j: [*kept, *[0.0] * zeros]}, {}) == {2j: kept}
+            assert add({}, {2j: [*kept, *[0.0] * zeros]}) == {2j: kept}
+    assert add({1j: [1.0, 2.0, 3.0]}, {1j: [4.0, -2.0, -3.0]}) == {1j: [5.0]}
+    assert multiply({1j: [0.0, 2.0]}, {0j: [3.0, 0.0, 1.0], 1j: [4.0]}) == {1j: [0.0, 6.0, 0.0, 2.0], 2j: [0.0, 8.0]}
+
+
+def is_refused(make: Any) -> bool:
+    try:
+        make()
+    except OutsideClassError:
+        return True
+    return False
+
+
+def test_a_limit_itself_is_allowed() -> None:
+    degrees = range(MAX_DEGREE - 3, MAX_DEGREE + 3)
+    beyond = [degree > MAX_DEGREE for degree in degrees]
+    assert [is_refused(lambda n=n: parse(t**n, 0.0)) for n in degrees] == beyond
+    assert [is_refused(lambda n=n: add({0j: [1.0] * (n + 1)}, {})) for n in degrees] == beyond
+    counts = range(MAX_RATES - 2, MAX_RATES + 3)
+    full: list[Signal] = [{complex(k): [1.0] for k in range(count)} for count in counts]
+    assert [is_refused(lambda s=s: add(s, {})) for s in full] == [count > MAX_RATES for count in counts]
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 3e4])
+def test_what_is_the_same_rate_depends_on_its_size(scale: float) -> None:
+    rate = scale * (3.0 + 1j)
+    for part in (1.0, 1j):
+        assert known_rate(rate + 4e-16 * scale * part, {rate: [1.0]}) == rate
+        assert known_rate(rate + 4e-14 * scale * part, {rate: [1.0]}) != rate
+    both = add({rate: [1.0, 2.0]}, {rate + 4e-16 * scale: [3.0], -rate: [1.0]})
+    assert both == {rate: [4.0, 2.0], -rate: [1.0]}
+
+
+@pytest.mark.parametrize(
+    ("signal", "mean"),
+    [
+        ({0j: [2.5]}, 2.5), ({0j: [-1.0], 3j: [0.5 + 1j], -3j: [0.5 - 1j]}, -1.0), ({3j: [0.5], -3j: [0.5]}, 0.0), ({}, 0.0),
+        ({0j: [2.0, 1.0]}, None), ({0j: [2.0], 3j: [0.5, 1.0], -3j: [0.5, 1.0]}, None), ({0j: [2.0], -0.5 + 0j: [1.0]}, None),
+        ({0.1 + 3j: [0.5], 0.1 - 3j: [0.5]}, None),
+    ],
+)  # fmt: skip
+def test_only_constants_and_sinusoids_have_a_mean(signal: Signal, mean: float | None) -> None:
+    """It is the average over the whole periods of a long time."""
+    assert mean_value(signal) == mean
+    if mean is not None:
+        instants = np.arange(60) * (2 * np.pi / 3 / 60)
+        assert np.mean([value(signal, s) for s in instants]) == pytest.approx(mean, abs=1e-14)
+
+
+@pytest.mark.parametrize("expression", [sympy.Abs(t - 1), sympy.Max(t, 1), sympy.Piecewise((t, t < 1), (2, True))])
+def test_branches_need_a_probe_and_the_smooth_does_not(expression: Any) -> None:
+    assert not is_refused(lambda: parse(expression, 0.0, 0.5))
+    assert not is_refused(lambda: parse(3 * t + 1 - sympy.sin(t), 0.0, 0.5))
+    assert is_refused(lambda: parse(expression, 0.0))
