@@ -60,7 +60,8 @@ def test_rates_that_differ_by_rounding_are_one() -> None:
     "expression",
     [
         t, sympy.Integer(3), 2 - 3 * t + t**3, sympy.sin(2 * t + 1), sympy.cos(0.5 - 3 * t), sympy.exp(1 - t / 2),
-        sympy.sinh(t) - 2 * sympy.cosh(t / 3), sympy.cos((1 + t) * (1 - t) + t**2), sympy.exp((2 + t) * (2 - t) + t**2 - 5),
+        sympy.sinh(t) - 2 * sympy.cosh(t / 3), sympy.cos((1 + t) * (1 - t) + t**2), 2 + sympy.cos((1 + t) * (1 - t) + t**2 - 1),
+        sympy.exp((2 + t) * (2 - t) + t**2 - 5),
         3 ** (1 + t / 4), sympy.pi * t * sympy.sin(t) ** 2 * sympy.exp(-t / 5), (1 + sympy.cos(t)) ** 3, t**4 * sympy.Float(0.25),
     ],
 )  # fmt: skip
