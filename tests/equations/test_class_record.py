@@ -13,6 +13,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.equations.class_record import check_values, class_record, descend, refuse_misfits
 from gearlib.errors import BalanceError, DeclarationError
+from gearlib.language.expressions import DEEPEST
 from gearlib.language.interior import connections_of
 
 
@@ -328,7 +329,7 @@ def test_classes_of_many_equations_are_not_examined(monkeypatch: pytest.MonkeyPa
 def test_sides_that_are_nested_too_deeply_are_refused() -> None:
     def tower(s: Any) -> Any:
         found = s.y
-        for _ in range(400):
+        for _ in range(DEEPEST):
             found = sympy.sin(found, evaluate=False)
         return found
 
