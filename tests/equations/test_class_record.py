@@ -396,3 +396,33 @@ def test_units_of_given_values_are_compared_once_for_each() -> None:
     with pytest.raises(DeclarationError, match=r"units do not match .*body\.J is in .*"):
         check_values(other, record)
     assert len(record.fitting) == 1
+
+
+def test_events_that_are_written_otherwise_are_analysed_again() -> None:
+    """Conditions, actions, new values of states, and further branches; equal ones are one record."""
+    written: list[Any] = []
+
+    class Switched(gl.Component):
+        x = gl.Variable("1")
+        n = gl.Discrete("count")
+
+        def equations(self) -> list[Any]:
+            limit, count, new, more = written[-1]
+            other = gl.When(self.x < more, gl.Eq(self.n, 7)) if more is not None else None
+            return [
+                gl.Eq(gl.der(self.x), 1),
+                gl.When(self.x > limit, gl.Eq(self.n, count), gl.reinit(self.x, new), elsewhen=other),
+            ]
+
+    found = []
+    for given in ((2, 1, 0, None), (3, 1, 0, None), (2, 5, 0, None), (2, 1, -1, None), (2, 1, 0, 0), (2, 1, 0, -4)):
+        written.append(given)
+        record = class_record(Switched())
+        assert class_record(Switched()) is record
+        assert sorted(u.target for u in record.updates if u.reinit) == ["x"]
+        hidden = ["when_0", "when_1"][: 1 + (given[3] is not None)]
+        assert sorted(u.target for u in record.updates if not u.reinit) == ["n", *hidden]
+        found.append(record)
+    assert len({id(record) for record in found}) == len(found)
+    written.append((2, 1, 0, None))
+    assert class_record(Switched()) is found[0]
