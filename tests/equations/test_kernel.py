@@ -126,6 +126,11 @@ def test_a_kernel_takes_what_stands_in_it() -> None:
     assert (value.columns, value.parameters, value.relations) == ((0, 1), (0,), (0, 1))
     assert {(k.columns, k.parameters, k.relations) for k in (one, other)} == {((2,), (1,), ()), ((1, 2), (), ())}
     assert not value.on_time
+    for k in (value, one, other):
+        used = (
+            [f"x{c}" for c in k.columns] + [f"p{c}" for c in k.parameters] + [f"r{c}" for c in k.relations] + ["t"] * k.on_time
+        )
+        assert k.expression.free_symbols == {sympy.Symbol(name, real=True) for name in used}
 
 
 def test_relation_and_derivatives_are_made_once() -> None:
@@ -252,6 +257,7 @@ def test_what_a_kernel_is() -> None:
     assert [name for name, kernel in only.items() if kernel.is_copy] == ["x"]
     assert [name for name, kernel in only.items() if kernel.is_zero] == ["0"]
     apart = difference_kernel("two")
+    assert apart.expression == sympy.Symbol("x0", real=True) - sympy.Symbol("x1", real=True)
     assert apart.function(0.0, 5.0, 3.0) == 2.0
 
 
