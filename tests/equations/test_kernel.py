@@ -325,3 +325,20 @@ def test_what_cancels_is_not_in_a_solution(sign: int) -> None:
     assert kernel is not None
     assert [template.parameters[i] for i in kernel.parameters] == ["p"]
     assert scalar(kernel) == pytest.approx(-sign * POINT["p"] * POINT["y"], rel=1e-15)
+
+
+def test_a_magnitude_that_is_left_without_some_columns_has_the_divisor_of_its_argument() -> None:
+    template = make(1 / gl.sqrt(x**2 + y**2) - p)
+    place = [name for name, _ in template.columns].index("y")
+    left = without_columns(residual_kernel(template), frozenset({place}))
+    assert left.expression.has(sympy.Abs)
+    assert [d.expression for d in left.divisors] == [sympy.Symbol(f"x{1 - place}", real=True)]
+
+
+def test_a_power_has_a_divisor_while_its_exponent_is_negative() -> None:
+    (divisor,) = residual_kernel(make(x**p - y)).divisors
+    assert [divisor.template.columns[c][0] for c in divisor.columns] == ["x"]
+    for exponent in (-2.5, -1.0, -0.5, 0.0, 0.5, 2.0):
+        for at in (-0.7, 0.7):
+            wanted = math.copysign(0.7 ** (-exponent), at) if exponent < 0.0 else 0.0
+            assert float(divisor.function(0.0, at, exponent)) == pytest.approx(wanted, rel=1e-14)
