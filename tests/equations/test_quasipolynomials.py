@@ -62,7 +62,8 @@ def test_rates_that_differ_by_rounding_are_one() -> None:
         t, sympy.Integer(3), 2 - 3 * t + t**3, sympy.sin(2 * t + 1), sympy.cos(0.5 - 3 * t), sympy.exp(1 - t / 2),
         sympy.sinh(t) - 2 * sympy.cosh(t / 3), sympy.cos((1 + t) * (1 - t) + t**2), 2 + sympy.cos((1 + t) * (1 - t) + t**2 - 1),
         sympy.exp((2 + t) * (2 - t) + t**2 - 5),
-        3 ** (1 + t / 4), sympy.Float(0.25) ** (t / 2 - 1), sympy.pi * t * sympy.sin(t) ** 2 * sympy.exp(-t / 5), (1 + sympy.cos(t)) ** 3, t**4 * sympy.Float(0.25),
+        3 ** (1 + t / 4), sympy.Float(0.25) ** (t / 2 - 1),
+        sympy.pi * t * sympy.sin(t) ** 2 * sympy.exp(-t / 5), (1 + sympy.cos(t)) ** 3, t**4 * sympy.Float(0.25),
     ],
 )  # fmt: skip
 def test_local_time_begins_at_the_origin(expression: Any, origin: float) -> None:
@@ -79,6 +80,7 @@ def test_local_time_begins_at_the_origin(expression: Any, origin: float) -> None
         sympy.Min(t, 2 - t, 3),
         sympy.Piecewise((t, t < 0.5), (2, t < 1.5), (3 - t, True)), sympy.Piecewise((5, (t > 0.5) & (t < 1.5)), (t, True)),
         sympy.Piecewise((1, t <= 0.25), (2, t <= 1.75), (3, True)), sympy.Piecewise((1, t > 1), (sympy.sin(t), True)),
+        sympy.Piecewise((1, sympy.sin(t) < 0.5), (t, True)),
         sympy.Piecewise((1, t < 1.5), (2, t < 0.5), (t, True)),  # the second branch is never taken
     ],
 )  # fmt: skip
