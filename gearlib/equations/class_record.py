@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -54,21 +54,15 @@ def class_record(component: Component, met: Met | None = None) -> ClassRecord:
     object. So ``equations`` is called again once per compilation, class and structural choice, and its result is the cache key.
     """
     kind = type(component)
-    key: Any = (kind, tuple(structural_of(component).items()), tuple(map(type, structural_of(component).values())))
-    try:
-        hash(key)
-    except Exception:  # a user's object may have a failing hash()
-        raise DeclarationError(
-            f"{kind.__name__}: values of structural choices must be hashable, got {shown(structural_of(component))}"
-        ) from None
-    extras = _plain_attributes(component)
-    whole = id(component) if extras is None else (key, extras)
+    key = _choices(component)
+    readable = _readable(component)
+    whole = id(component) if readable is None else (key, readable)
     found = None if met is None else met.get(whole)
     if found is not None:
         return found
     check_declarations(kind)
     equations = equations_of(component)
-    parts = tuple((n, type(p), tuple(structural_of(p).items())) for n, p in parts_of(component).items()) if equations else ()
+    parts = _kinds_of_parts(component) if equations else ()
     written = (key, parts, tuple(_written(e, kind.__name__) for e in equations))
     known = _records.setdefault(kind, {})
     if written not in known:
@@ -76,6 +70,17 @@ def class_record(component: Component, met: Met | None = None) -> ClassRecord:
     if met is not None:
         met[whole] = known[written]
     return known[written]
+
+
+def _choices(component: Component) -> tuple[Any, ...]:
+    """Class and structural choices of a component, which can be compared."""
+    kind, values = type(component), structural_of(component)
+    key = (kind, tuple(values.items()), tuple(map(type, values.values())))
+    try:
+        hash(key)
+    except Exception:  # a user's object may have a failing hash()
+        raise DeclarationError(f"{kind.__name__}: values of structural choices must be hashable, got {shown(values)}") from None
+    return key
 
 
 def _written(action: Eq | When | Reinit, name: str) -> tuple[Any, ...]:
@@ -147,7 +152,7 @@ def _refuse_void(templates: Sequence[Template]) -> None:
             raise BalanceError(
                 f"the model is not balanced. over-determined: {_both(other, t)} say the same; leave one of them out"
             )
-    sharing = _sharing([t for t in _sharing(templates) if t.linear]) if len(templates) <= MOST else ()
+    sharing = _sharing([t for t in _sharing(templates) if t.linear and t.columns]) if len(templates) <= MOST else ()
     if sharing and (repeated := "; ".join(_dependent(sharing))):
         raise BalanceError(
             f"the model is not balanced. over-determined: one of these equations follows from the others: {repeated}"
@@ -186,17 +191,45 @@ def _both(one: Template, other: Template) -> str:
 
 def check_values(component: Component, record: ClassRecord) -> None:
     """Refuse values given to parts whose units do not fit; values of assemblies already checked are skipped."""
-    pairs = tuple(values_given(component))
-    parts = tuple((n, type(p), tuple(structural_of(p).items())) for n, p in parts_of(component).items())
-    if pairs and (parts, pairs) not in record.fitting:
+    if not (pairs := tuple(values_given(component))):
+        return
+    given = (_kinds_of_parts(component), pairs)
+    if given not in record.fitting:
         refuse_misfits(unit_errors(component, pairs))
-        record.fitting.add((parts, pairs))
+        record.fitting.add(given)
 
 
 def refuse_misfits(errors: Sequence[str]) -> None:
     """Raise the errors found by `unit_errors`."""
     if errors:
         raise DeclarationError(f"units do not match (gl.check_units lists all mismatches of a component): {'; '.join(errors)}")
+
+
+def _parts_below(component: Component) -> Iterator[tuple[str, Component]]:
+    """All parts that a component has been given or has made, theirs too, with the paths to them."""
+    stack = [("", component)]
+    while stack:
+        path, node = stack.pop()
+        for name, part in parts_of(node).items():
+            yield f"{path}{name}", part
+            stack.append((f"{path}{name}.", part))
+
+
+def _kinds_of_parts(component: Component) -> tuple[Any, ...]:
+    """What the names that equations take from parts depend on."""
+    return tuple((path, _choices(part)) for path, part in _parts_below(component))
+
+
+def _readable(component: Component) -> tuple[Any, ...] | None:
+    """What the equations of an instance may depend on besides its structural choices: its attributes, its parts, and theirs.
+
+    Parts may be given to an instance, so that another of its class has others. None where attributes cannot be compared.
+    """
+    own = _plain_attributes(component)
+    if own is None or not parts_of(component) or type(component).equations is Component.equations:
+        return own
+    parts = [(path, _choices(part), _plain_attributes(part)) for path, part in _parts_below(component)]
+    return None if any(attributes is None for _, _, attributes in parts) else (own, *parts)
 
 
 def _plain_attributes(component: Component) -> tuple[Any, ...] | None:

@@ -273,21 +273,11 @@ def _divisors(expression: Any) -> list[Any]:
     if isinstance(expression, sympy.tan):
         return [*inside, sympy.cos(expression.args[0])]
     if isinstance(expression, sympy.Pow) and not expression.exp.is_nonnegative:
-        base = _with_sign(expression.base)
+        base = expression.base.args[0] if isinstance(expression.base, sympy.Abs) else expression.base  # the x of abs(x)
         divisor = base * sympy.Abs(base) ** (-1 - expression.exp)
         known = expression.exp.is_negative
         return [*inside, divisor if known else sympy.Piecewise((divisor, expression.exp < 0), (0, True))]
     return inside
-
-
-def _with_sign(expression: Any) -> Any:
-    """The x of abs(x), even if that is written as Piecewise."""
-    if isinstance(expression, sympy.Abs):
-        return expression.args[0]
-    if isinstance(expression, sympy.Piecewise) and len(expression.args) == 2:
-        one, other = (value for value, _ in expression.args)
-        return one if one == -other else expression
-    return expression
 
 
 def _has_one_sign(expression: Any) -> bool:

@@ -144,7 +144,7 @@ class _Printer:
                 below.append(factor.base ** (-factor.exp))
             else:
                 above.append(factor)
-        text = "*".join(self.text(f, PRODUCT if k == 0 else POWER) for k, f in enumerate(above)) or "1"
+        text = "*".join(self.text(f, POWER) for f in above) or "1"
         if below:
             divisor = "*".join(self.text(f, POWER) for f in below)
             text += f"/({divisor})" if len(below) > 1 else f"/{divisor}"

@@ -93,9 +93,7 @@ def _differences(expression: Any) -> list[Any]:
 def _roots(pair: tuple[Any, Any], t0: float, t_end: float) -> list[float]:
     """Zeros of the difference of two expressions of absolute time, in which the zero of time - a is a to the last bit."""
     if isinstance(pair[0], SquareWave) and pair[1] == 0:
-        times = instants(float(pair[0].args[1]), float(pair[0].args[2]), t0, t_end)
-        found: list[float] = times[(times > t0) & (times < t_end)].tolist()
-        return found
+        return list(map(float, instants(float(pair[0].args[1]), float(pair[0].args[2]), t0, t_end)))
     signal = add(parse(pair[0], 0.0), multiply({0j: [-1.0]}, parse(pair[1], 0.0)))
     rates = [rate for rate in signal if rate != 0]
     constant = signal.get(0j, [0.0])

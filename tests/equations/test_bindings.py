@@ -10,7 +10,15 @@ import pytest
 import sympy
 
 import gearlib as gl
-from gearlib.equations.bindings import MOST_NUMBERS, bind_input, canonical, is_expression, number, parameter_function
+from gearlib.equations.bindings import (
+    MOST_NUMBERS,
+    bind_input,
+    canonical,
+    is_computable,
+    is_expression,
+    number,
+    parameter_function,
+)
 from gearlib.equations.template import Template
 from gearlib.errors import BindingError, BoundError
 
@@ -108,8 +116,9 @@ def test_discrete_variables_are_named_by_their_number() -> None:
     assert bound(held, discrete=lambda name: numbers.get(name, -1))[0].relations == (), "it changes at events only"
 
 
-def test_what_is_an_expression() -> None:
-    assert [is_expression(v) for v in (k, k + 1, t, sympy.Integer(3), gl.pi, 2.0, "k", None)] == [True] * 3 + [False] * 5
+@pytest.mark.parametrize("given", [k, k + 1, t, sympy.Integer(3), gl.pi, 2.0, "k", None])
+def test_what_is_an_expression(given: Any) -> None:
+    assert is_expression(given) is (given in (k, k + 1, t))
 
 
 def test_parameters_of_an_expression_are_numbered_by_name() -> None:
@@ -117,11 +126,15 @@ def test_parameters_of_an_expression_are_numbered_by_name() -> None:
     expression, names = canonical(k * 2 - b / w)
     assert names == ("b", "k", "load.w")
     assert parameter_function(expression, ("a0", "a1", "a2"))(4.0, np.array([1.0, 2.0]), 8.0) == pytest.approx([1.5, 3.5])
-    assert parameter_function(expression, ("a0", "a1", "a2"), "a2")(4.0, 1.0, 8.0) == pytest.approx(4.0 / 64)
     foreign, names = canonical(2 * sympy.Symbol("k", positive=True) + sympy.Symbol("k"))
     assert (parameter_function(foreign, ("a0",))(3.0), names) == (9.0, ("k",)), (
         "symbols of other kinds are the real ones of their names"
     )
+
+
+def test_derivatives_by_a_parameter() -> None:
+    expression, _ = canonical(k * 2 - b / w)
+    assert parameter_function(expression, ("a0", "a1", "a2"), "a2")(4.0, 1.0, 8.0) == pytest.approx(4.0 / 64)
     size, _ = canonical(gl.Max(abs(k), 3))
     assert [parameter_function(size, ("a0",), "a0")(v) for v in (-5.0, 1.0, 5.0)] == [-1.0, 0.0, 1.0]
 
@@ -147,3 +160,40 @@ def test_numbers(given: Any) -> None:
 def test_what_is_no_number(given: Any, description: str, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         number(given, "m.J", "kg.m2", description)
+
+
+def test_functions_that_gearlib_has_can_be_computed() -> None:
+    """Whatever their value is at a point: the logarithm of zero is one, too."""
+    a, other = sympy.symbols("a0 a1", real=True)
+    known = {sympy.sin(a) + other: True, sympy.log(a - other): True, 1 / (a - 1): True, a**other: True}
+    unknown = {sympy.gamma(a): False, sympy.Function("g")(a) * other: False}
+    for expression, there in (known | unknown).items():
+        assert is_computable(expression, ("a0", "a1")) is there, expression
+
+
+@pytest.mark.parametrize("given", [0, 1, -1, 7, 2.5, gl.pi])
+def test_a_number_is_a_parameter_of_its_own(given: Any) -> None:
+    template, variables, values = bound(given)
+    assert (variables, values) == ({}, {"p0": float(given)})
+    assert template.residual == sympy.Symbol("bound", real=True) - sympy.Symbol("p0", real=True)
+    assert (template.columns, template.parameters, template.relations) == ((("bound", 0),), ("p0",), ())
+
+
+@pytest.mark.parametrize("given", [k, 1 + k, k * w, sympy.S.One / k])
+def test_what_holds_no_number_brings_none(given: Any) -> None:
+    assert all(isinstance(value, str) for value in bound(given)[2].values())
+
+
+@pytest.mark.parametrize(
+    ("given", "numbers"),
+    [
+        (2.5 ** gl.sin(3 * t), [2.5, 3.0]), (gl.sin(3 * t) ** 2, [3.0]), (gl.sin(2 * t) ** 2.5, [2.0]),
+        (gl.Piecewise((w, t < 2), (0, True)), [2.0]), (gl.Piecewise((1, t < 2), (-1, True)), [2.0]),
+        (gl.Piecewise((3 * t, t < 2), (gl.cos(4 * t), True)), [2.0, 3.0, 4.0]),
+    ],
+)  # fmt: skip
+def test_numbers_of_a_power_and_of_branches(given: Any, numbers: list[float]) -> None:
+    """Zeros, ones and exponents stay."""
+    values = bound(given)[2]
+    assert sorted(abs(float(v)) for v in values.values()) == numbers
+    assert list(values) == [f"p{i}" for i in range(len(numbers))]

@@ -11,8 +11,9 @@ import sympy
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.equations.class_record import class_record, descend, refuse_misfits
+from gearlib.equations.class_record import check_values, class_record, descend, refuse_misfits
 from gearlib.errors import BalanceError, DeclarationError
+from gearlib.language.expressions import DEEPEST
 from gearlib.language.interior import connections_of
 
 
@@ -209,3 +210,219 @@ def test_values_that_cannot_be_compared() -> None:
     ):
         refuse_misfits(["a", "b"])
     refuse_misfits([])
+
+
+class Reader(gl.Component):
+    """Its equation reads what the part that it was given is, at some depth."""
+
+    y = gl.Variable("1")
+
+    def __init__(self, part: gl.Component) -> None:
+        super().__init__()
+        self.part = part
+
+    def equations(self) -> list[Any]:
+        part: Any = self.part
+        while isinstance(part, Reader):
+            part = part.part
+        return [gl.Eq(self.y, part.n * int(np.sum(part.gain)) * part.x)]
+
+
+def test_parts_given_to_an_instance_tell_its_equations() -> None:
+    """Within one compilation, too: their classes, choices and attributes, and those of parts within them."""
+    common = {"n": gl.Structural(1), "gain": 1}
+    varying = type("Varying", (gl.Component,), {"x": gl.Variable("1"), **common})
+    given = type("Given", (gl.Component,), {"x": gl.Parameter("1", default=2.0), **common})
+
+    def part(kind: Any, n: int, gain: Any = None) -> Any:
+        made = kind(n=n)
+        if gain is not None:
+            made.gain = gain
+        return made
+
+    parts = [
+        part(varying, 1),
+        part(varying, 2),
+        part(given, 1),
+        part(varying, 1, 3),
+        part(varying, 1, [3, 1]),
+    ]  # what is in a list cannot be compared
+    parts += [Reader(part(varying, 1)), Reader(part(varying, 5)), Reader(part(given, 1)), Reader(part(given, 1, 6))]
+    met: dict[Any, Any] = {}
+    found = [class_record(Reader(one), met).templates[0] for one in parts]
+    wanted = ["part.x", "2*part.x", "part.x", "3*part.x", "4*part.x"]
+    wanted += ["part.part.x", "5*part.part.x", "part.part.x", "6*part.part.x"]
+    assert [t.label for t in found] == [f"Reader: y = {text}" for text in wanted]
+    assert [t.parameters for t in found] == [(), (), ("part.x",), (), (), (), (), ("part.part.x",), ("part.part.x",)]
+    assert class_record(Reader(part(varying, 2)), met) is class_record(Reader(part(varying, 2)), met)
+
+
+def test_equations_are_asked_for_once_per_compilation_class_and_choice() -> None:
+    asked: list[Any] = []
+
+    class Asked(gl.Component):
+        n = gl.Structural(1)
+        x = gl.Variable("1")
+
+        def equations(self) -> list[Any]:
+            asked.append(self.n)
+            return [gl.Eq(self.x, self.n)]
+
+    met: dict[Any, Any] = {}
+    for n in (1, 2, 1, 2):
+        class_record(Asked(n=n), met)
+    assert asked == [1, 2]
+    class_record(Asked(), {})
+    class_record(Asked())
+    assert asked == [1, 2, 1, 1]
+
+
+def test_values_of_parts_that_cannot_be_compared() -> None:
+    class Odd:
+        def __hash__(self) -> int:
+            raise RuntimeError("no")
+
+    free = type("Free", (gl.Component,), {"s": gl.Structural(None), "x": gl.Variable("1")})
+    with pytest.raises(DeclarationError, match=r"Free: values of structural choices must be hashable, got "):
+        class_record(Reader(free(s=Odd())))
+
+
+@pytest.mark.parametrize(
+    ("equations", "names"),
+    [
+        ([lambda s: gl.Eq(s.k * s.n, 2)], [("n",)]),
+        ([lambda s: gl.Eq(s.k, s.n), lambda s: gl.Eq(s.x, s.y), lambda s: gl.Eq(s.x, 2 * s.y)], [("n",), (), ()]),
+        ([lambda s: gl.Eq(s.x, gl.pre(s.n) + s.n * s.k)], [("n", "pre(n)")]),
+        ([lambda s: gl.Eq(s.x, gl.Piecewise((s.k, gl.initial()), (s.y, True)))], [("initial()",)]),
+        ([lambda s: gl.Eq(s.k, gl.Piecewise((1, s.x > 0), (2, True)))], [()]),
+    ],
+)  # fmt: skip
+def test_discrete_variables_in_equations(equations: Any, names: Any) -> None:
+    """An equation without a variable that it determines may still hold one of those, or one in a comparison."""
+    record = class_record(leaf(*equations, *COUNT))
+    assert [t.discretes for t in record.templates] == names
+    assert not any(name in ("n", "pre(n)", "initial()") for t in record.templates for name in t.locals)
+
+
+@pytest.mark.parametrize(
+    "equations",
+    [
+        [lambda s: gl.Eq(s.x, s.k * s.y), lambda s: gl.Eq(s.x, s.m * s.y)],
+        [lambda s: gl.Eq(s.x + 1e-12 * s.y, 0), lambda s: gl.Eq(s.x - 1e-12 * s.y, 0)],
+        [lambda s: gl.Eq(s.x + 1e12 * s.y, 0), lambda s: gl.Eq(s.x - 1e12 * s.y, 0)],
+        [lambda s: gl.Eq(s.x, s.y + s.z), lambda s: gl.Eq(s.y, s.z), lambda s: gl.Eq(s.x, s.z + 3 * s.y)],
+    ],
+)  # fmt: skip
+def test_equations_that_differ_by_a_parameter_or_by_little_are_several(equations: Any) -> None:
+    assert len(class_record(leaf(*equations, *COUNT)).templates) == len(equations)
+
+
+def test_classes_of_many_equations_are_not_examined(monkeypatch: pytest.MonkeyPatch) -> None:
+    circle = (lambda s: gl.Eq(s.x, s.y), lambda s: gl.Eq(s.y, s.z), lambda s: gl.Eq(s.z, s.x))
+    monkeypatch.setattr("gearlib.equations.class_record.MOST", 2)
+    assert len(class_record(leaf(*circle, *COUNT)).templates) == 3
+    monkeypatch.setattr("gearlib.equations.class_record.MOST", 3)
+    with pytest.raises(BalanceError, match="one of these equations follows from the others"):
+        class_record(type("Circle", (Leaf,), {"equations": lambda s: [e(s) for e in (*circle, *COUNT)]})())
+
+
+def test_sides_that_are_nested_too_deeply_are_refused() -> None:
+    def tower(s: Any) -> Any:
+        found = s.y
+        for _ in range(3 * DEEPEST):
+            found = sympy.sin(found, evaluate=False)
+        return found
+
+    for equation in (lambda s: gl.Eq(s.x, tower(s)), lambda s: gl.Eq(tower(s), s.x)):
+        told = ""
+        try:
+            class_record(leaf(equation, *COUNT))
+        except (DeclarationError, RecursionError) as error:
+            told = f"{type(error).__name__}: {error}"
+        assert told.startswith("DeclarationError: Leaf: an expression is nested too deeply")
+
+
+def test_a_class_without_choices_depends_on_none() -> None:
+    assert (
+        class_record(type("Ends", (gl.Component,), {"a": gp.Flange("one"), "b": gp.Flange("other")})()).choices == frozenset()
+    )
+
+
+def test_lists_of_parts_are_no_attributes() -> None:
+    """Those tell instances apart by what they are; a list of numbers could not be compared."""
+    asked: list[Any] = []
+
+    class Row(gl.Component):
+        y = gl.Variable("1")
+
+        def __init__(self, gain: Any) -> None:
+            super().__init__()
+            self.gain = gain
+
+        def assemble(self) -> list[Any]:
+            self.bodies = [gp.Inertia(J=1.0), gp.Inertia(J=2.0)]
+            return []
+
+        def equations(self) -> list[Any]:
+            asked.append(self.gain)
+            return [gl.Eq(self.y, np.sum(self.gain) * self.bodies[1].w)]
+
+    met: dict[Any, Any] = {}
+    for gain in (2.0, 3.0, 2.0, [1.0, 5.0], [1.0, 5.0], 3.0):
+        row = Row(gain)
+        connections_of(row)
+        assert class_record(row, met).templates[0].label == f"Row: y = {np.sum(gain)}*bodies[1].w"
+    assert asked == [2.0, 3.0, [1.0, 5.0], [1.0, 5.0]]
+
+
+def test_units_of_given_values_are_compared_once_for_each() -> None:
+    class Given(gl.Component):
+        right = gl.Structural(True)
+        m, c = gl.Parameter("kg.m2", default=1.0), gl.Parameter("N.m/rad", default=1.0)
+
+        def assemble(self) -> list[Any]:
+            self.body = gp.Inertia(J=self.m if self.right else self.c)
+            return []
+
+    one, other, plain = Given(), Given(right=False), gp.Inertia(J=1.0)
+    for whole in (one, other, plain):
+        connections_of(whole)
+    record = class_record(one)
+    check_values(one, record)
+    assert len(record.fitting) == 1
+    check_values(one, record)
+    check_values(plain, record)
+    assert len(record.fitting) == 1
+    with pytest.raises(DeclarationError, match=r"units do not match .*body\.J is in .*"):
+        check_values(other, record)
+    assert len(record.fitting) == 1
+
+
+def test_events_that_are_written_otherwise_are_analysed_again() -> None:
+    """Conditions, actions, new values of states, and further branches; equal ones are one record."""
+    written: list[Any] = []
+
+    class Switched(gl.Component):
+        x = gl.Variable("1")
+        n = gl.Discrete("count")
+
+        def equations(self) -> list[Any]:
+            limit, count, new, more = written[-1]
+            other = gl.When(self.x < more, gl.Eq(self.n, 7)) if more is not None else None
+            return [
+                gl.Eq(gl.der(self.x), 1),
+                gl.When(self.x > limit, gl.Eq(self.n, count), gl.reinit(self.x, new), elsewhen=other),
+            ]
+
+    found = []
+    for given in ((2, 1, 0, None), (3, 1, 0, None), (2, 5, 0, None), (2, 1, -1, None), (2, 1, 0, 0), (2, 1, 0, -4)):
+        written.append(given)
+        record = class_record(Switched())
+        assert class_record(Switched()) is record
+        assert sorted(u.target for u in record.updates if u.reinit) == ["x"]
+        hidden = ["when_0", "when_1"][: 1 + (given[3] is not None)]
+        assert sorted(u.target for u in record.updates if not u.reinit) == ["n", *hidden]
+        found.append(record)
+    assert len({id(record) for record in found}) == len(found)
+    written.append((2, 1, 0, None))
+    assert class_record(Switched()) is found[0]

@@ -120,7 +120,14 @@ def test_the_start_of_a_run() -> None:
 
 @pytest.mark.parametrize(
     ("start", "counts"),
-    [(0.0, [0, 1, 1, 2, 2, 3]), (0.1, [1, 1, 1, 2, 2, 3]), (0.2, [0, 0, 0, 1, 1, 2]), (0.6, [1, 1, 1, 1, 1, 2])],
+    [
+        (0.0, [0, 1, 1, 2, 2, 3]),
+        (0.1, [1, 1, 1, 2, 2, 3]),
+        (0.2, [0, 0, 0, 1, 1, 2]),
+        (0.6, [1, 1, 1, 1, 1, 2]),
+        (0.7, [0, 0, 0, 0, 0, 1]),
+        (1.1, [1, 1, 1, 1, 1, 1]),
+    ],
 )
 def test_samples_are_taken_at_their_instants_and_at_a_start_that_is_one(start: float, counts: list[int]) -> None:
     """An event is evaluated at a time slightly after it."""
@@ -152,3 +159,10 @@ def test_names_of_hidden_variables_are_counted() -> None:
     assert [name for name in once if name.startswith("sample")] == ["sample_0", "sample_0_before"], (
         "two of the same instants share them"
     )
+
+
+def test_what_is_discrete_in_an_update() -> None:
+    """The value of a variable before an event is no discrete variable, and only whole names count."""
+    _, updates, _ = split(gl.Eq(n, gl.pre(x) + sympy.Symbol("rateny", real=True)), gl.Eq(m, gl.pre(n) * gl.pre(m) + n))
+    assert [(u.target, u.template.discretes) for u in updates] == [("n", ()), ("m", ("n", "pre(m)", "pre(n)"))]
+    assert updates[0].template.locals == ("pre(x)", "rateny")

@@ -18,11 +18,13 @@ from gearlib.equations.kernel import (
     derivative_of,
     difference_kernel,
     differentiated,
+    is_zero_without,
     partial_kernel,
     relation_kernel,
     residual_kernel,
     rest_of,
     solve_kernel,
+    terms_of_parameters,
     without_columns,
 )
 from gearlib.equations.template import Template, template_of
@@ -124,6 +126,11 @@ def test_a_kernel_takes_what_stands_in_it() -> None:
     assert (value.columns, value.parameters, value.relations) == ((0, 1), (0,), (0, 1))
     assert {(k.columns, k.parameters, k.relations) for k in (one, other)} == {((2,), (1,), ()), ((1, 2), (), ())}
     assert not value.on_time
+    for k in (value, one, other):
+        used = (
+            [f"x{c}" for c in k.columns] + [f"p{c}" for c in k.parameters] + [f"r{c}" for c in k.relations] + ["t"] * k.on_time
+        )
+        assert k.expression.free_symbols == {sympy.Symbol(name, real=True) for name in used}
 
 
 def test_relation_and_derivatives_are_made_once() -> None:
@@ -225,7 +232,9 @@ def test_a_divisor_of_a_branch_counts_while_the_branch_is_taken() -> None:
     one = gl.Piecewise((1 / x, y > 0), (z, True))
     other = gl.Piecewise((z, y > 0), (1 / x, True))
     for expression, over, under in ((both, 0.7, 0.7), (one, 0.7, 0.0), (other, 0.0, 0.7)):
-        (divisor,) = residual_kernel(make(expression)).divisors
+        found = residual_kernel(make(expression)).divisors
+        assert len(found) == 1
+        (divisor,) = found
         values = [0.7 for _ in divisor.columns]
         assert [abs(float(divisor.function(0.0, *values, *([flag] * len(divisor.relations))))) for flag in (1, 0)] == [
             over,
@@ -237,15 +246,18 @@ def test_what_a_kernel_is() -> None:
     template = make(p * x - y + 3 * z)
     place = {name: c for c, (name, _) in enumerate(template.columns)}
     slope = {name: partial_kernel(template, c) for name, c in place.items()}
+    assert slope["y"].number == -1.0
     assert [slope[n].number for n in "xyz"] == [None, -1.0, 3.0]
     assert [slope[n].constant for n in "xyz"] == [True] * 3
     assert not residual_kernel(template).constant
     assert not residual_kernel(make(p + gl.time)).constant
     assert not residual_kernel(make(gl.Piecewise((1, gl.time > 1), (2, True)))).constant
     only = {n: residual_kernel(make(e)) for n, e in {"x": x, "2x": 2 * x, "xy": x + y, "p": p, "0": sympy.Integer(0)}.items()}
+    assert only["x"].is_copy
     assert [name for name, kernel in only.items() if kernel.is_copy] == ["x"]
     assert [name for name, kernel in only.items() if kernel.is_zero] == ["0"]
     apart = difference_kernel("two")
+    assert apart.expression == sympy.Symbol("x0", real=True) - sympy.Symbol("x1", real=True)
     assert apart.function(0.0, 5.0, 3.0) == 2.0
 
 
@@ -273,3 +285,60 @@ def test_solutions_whatever_the_sign_and_size_of_the_coefficient(residual: Any, 
 def test_a_coefficient_that_switches_is_not_divided_by() -> None:
     template = make(gl.Piecewise((x, gl.time > 1), (2 * x, True)) - y)
     assert solve_kernel(template, [name for name, _ in template.columns].index("x")) is None
+
+
+def test_terms_of_parameters_are_those_in_which_nothing_moves() -> None:
+    kernel = residual_kernel(make(p * (x + q) - q**2 + 3 + gl.sin(gl.time) * p))
+    fixed, moving = terms_of_parameters(kernel)
+    assert (fixed.columns, fixed.parameters, fixed.on_time) == ((), (0, 1), False)
+    assert (moving.columns, moving.parameters, moving.on_time) == ((0,), (0,), True)
+    assert scalar(fixed) == pytest.approx(POINT["p"] * POINT["q"] - POINT["q"] ** 2 + 3, rel=1e-15)
+    assert scalar(moving) == pytest.approx(POINT["p"] * (POINT["x"] + math.sin(T)), rel=1e-15)
+    assert terms_of_parameters(residual_kernel(make(x * p)))[0].is_zero
+    assert terms_of_parameters(residual_kernel(make(q * p)))[1].is_zero
+
+
+def test_kernels_that_vanish_without_their_parameters() -> None:
+    """Not the bend q of a joint alone, but both where both are zero; 1/q has no value there."""
+    kernel = residual_kernel(make(p * x + q * y + gl.sin(p) * gl.time))
+    assert [is_zero_without(kernel, parts) for parts in ((), (0,), (1,), (0, 1))] == [False, False, False, True]
+    assert is_zero_without(residual_kernel(make(q * x)), (0,))
+    assert not is_zero_without(residual_kernel(make(x / q)), (0,))
+
+
+def test_discrete_variables_come_after_the_relations() -> None:
+    condition = gl.Piecewise((x, x > q), (y, True))
+    template = template_of(gl.Eq(condition * z, p * y + gl.pre(z)), "test", lambda n: n in "pq", lambda n: n in ("z", "pre(z)"))
+    kernel = residual_kernel(template)
+    assert template.discretes == ("pre(z)", "z")
+    assert kernel.relations == (0, 1, 2)
+    assert {s.name for s in kernel.expression.free_symbols} == {"x0", "x1", "p0", "r0", "r1", "r2"}
+    for flag in (0.0, 1.0):
+        held = flag if not template.relations[0].negated else 1.0 - flag
+        assert kernel.function(T, 2.0, 3.0, 5.0, held, 7.0, 11.0) == 11.0 * (2.0 if held else 3.0) - 5.0 * 3.0 - 7.0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_what_cancels_is_not_in_a_solution(sign: int) -> None:
+    template = make(sign * x + p * (y + q) - p * q)
+    kernel = solve_kernel(template, [name for name, _ in template.columns].index("x"))
+    assert kernel is not None
+    assert [template.parameters[i] for i in kernel.parameters] == ["p"]
+    assert scalar(kernel) == pytest.approx(-sign * POINT["p"] * POINT["y"], rel=1e-15)
+
+
+def test_a_magnitude_that_is_left_without_some_columns_has_the_divisor_of_its_argument() -> None:
+    template = make(1 / gl.sqrt(x**2 + y**2) - p)
+    place = [name for name, _ in template.columns].index("y")
+    left = without_columns(residual_kernel(template), frozenset({place}))
+    assert left.expression.has(sympy.Abs)
+    assert [d.expression for d in left.divisors] == [sympy.Symbol(f"x{1 - place}", real=True)]
+
+
+def test_a_power_has_a_divisor_while_its_exponent_is_negative() -> None:
+    (divisor,) = residual_kernel(make(x**p - y)).divisors
+    assert [divisor.template.columns[c][0] for c in divisor.columns] == ["x"]
+    for exponent in (-2.5, -1.0, -0.5, 0.0, 0.5, 2.0):
+        for at in (-0.7, 0.7):
+            wanted = math.copysign(0.7 ** (-exponent), at) if exponent < 0.0 else 0.0
+            assert float(divisor.function(0.0, at, exponent)) == pytest.approx(wanted, rel=1e-14)

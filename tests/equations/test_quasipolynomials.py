@@ -19,6 +19,7 @@ from gearlib.equations.quasipolynomials import (
     add,
     holds,
     known_rate,
+    mean_value,
     multiply,
     parse,
     value,
@@ -59,8 +60,10 @@ def test_rates_that_differ_by_rounding_are_one() -> None:
     "expression",
     [
         t, sympy.Integer(3), 2 - 3 * t + t**3, sympy.sin(2 * t + 1), sympy.cos(0.5 - 3 * t), sympy.exp(1 - t / 2),
-        sympy.sinh(t) - 2 * sympy.cosh(t / 3), sympy.cos((1 + t) * (1 - t) + t**2), sympy.exp((2 + t) * (2 - t) + t**2 - 5),
-        3 ** (1 + t / 4), sympy.pi * t * sympy.sin(t) ** 2 * sympy.exp(-t / 5), (1 + sympy.cos(t)) ** 3, t**4 * sympy.Float(0.25),
+        sympy.sinh(t) - 2 * sympy.cosh(t / 3), sympy.cos((1 + t) * (1 - t) + t**2), 2 + sympy.cos((1 + t) * (1 - t) + t**2 - 1),
+        sympy.exp((2 + t) * (2 - t) + t**2 - 5),
+        3 ** (1 + t / 4), sympy.Float(0.25) ** (t / 2 - 1),
+        sympy.pi * t * sympy.sin(t) ** 2 * sympy.exp(-t / 5), (1 + sympy.cos(t)) ** 3, t**4 * sympy.Float(0.25),
     ],
 )  # fmt: skip
 def test_local_time_begins_at_the_origin(expression: Any, origin: float) -> None:
@@ -77,6 +80,7 @@ def test_local_time_begins_at_the_origin(expression: Any, origin: float) -> None
         sympy.Min(t, 2 - t, 3),
         sympy.Piecewise((t, t < 0.5), (2, t < 1.5), (3 - t, True)), sympy.Piecewise((5, (t > 0.5) & (t < 1.5)), (t, True)),
         sympy.Piecewise((1, t <= 0.25), (2, t <= 1.75), (3, True)), sympy.Piecewise((1, t > 1), (sympy.sin(t), True)),
+        sympy.Piecewise((1, sympy.sin(t) < 0.5), (t, True)),
         sympy.Piecewise((1, t < 1.5), (2, t < 0.5), (t, True)),  # the second branch is never taken
     ],
 )  # fmt: skip
@@ -127,7 +131,8 @@ def test_limits_of_powers_and_of_the_number_of_rates() -> None:
     ("expression", "reason"),
     [
         (t ** sympy.Rational(1, 2), "is not a whole, positive power"), (t**-1, "divides by a function of time"),
-        ((-2) ** t, "is not a whole, positive power"), (sympy.sin(t + t**2), r"the argument of sin\(.*\) is not linear in time"),
+        ((-2) ** t, "is not a whole, positive power"), (sympy.Integer(0) ** t, "is not a whole, positive power"),
+        (sympy.sin(t + t**2), r"the argument of sin\(.*\) is not linear in time"),
         (sympy.exp(sympy.sin(t)), "is not linear in time"), (sympy.exp(1000 + t), "leaves the range"),
         (sympy.I * t, "I is not a real number"),
         (t * sympy.Symbol("b") + sympy.Symbol("a"), "it depends on a, b, not on time alone"), (sympy.atan(t), "is not a sum of products"),
@@ -144,3 +149,66 @@ def test_a_gap_between_branches_is_told_by_its_time() -> None:
     assert [parse(gap, 0.5, s) for s in (0.25, 2.0)] == [{0j: [1.0]}, {0j: [2.0]}]
     with pytest.raises(OutsideClassError, match=r"has no value at time = 1\.75$"):
         parse(gap, 0.5, 1.25)
+
+
+@pytest.mark.parametrize("kept", [[1.0, 0.0, 3.0], [0.0, 2.0], [0.0, 0.0, 5.0], [7.0]])
+@pytest.mark.parametrize("zeros", [0, 1, 2])
+def test_zeros_behind_the_last_coefficient_are_cut_and_no_others(kept: list[float], zeros: int) -> None:
+    assert add({2j: [*kept, *[0.0] * zeros]}, {}) == {2j: kept}
+    assert add({}, {2j: [*kept, *[0.0] * zeros]}) == {2j: kept}
+
+
+def test_what_cancels_is_cut() -> None:
+    assert add({1j: [1.0, 2.0, 3.0]}, {1j: [4.0, -2.0, -3.0]}) == {1j: [5.0]}
+    assert multiply({1j: [0.0, 2.0]}, {0j: [3.0, 0.0, 1.0], 1j: [4.0]}) == {1j: [0.0, 6.0, 0.0, 2.0], 2j: [0.0, 8.0]}
+
+
+def is_refused(make: Any) -> bool:
+    try:
+        make()
+    except OutsideClassError:
+        return True
+    return False
+
+
+def test_a_limit_itself_is_allowed() -> None:
+    degrees = range(MAX_DEGREE - 3, MAX_DEGREE + 3)
+    beyond = [degree > MAX_DEGREE for degree in degrees]
+    assert [is_refused(lambda n=n: parse(t**n, 0.0)) for n in degrees] == beyond
+    assert [is_refused(lambda n=n: add({0j: [1.0] * (n + 1)}, {})) for n in degrees] == beyond
+    counts = range(MAX_RATES - 2, MAX_RATES + 3)
+    full: list[Signal] = [{complex(k): [1.0] for k in range(count)} for count in counts]
+    assert [is_refused(lambda s=s: add(s, {})) for s in full] == [count > MAX_RATES for count in counts]
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 3e4])
+def test_what_is_the_same_rate_depends_on_its_size(scale: float) -> None:
+    rate = scale * (3.0 + 1j)
+    for part in (1.0, 1j):
+        assert known_rate(rate + 4e-16 * scale * part, {rate: [1.0]}) == rate
+        assert known_rate(rate + 4e-14 * scale * part, {rate: [1.0]}) != rate
+    both = add({rate: [1.0, 2.0]}, {rate + 4e-16 * scale: [3.0], -rate: [1.0]})
+    assert both == {rate: [4.0, 2.0], -rate: [1.0]}
+
+
+@pytest.mark.parametrize(
+    ("signal", "mean"),
+    [
+        ({0j: [2.5]}, 2.5), ({0j: [-1.0], 3j: [0.5 + 1j], -3j: [0.5 - 1j]}, -1.0), ({3j: [0.5], -3j: [0.5]}, 0.0), ({}, 0.0),
+        ({0j: [2.0, 1.0]}, None), ({0j: [2.0], 3j: [0.5, 1.0], -3j: [0.5, 1.0]}, None), ({0j: [2.0], -0.5 + 0j: [1.0]}, None),
+        ({0.1 + 3j: [0.5], 0.1 - 3j: [0.5]}, None),
+    ],
+)  # fmt: skip
+def test_only_constants_and_sinusoids_have_a_mean(signal: Signal, mean: float | None) -> None:
+    """It is the average over the whole periods of a long time."""
+    assert mean_value(signal) == mean
+    if mean is not None:
+        instants = np.arange(60) * (2 * np.pi / 3 / 60)
+        assert np.mean([value(signal, s) for s in instants]) == pytest.approx(mean, abs=1e-14)
+
+
+@pytest.mark.parametrize("expression", [sympy.Abs(t - 1), sympy.Max(t, 1), sympy.Piecewise((t, t < 1), (2, True))])
+def test_branches_need_a_probe_and_the_smooth_does_not(expression: Any) -> None:
+    assert not is_refused(lambda: parse(expression, 0.0, 0.5))
+    assert not is_refused(lambda: parse(3 * t + 1 - sympy.sin(t), 0.0, 0.5))
+    assert is_refused(lambda: parse(expression, 0.0))

@@ -130,3 +130,8 @@ def test_double_roots_are_where_they_are() -> None:
         times = times_of_breakpoints(sympy.expand((t - root) ** 2 * (t + 3.0)) > 0, 0.0, 2.0)
         assert times == pytest.approx(root, rel=1e-6)
     assert times_of_breakpoints(t**2 * (t - 0.5) > 0, -1.0, 2.0).tolist() == [0.0, 0.5], "a slope of exactly zero"
+
+
+def test_both_sides_of_what_has_no_closed_form_are_named() -> None:
+    with pytest.raises(ArgumentError, match=r"the zeros of sin\(time\) - \(exp\(time\)\) are not known"):
+        times_of_breakpoints(sympy.Gt(sympy.sin(t), sympy.exp(t), evaluate=False), 0.0, 1.0)

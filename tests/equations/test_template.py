@@ -10,7 +10,16 @@ import sympy
 
 import gearlib as gl
 from gearlib.equations.kernel import partial_kernel
-from gearlib.equations.template import Template, lift_relations, parse_column, piecewise, relation_symbol, template_of
+from gearlib.equations.template import (
+    Template,
+    lift_relations,
+    parse_column,
+    piecewise,
+    relation_symbol,
+    template_of,
+    with_events,
+    without_events,
+)
 from gearlib.errors import DeclarationError, NameLookupError
 
 x, y, z, p, q = sympy.symbols("x y z p q", real=True)
@@ -298,3 +307,33 @@ class Growth(gl.Component):
 def test_a_variable_may_have_any_name_beside_a_relation() -> None:
     found = gl.compile(Growth()).simulate(1.0, samples=3, rtol=1e-10)
     np.testing.assert_allclose(found["x"], [0.0, 1.5 * (np.e - 1.0), 0.0], rtol=1e-8, atol=1e-8)
+
+
+def test_what_depends_on_time() -> None:
+    later = gl.Piecewise((p, time > q), (0, True))
+    found = {e: make(y, e) for e in (x + p, x + time, later, gl.Piecewise((p, x > q), (0, True)), gl.sin(time) + later)}
+    assert [t.on_time for t in found.values()] == [False, True, False, False, True]
+    assert [t.timed for t in found.values()] == [False, True, True, False, True]
+
+
+def test_comparisons_without_events_can_be_given_some() -> None:
+    """Those of parameters alone do not change during a run; they and what had an event keep theirs."""
+    silent = gl.no_event(gl.Piecewise((x, x > p), (2 * x, x <= -q), (z, p > q), (time, time >= 1), (3, x < 7), (4, True)))
+    quiet = make(y, silent + gl.Piecewise((1, y > 0), (0, True)))
+    assert len(quiet.relations) == 1
+    found = without_events(quiet)
+    assert [str(a) for a in found] == ["p < x", "q <= -x", "time >= 1", "x < 7"]
+    chosen = [a for a in found if x in a.free_symbols]
+    loud = with_events(quiet, chosen)
+    assert loud.relations[0] is quiet.relations[0]
+    assert [(r.g, r.strict) for r in loud.relations[1:]] == [
+        (a.lhs - a.rhs, bool(a.func in (sympy.Lt, sympy.Gt))) for a in chosen
+    ]
+    assert [r.negated for r in loud.relations[1:]] == [isinstance(a, sympy.Lt | sympy.Le) for a in chosen]
+    assert without_events(loud) == [a for a in found if a not in chosen]
+    point = {y: 0.3, z: -4.0, p: 1.0, q: 2.0}
+    for at in (-3.0, -2.0, 0.5, 1.0, 1.5, 9.0):
+        for when in (0.5, 1.5):
+            table = {**point, x: at, time: when}
+            flags = {relation_symbol(0): 1} | {relation_symbol(k): int(bool(a.subs(table))) for k, a in enumerate(chosen, 1)}
+            assert loud.residual.subs(flags).subs(table) == quiet.residual.subs(flags).subs(table)
