@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -16,7 +16,7 @@ from gearlib.arguments import shown
 from gearlib.equations.discrete_updates import Update, split_equations
 from gearlib.equations.template import Template, template_of
 from gearlib.errors import BalanceError, DeclarationError, nearest
-from gearlib.language.component import PRIVATE, Component, check_declarations, equations_of
+from gearlib.language.component import PRIVATE, Component, check_declarations, equations_of, with_parts
 from gearlib.language.declarations import Connector, Declared, Discrete, declared_by
 from gearlib.language.dimensions import unit_errors, values_compared, values_given
 from gearlib.language.expressions import Eq, Reinit, When, check_depth, value_of
@@ -205,19 +205,9 @@ def refuse_misfits(errors: Sequence[str]) -> None:
         raise DeclarationError(f"units do not match (gl.check_units lists all mismatches of a component): {'; '.join(errors)}")
 
 
-def _parts_below(component: Component) -> Iterator[tuple[str, Component]]:
-    """All parts that a component has been given or has made, theirs too, with the paths to them."""
-    stack = [("", component)]
-    while stack:
-        path, node = stack.pop()
-        for name, part in parts_of(node).items():
-            yield f"{path}{name}", part
-            stack.append((f"{path}{name}.", part))
-
-
 def _kinds_of_parts(component: Component) -> tuple[Any, ...]:
     """What the names that equations take from parts depend on."""
-    return tuple((path, _choices(part)) for path, part in _parts_below(component))
+    return tuple((path, _choices(part)) for path, part in with_parts(component)[1:])
 
 
 def _readable(component: Component) -> tuple[Any, ...] | None:
@@ -228,7 +218,7 @@ def _readable(component: Component) -> tuple[Any, ...] | None:
     own = _plain_attributes(component)
     if own is None or not parts_of(component) or type(component).equations is Component.equations:
         return own
-    parts = [(path, _choices(part), _plain_attributes(part)) for path, part in _parts_below(component)]
+    parts = [(path, _choices(part), _plain_attributes(part)) for path, part in with_parts(component)[1:]]
     return None if any(attributes is None for _, _, attributes in parts) else (own, *parts)
 
 
