@@ -19,6 +19,7 @@ from gearlib.linear.steady_state import warn_of_instability
 from gearlib.program.build import build
 from gearlib.program.interpret import prepare
 from gearlib.reduce.coefficients import some
+from gearlib.run.refusals.limits import refuse_too_small_in
 from gearlib.run.sampling.controllers import refuse_instants
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled, Translation
@@ -128,6 +129,7 @@ def power_flow(
 def _refuse_passing(model: FlatModel, numbers: Floats, motion: Motion, given: Sequence[Given]) -> None:
     """Refuse what is no motion, or does not last."""
     refuse_contradiction(motion, given)
+    refuse_too_small_in(model, motion.constants)
     refuse_unsettled(model, numbers, motion)
     refuse_drift(model, numbers, motion, given)
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.errors import SolverError, StartError
+from gearlib.errors import ArgumentError, SolverError, StartError
 from gearlib.flatten.model import FlatModel
 from gearlib.program.interpret import Prepared, evaluate, prepare
 from gearlib.run.scene import Scene, guess_of
@@ -63,6 +63,20 @@ def refuse_start(scene: Scene, parameters: Floats, t: float, inputs: Floats, beg
         v, value, least = found
         text = _text(scene.model, v, value, least)
         raise StartError(f"{text} at t = {t:g} s; {_fix(scene.model, v, least, at_start=True)}")
+
+
+def refuse_too_small_in(model: FlatModel, values: Floats) -> None:
+    """Refuse values of the representative variables of which one is below its minimum.
+
+    Raises
+    ------
+    ArgumentError
+        Names the variable.
+    """
+    for v, least in model.bounded:
+        rep, sign = int(model.representative[v]), int(model.sign[v])
+        if sign * values[rep] < least - MISSED * ACCURATE * max(float(model.nominal[rep]), abs(float(values[rep]))):
+            raise ArgumentError(f"{_text(model, v, float(sign * values[rep]), least)}; {_fix(model, v, least, at_start=True)}")
 
 
 def too_small(scene: Scene, numbers: Prepared, t: float, x: Floats, inputs: Floats, begin: Start) -> str:

@@ -34,6 +34,8 @@ class ToothFriction(Flanks):
         default=lambda mesh: mesh.r_b * gl.tan(mesh.alpha),
         min=0,
     )
+    from_tangent_a = gl.Variable("m", "friction: way from gear a's tangent point to where pairs come into contact", min=0)
+    to_tangent_b = gl.Variable("m", "friction: way from where pairs leave contact to gear b's tangent point", min=0)
     beyond = gl.Variable(
         "m", "friction: way of the newest pair from the pitch point, away from gear a's tangent point", state="never"
     )
@@ -44,7 +46,10 @@ class ToothFriction(Flanks):
     tau_friction_b = gl.Variable("N.m", "torque of the sliding friction on flange_b")
 
     def equations(self) -> list[gl.Eq]:
-        laws = (self.beyond, self.sliding, self.grip, self.grip_later, self.tau_friction_a, self.tau_friction_b)
+        laws = (
+            self.from_tangent_a, self.to_tangent_b,
+            self.beyond, self.sliding, self.grip, self.grip_later, self.tau_friction_a, self.tau_friction_b,
+        )  # fmt: skip
         if not self.friction:
             return [gl.Eq(law, 0) for law in laws]
         step, opposite = self.turns_against * self.pitch, self.turns_against * self.tangent_b
@@ -61,6 +66,8 @@ class ToothFriction(Flanks):
         pressed = self.mu * gl.no_event(abs(self.f))
         arm_a, arm_b = self.tangent_a + self.beyond, opposite - self.beyond
         values = (
+            self.tangent_a - self.turns_against * self.approach * self.pitch,
+            self.tangent_b - (self.contact_ratio - self.approach) * self.pitch,
             step * (newest - self.approach),
             arm_a * self.w_a + arm_b * self.w_b,
             mean(0),

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import BindingError
+from gearlib.errors import ArgumentError, BindingError, StartError
 from gearparts.gears.mesh_phase import checked_period, contact_intervals, periodic, wrapped
 from tests.gearparts.related import RelatedProbe
 
@@ -263,3 +263,31 @@ def test_a_mesh_on_a_carrier_moves_as_a_planet_s() -> None:
     value = RelatedProbe(pair(use_support=True)).values({"a.w": 3.0, "b.w": 2.0, "carrier.w": 0.7, "mesh.q": 1e-5})
     assert value("mesh.v") == pytest.approx(R_A * 2.3 + R_B * 1.3, rel=1e-14)
     assert 0.03 * value("der(carrier.w)") == pytest.approx((R_A + R_B) * C * 1e-5, rel=1e-13)
+
+
+@pytest.mark.parametrize("kind", [gp.DetailedExternalMesh, gp.DetailedInternalMesh])
+def test_friction_beyond_the_tangent_points_is_refused_with_the_teeth_that_make_it(kind: Any) -> None:
+    """The base pitch is 2 pi r_a / z_a: with one tooth, a turn. Pairs touch between the tangent points of the line of action."""
+
+    class Pair(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.drive, self.a, self.b = gp.Torque(), gp.Inertia(J=0.01), gp.Inertia(J=0.1)
+            self.mesh = kind(r_a=0.1, r_b=0.05, c=1e8, d=500.0, friction=True)
+            return [
+                gl.connect(self.drive.flange, self.a.flange_a),
+                gl.connect(self.a.flange_b, self.mesh.flange_a),
+                gl.connect(self.mesh.flange_b, self.b.flange_a),
+            ]
+
+    system, z_a, half = gl.compile(Pair(), outputs=["b.w"]), 80.0, 0.75
+    result = system.simulate(1e-4, samples=2, inputs={"drive.tau": 10.0}, parameters={"mesh.z_a": z_a})
+    pitch, inward = 2 * np.pi * 0.1 / z_a, np.tan(np.pi / 9)
+    side = 1 if kind is gp.DetailedExternalMesh else -1
+    assert result["mesh.from_tangent_a"] == pytest.approx(0.1 * inward - side * half * pitch)
+    assert result["mesh.to_tangent_b"] == pytest.approx(0.05 * inward - half * pitch)
+    with pytest.raises(
+        StartError, match=r"mesh\.(from_tangent_a|to_tangent_b) is -0.* m \(friction: way from .* cannot be below 0"
+    ):
+        system.simulate(1e-4, samples=2, inputs={"drive.tau": 10.0})
+    with pytest.raises(ArgumentError, match=r"mesh\.(from_tangent_a|to_tangent_b) is -0.* cannot be below 0"):
+        gl.power_flow(system, speeds={"a.w": 10.0})

@@ -162,7 +162,7 @@ STILL = (  # on the bench nothing moves, or all is at one temperature
 
 PRESENT = gl.offered({  # what is zero unless it is given
     "b": 0.02, "c_3": 4.0, "phi_rel0": 0.1, "s_rel0": 0.1, "delta_phi": 0.3, "phi0": 0.2, "s0": 0.2, "L": 0.4, "d_phi": 0.6, "k_phi": 3.0,
-    "d": 0.5, "d_sp": 0.5, "d_rp": 0.4, "C_ring": 0.5, "C_sun": 0.4, "C_v": 0.3,
+    "z_a": 30.0, "d": 0.5, "d_sp": 0.5, "d_rp": 0.4, "C_ring": 0.5, "C_sun": 0.4, "C_v": 0.3,
 })  # fmt: skip
 
 
