@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 WIDE = 100  # columns of printed output
-AT_BOUND = 1e-6  # relative to its range: a value this close to a bound counts as at the bound
+AT_BOUND = 1e-6  # of its range, size or standard error: a value this close to a bound counts as at the bound
 MOST_DRAWN = 6  # series shown in a plot
 
 
@@ -138,7 +138,10 @@ class Fit:
     def at_bounds(self) -> tuple[str, ...]:
         """Parameters at a bound."""
         low, high = self.bounds.T
-        least = AT_BOUND * np.minimum(high - low, np.abs(self.numbers))
+        errors = np.nan_to_num(
+            list(self.standard_errors.values()), posinf=0.0
+        )  # a value that tends to a bound of 0 has no other size
+        least = AT_BOUND * np.maximum(np.minimum(high - low, np.abs(self.numbers)), errors)
         near = np.minimum(self.numbers - low, high - self.numbers) <= least
         return tuple(n for n, is_near in zip(self.names, near, strict=True) if is_near)
 

@@ -549,3 +549,28 @@ def test_without_noise_each_series_counts_by_its_spread() -> None:
     thrice = gl.MeasuredModes([6.0] * 3, [0.05] * 3, numbers=[0, 0, 0])
     same = gl.fit(system(), thrice, {"shaft.c": (600.0, 5e3)}, evaluations=1)
     assert same.residuals[3:] == pytest.approx((same.series[1].predicted - 0.05) / 0.05)
+
+
+class Swing(gl.Component):
+    """A body on a spring with damping, c / J = 10."""
+
+    d = gl.Parameter("N.m.s/rad", "damping", default=0.5, min=0)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.body, self.shaft, self.wall = (
+            gp.Inertia(J=1.0, start={"phi": 0.0, "w": 1.0}),
+            gp.SpringDamper(c=10.0, d=self.d),
+            gp.Fixed(),
+        )
+        return [gl.connect(self.body.flange_b, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.wall.flange)]
+
+
+@pytest.mark.parametrize("growth", [-0.005, 0.005])
+def test_a_value_that_tends_to_a_bound_of_zero_is_at_its_bound(growth: float) -> None:
+    """cos(sqrt(10) t) exp(g t) is nearly the motion with d = -2 g; where it grows, the best damping is none."""
+    t = np.linspace(0.0, 5.0, 101)
+    measured = {"time": t, "body.w": np.cos(np.sqrt(10.0) * t) * np.exp(growth * t)}
+    found = gl.fit(gl.compile(Swing(), outputs=["body.w"]), measured, free={"d": (0.0, 2.0)})
+    assert found["d"] == pytest.approx(max(-2 * growth, 0.0), abs=1e-3)
+    assert found.at_bounds == (("d",) if growth > 0 else ())
+    assert ("at its bound" in str(found)) == (growth > 0)
