@@ -17,7 +17,7 @@ from gearlib.errors import LoopError, ModelError, NameLookupError, SingularError
 from gearlib.flatten.model import EquationGroup, FlatModel, Floats, alphabetical
 from gearlib.reduce.coefficients import at_start, partials_at
 from gearlib.reduce.discontinuities import may_jump, with_corners
-from gearlib.reduce.redundancy import balanced, flows_beside, redundant_rows, without
+from gearlib.reduce.redundancy import balanced, flows_beside, redundant_rows, refuse_cancelling, without
 from gearlib.reduce.rings import with_sums_around_rings
 from gearlib.structure.dependence import Dependence
 from gearlib.structure.incidence import Entry, Node
@@ -128,6 +128,8 @@ def analyse(model: FlatModel, parameters: Floats) -> Structure:
         model = without(model, dropped)
     model, closed = balanced(model, parameters, known, beside, loops)
     declared, model = model, with_sums_around_rings(model)
+    if model is not declared:
+        refuse_cancelling(declared, model)
     known = known if model is declared else at_start(model, parameters)
     given = frozenset(model.inputs.tolist())
     unknowns = (lambda e, k: [n for n in model.nodes(e, k) if n[0] not in given]) if given else model.nodes

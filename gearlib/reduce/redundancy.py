@@ -148,6 +148,26 @@ def balanced(
         model = _zeroed(model, closing)
 
 
+def refuse_cancelling(declared: FlatModel, model: FlatModel) -> None:
+    """Refuse a model that is balanced only as long as equations are not added: in their sums, an unknown cancels that nothing else holds.
+
+    Raises
+    ------
+    BalanceError
+        Names what is undetermined.
+    """
+    given = set(model.inputs.tolist())
+    incidence = [[v for v, _ in row if v not in given] for row in model.rows]
+    unknown = {v for row in (*declared.rows, *model.rows) for v, _ in row} - given
+    balance = dulmage_mendelsohn(incidence, sorted(unknown))
+    if balance is not None:
+        names = sorted((declared.name(v) for v in balance.undetermined if v < declared.n_variables), key=alphabetical)
+        raise BalanceError(
+            f"the model is not balanced. under-determined: nothing determines {some(names)}; springs and dampers in a ring hold their "
+            "ends against each other only. Give one of them an inertia, or hold it"
+        )
+
+
 def left_open(rows: Sequence[dict[int, float]], order: Sequence[int]) -> list[int]:
     """The first columns of an order for which ``sum(row[v] * x[v]) = 0`` has only the solution x = 0 once they are set to zero.
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import networkx as nx
 
+from gearlib.errors import SingularError
 from gearlib.structure.dulmage_mendelsohn import MOST_IN_GRAPHS, alternating_reach, bipartite_graph
 from gearlib.structure.incidence import Columns, Node
 
@@ -43,6 +44,11 @@ def pantelides(n_equations: int, columns: Columns) -> Differentiation:
     columns : callable
         ``columns(e, k)`` lists the (variable, order) of the k-th derivative of equation e.
 
+    Raises
+    ------
+    SingularError
+        The system is structurally singular.
+
     Examples
     --------
     The pendulum of Pantelides' paper (x'' = T x, y'' = T y - g, x^2 + y^2 = L^2) with x, y, T = 0, 1, 2: the constraint is
@@ -69,6 +75,7 @@ def by_graph(n_equations: int, columns: Columns) -> Differentiation:
     orders: dict[int, int] = {}
     for row in current:
         _raise(orders, row)
+    most = n_equations * (1 + max(orders.values(), default=0))
     while True:
         graph, variables = bipartite_graph([[v for v, order in row if order == orders[v]] for row in current])
         partner = nx.bipartite.hopcroft_karp_matching(graph, range(n_equations))
@@ -76,15 +83,20 @@ def by_graph(n_equations: int, columns: Columns) -> Differentiation:
         if not unmatched:
             return Differentiation(tuple(counts), orders, {e: variables[partner[e] - n_equations] for e in range(n_equations)})
         reached = sorted(alternating_reach(graph, partner, unmatched))
-        _differentiate(reached[: bisect_left(reached, n_equations)], counts, current, orders, columns)
+        _differentiate(reached[: bisect_left(reached, n_equations)], counts, current, orders, columns, most)
 
 
 def _differentiate(
-    equations: Sequence[int], counts: list[int], current: list[list[Node]], orders: dict[int, int], columns: Columns
+    equations: Sequence[int], counts: list[int], current: list[list[Node]], orders: dict[int, int], columns: Columns, most: int
 ) -> None:
-    """Differentiate some equations once more."""
+    """Differentiate some equations once more, as far as a nonsingular system may need it.
+
+    In one, an equation is differentiated no more often than along a chain of all equations, in each of which the order rises.
+    """
     for e in equations:
         counts[e] += 1
+        if counts[e] > most:
+            raise SingularError("the equations determine no highest derivatives, however often they are differentiated")
         current[e] = columns(e, counts[e])
         _raise(orders, current[e])
 
@@ -103,13 +115,14 @@ def by_lists(n_equations: int, columns: Columns) -> Differentiation:
     orders: dict[int, int] = {}
     for row in current:
         _raise(orders, row)
+    most = n_equations * (1 + max(orders.values(), default=0))
     owner: dict[int, int] = {}  # variable (at its highest order) -> equation
     for e in range(n_equations):
         while True:
             coloured = _augment(e, current, orders, owner)
             if not coloured:
                 break
-            _differentiate(coloured, counts, current, orders, columns)
+            _differentiate(coloured, counts, current, orders, columns, most)
     return Differentiation(tuple(counts), orders, {e: v for v, e in owner.items()})
 
 

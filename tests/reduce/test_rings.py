@@ -9,6 +9,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import BalanceError, SingularError
 
 BODIES, SPRINGS = [0.1, 0.2, 0.3, 0.4], [300.0, 400.0, 500.0, 200.0, 700.0]  # kg.m2, N.m/rad
 DAMPING, BRAKE = 0.002, 0.3  # s, N.m.s/rad: of the springs per stiffness, of the last body
@@ -124,3 +125,27 @@ def test_a_long_ring_is_split() -> None:
     assert not any(state.endswith(".phi") for state in system.states)
     pairs = gl.modes(system).frequencies[1:5]
     assert pairs == pytest.approx(np.sqrt(1000.0) / np.pi * np.sin(np.pi * np.array([1, 1, 2, 2]) / 40), rel=1e-9)
+
+
+class Floating(gl.Component):
+    """Nodes without inertia, joined by springs to nothing but each other, beside a body; the damping of one spring may be zero."""
+
+    d = gl.Parameter("N.m.s/rad", default=0.0, min=0)
+
+    def assemble(self) -> list[Any]:
+        self.body = gp.Inertia(J=1.0)
+        joined = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3)]
+        damping = [0.5, 0.8, self.d, 3.0, 0.4]
+        self.springs = [gp.SpringDamper(c=100.0 + k, d=damping[k]) for k in range(5)]
+        ends: dict[int, list[Any]] = {}
+        for (i, j), spring in zip(joined, self.springs, strict=True):
+            ends.setdefault(i, []).append(spring.flange_a)
+            ends.setdefault(j, []).append(spring.flange_b)
+        return [gl.connect(*flanges) for flanges in ends.values()]
+
+
+@pytest.mark.parametrize("d", [0.0, 0.7])
+def test_a_ring_without_bodies_that_floats_is_refused(d: float) -> None:
+    """Nothing determines how it turns as a whole; added round the rings, the equations hold no angle that would."""
+    with pytest.raises((BalanceError, SingularError), match=r"not balanced\. under-determined: nothing determines springs.*phi"):
+        gl.compile(Floating(d=d)).simulate(1.0, samples=2)

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gearlib.errors import SingularError
 from gearlib.structure import pantelides as algorithms
 from gearlib.structure.pantelides import Differentiation, by_graph, by_lists, pantelides
 
@@ -146,3 +147,21 @@ def test_derivatives_are_asked_for_in_turn_and_no_more_of_them_than_needed(
     assert (result.counts, dict(result.orders), tuple(asked)) == (counts, orders, counts)
     assert all((v, orders[v]) in dense(rows)(e, counts[e]) for e, v in result.assignment.items())
     assert sorted(result.assignment.values()) == sorted(orders)
+
+
+@pytest.mark.parametrize("way", [by_graph, by_lists])
+@pytest.mark.parametrize("rows", [[[(0, 0)], [(0, 0)]], [[(0, 2), (1, 0)], [(1, 0)], [(1, 1)]]])
+def test_two_equations_for_one_variable_are_not_differentiated_for_ever(
+    way: Callable[..., Differentiation], rows: Rows
+) -> None:
+    with pytest.raises(SingularError, match="however often"):
+        way(len(rows), dense(rows))
+
+
+@pytest.mark.parametrize("way", [by_graph, by_lists])
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_the_longest_chain_of_differentiations_is_not_refused(way: Callable[..., Differentiation], order: int) -> None:
+    """x0 is given, and each variable is the highest derivative of the one before: the first equation is differentiated n - 1 times."""
+    n = 6
+    rows = [[(0, 0)], *([(i, order), (i + 1, 0)] for i in range(n - 1))]
+    assert way(n, dense(rows)).counts == tuple(order * (n - 1 - i) if i else order * (n - 1) for i in [0, *range(1, n)])
