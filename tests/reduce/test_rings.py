@@ -147,5 +147,7 @@ class Floating(gl.Component):
 @pytest.mark.parametrize("d", [0.0, 0.7])
 def test_a_ring_without_bodies_that_floats_is_refused(d: float) -> None:
     """Nothing determines how it turns as a whole; added round the rings, the equations hold no angle that would."""
-    with pytest.raises((BalanceError, SingularError), match=r"not balanced\. under-determined: nothing determines springs.*phi"):
+    with pytest.raises(
+        (BalanceError, SingularError), match=r"not balanced\. under-determined: nothing determines springs.*phi"
+    ):
         gl.compile(Floating(d=d)).simulate(1.0, samples=2)
