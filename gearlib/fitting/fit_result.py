@@ -138,9 +138,8 @@ class Fit:
     def at_bounds(self) -> tuple[str, ...]:
         """Parameters at a bound."""
         low, high = self.bounds.T
-        errors = np.nan_to_num(
-            list(self.standard_errors.values()), posinf=0.0
-        )  # a value that tends to a bound of 0 has no other size
+        # A value that tends to a bound of 0 has no size but that of its standard error.
+        errors = np.nan_to_num(list(self.standard_errors.values()), posinf=0.0)
         least = AT_BOUND * np.maximum(np.minimum(high - low, np.abs(self.numbers)), errors)
         near = np.minimum(self.numbers - low, high - self.numbers) <= least
         return tuple(n for n, is_near in zip(self.names, near, strict=True) if is_near)
