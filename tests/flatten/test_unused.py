@@ -69,7 +69,7 @@ def test_every_parameter_of_a_library_part_counts_with_some_choice_and_is_refuse
     names = [n for n, d in kind._declarations.items() if isinstance(d, (gl.Parameter, gl.Input))]
     seen = set[tuple[str, bool]]()
     for k, choice in enumerate(structural_choices(kind)):
-        needed = {n: v for n, v in needed_values(kind, 1.0).items() if n in kind._declarations}
+        needed = needed_values(kind, 1.0)
         used = Used(walk(kind(**needed, **choice)))
         for i, name in enumerate(names):
             counts = used.has(0, name)

@@ -22,7 +22,8 @@ ENDS: dict[type[gl.Connector], tuple[Any, str, str, Any]] = {
 def needed_values(kind: type[gl.Component], signal: Any) -> dict[str, Any]:
     """Numbers for the parameters that have no default, and a signal for the inputs."""
     values: dict[str, Any] = {}
-    for name, declared in kind._declarations.items():
+    made = type(kind.__new__(kind))  # a class may make one of its own models
+    for name, declared in made._declarations.items():
         if isinstance(declared, gl.Parameter) and declared.default is NO_VALUE:
             values[name] = min(0.7 + 0.1 * len(values), declared.max)
         elif isinstance(declared, gl.Input) and declared.default is NO_VALUE:

@@ -351,7 +351,8 @@ class LumpedPlanetaryUnit(ElasticPlanetaryUnit):
 
     I_at_ring = gl.Parameter("kg.m2", "lumped: planets as the ring's mesh sees them", default=lambda unit: unit.I_spin, min=0)
     I_at_sun = gl.Parameter("kg.m2", "lumped: planets as the sun's mesh sees them", default=lambda unit: unit.I_spin, min=0)
-    C_v = gl.Parameter("N.s/m", "lumped: damping of one planet's support along the line of action", default=0.0, min=0)
+    # No default: nothing else leads torque to the carrier.
+    C_v = gl.Parameter("N.s/m", "lumped: damping of one planet's support, which alone leads torque to the carrier", min=0)
 
     def assemble(self) -> list[Connection]:
         shafts = self.bodies()

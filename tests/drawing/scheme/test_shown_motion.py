@@ -139,7 +139,7 @@ def test_flanges_of_the_model_itself() -> None:
 
     found = shown(gl.modes(gl.compile(Stage())).scheme(1))
     assert [found[name][0] for name in ("front", "back")] == pytest.approx([1.0, -0.25], abs=1e-4)
-    unit = gp.PlanetaryUnit(R_s=0.03, R_p=0.025, I_s=1e-3, I_r=2e-2, I_h=1e-2, I_spin=1e-4, I_orbit=2e-3)
+    unit = gp.PlanetaryUnit(R_s=0.03, R_p=0.025, I_s=1e-3, I_r=2e-2, I_h=1e-2, I_spin=1e-4, I_orbit=2e-3, C_v=0.0)
     modes = gl.modes(gl.compile(unit))
     assert len(modes) > modes.free > 0
     for k in range(len(modes)):

@@ -145,6 +145,7 @@ def test_phases_do_not_depend_on_where_positions_are_counted_from(planet_meshes:
             "planet_meshes": planet_meshes,
             "planets": 2,
             "positions": (by, 0.4 * math.pi + by),
+            **({"C_v": 0.0} if planet_meshes == "lumped" else {}),
         }
         table = flatten(gp.PlanetaryUnit(**given)).parameters
         values = table.evaluate({})
@@ -250,7 +251,7 @@ def test_what_does_not_fit_is_named(given: dict[str, Any], message: str) -> None
 MODELS = {
     gp.IdealPlanetaryUnit: {"level": "ideal"},
     gp.LossyPlanetaryUnit: {"level": "lossy"},
-    gp.LumpedPlanetaryUnit: {},
+    gp.LumpedPlanetaryUnit: {"C_v": 1800.0},
     gp.TorsionalPlanetaryUnit: {"planet_meshes": "separate"},
     gp.TranslationalPlanetaryUnit: {"level": "planar"},
 }
@@ -263,8 +264,9 @@ def test_each_level_is_a_class_that_the_unit_makes(model: type[gp.PlanetaryUnit]
     assert isinstance(made, gp.PlanetaryUnit)
     assert type(copy.deepcopy(made)) is type(pickle.loads(pickle.dumps(made))) is model
     assert made.planets == N
-    assert MODELS[model].items() <= {"level": made.level, "planet_meshes": made.planet_meshes}.items()
-    by_name = gl.compile(model(**DATA, start={}), outputs=None)
+    levels = {name: value for name, value in MODELS[model].items() if name != "C_v"}
+    assert levels.items() <= {"level": made.level, "planet_meshes": made.planet_meshes}.items()
+    by_name = gl.compile(model(**DATA, **MODELS[model] if model is gp.LumpedPlanetaryUnit else {}, start={}), outputs=None)
     assert by_name.states == gl.compile(made).states
 
 
@@ -302,6 +304,21 @@ def test_a_value_of_another_level_is_refused_with_the_choice_that_gives_it_a_mea
 ) -> None:
     with pytest.raises(BindingError, match=message):
         gl.compile(make())
+
+
+def test_a_lumped_unit_asks_for_the_damping_that_leads_torque_to_its_carrier() -> None:
+    with pytest.raises(
+        BindingError, match=r"C_v has no value; give one in N\.s/m \(.*alone leads torque to the carrier\): C_v="
+    ):
+        gl.compile(driven(**MESHES))
+    carried = {}
+    for C_v in (0.0, 1e9):
+        system = gl.compile(driven(**MESHES, C_v=C_v), outputs=["carrier_body.w", "sun_body.w", "ring_body.w"])
+        result = system.simulate(0.2, samples=3, parameters={"tau_carrier": 0.0})
+        carried[C_v] = {shaft: result[f"{shaft}_body.w"] for shaft in ("sun", "carrier", "ring")}
+    assert carried[0.0]["carrier"][-1] != pytest.approx(carried[1e9]["carrier"][-1], rel=0.1)
+    end = {shaft: w[-1] for shaft, w in carried[1e9].items()}
+    assert R_R * end["ring"] + R_S * end["sun"] == pytest.approx(2 * R_H * end["carrier"], rel=1e-3)
 
 
 def test_what_a_composite_hands_on_and_what_is_offered_may_have_no_effect() -> None:
