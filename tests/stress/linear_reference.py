@@ -25,6 +25,7 @@ from tests.stress.described import Part, Signal, Train
 Floats = NDArray[np.float64]
 SMALL = 1e-9  # a singular value below it is zero; rows are of order 1
 CLEAR = 1e-4  # a train with a singular value between the two is not judged: its structure depends on rounding
+ROUNDING = 1e-13  # an entry of an orthonormal basis below it is zero: nodes may turn a million times faster than others
 SHARES = {"Inertia": (1.0, -1.0), "TorqueSensor": (1.0, -1.0), "PowerSensor": (1.0, -1.0), "MultiSensor": (1.0, -1.0)}
 COMPLIANT = ("Spring", "Damper", "SpringDamper", "ElastoBacklash", "ElastoBacklash2", "Clutch", "OneWayClutch")
 PRESCRIBED = ("Fixed", "ConstantSpeed", "Speed", "Position", "Accelerate", "Move")
@@ -233,7 +234,10 @@ class LinearTrain:
         self.loose = self.nodes[int(np.abs(nothing).max(axis=1).argmax())] if nothing.shape[1] else None
         if nothing.shape[1]:
             self.problems.append("a motion without inertia, damping or stiffness")
-        self.T1, self.T2, self.T3 = beside(free, massless), beside(massless, undamped), beside(undamped, nothing)
+        self.T1, self.T2, self.T3 = (
+            np.where(np.abs(T) > ROUNDING, T, 0.0)
+            for T in (beside(free, massless), beside(massless, undamped), beside(undamped, nothing))
+        )
         gears = [g for g, r in zip(G, self.rows, strict=True) if r.part.kind not in PRESCRIBED]
         rigid = constrained(np.eye(n), gears)
         moving = np.abs(rigid).max(axis=1, initial=0.0) > 1e-7
