@@ -61,6 +61,10 @@ def test_identifiers_are_distinct_and_valid() -> None:
     assert all(name.isidentifier() for name in names)
     assert "lambda" not in names
     assert "x" not in names
+    raised = identifiers(["J².w", "J2.w", "\ufb01.w", "fi.w", "lüfter.w"])  # Python reads the ligature as its letters
+    assert len(set(raised)) == 5
+    assert all(name.isidentifier() and compile(name, "", "eval").co_names == (name,) for name in raised)
+    assert raised[-1] == "lüfter_w"
 
 
 class Cubic(gl.Component):
