@@ -75,7 +75,9 @@ def test_equations_of_which_the_number_is_told_have_no_derivatives_where_they_di
     index, places = scene.model.parameters.index, [scene.program.slots[scene.model.variable(f"z{j}"), 0] for j in range(N)]
     given = numbers(matrix, np.zeros(N)), 0.0, slots, none
     r: Any = [scene.program.n_slots + index[f"r{i}"] for i in range(N)]
-    text = r"^there is no linear model at this point: 4 equations that are solved by iteration cannot be solved for small changes"
+    text = (
+        r"^there is no linear model at this point: 4 equations that are solved by iteration cannot be solved for small changes"
+    )
     with pytest.raises(SolverError, match=text):
         derivatives(*given, [r[0]], (), places)
     found = derivatives(*given, [r[2], r[3]], [(r[0], 0, 1.0), (r[1], 0, 1.0)], places)

@@ -52,7 +52,11 @@ def test_the_part_whose_divisor_vanishes_is_named(most: int, monkeypatch: pytest
     scene = gl.compile(Levers()).translation.scene
     index, good = scene.model.parameters.index, scene.model.parameters.values
     cases: list[tuple[str, dict[str, float]]] = [(f"lever[{i}]", {"p": value}) for i in range(3) for value in (0.0, np.inf)]
-    cases += [(f"sum[{i}]", values) for i in range(2) for values in ({"p": 0.0, "q": 0.0}, {"p": -0.5, "q": 0.5}, {"p": np.nan, "q": 1.0})]
+    cases += [
+        (f"sum[{i}]", values)
+        for i in range(2)
+        for values in ({"p": 0.0, "q": 0.0}, {"p": -0.5, "q": 0.5}, {"p": np.nan, "q": 1.0})
+    ]
     tables = [good]
     for part, values in cases:
         table = good.copy()
@@ -92,7 +96,9 @@ def test_fifty_iterations_are_tried() -> None:
             if count <= 50:
                 assert evaluate(*at)[place] == pytest.approx([root], rel=1e-14)
             else:
-                with pytest.raises(SolverError, match=r"^the nonlinear equations .* were not solved at t = 0\.25 s; they have no"):
+                with pytest.raises(
+                    SolverError, match=r"^the nonlinear equations .* were not solved at t = 0\.25 s; they have no"
+                ):
                     evaluate(*at)
     several = np.full((scene.program.n_slots, 4), root)
     several[:, 2] = guesses[52]

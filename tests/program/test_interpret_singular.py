@@ -90,7 +90,9 @@ def test_unknowns_with_a_compliance_are_as_small_as_can_be(soft: list[int], give
 def test_a_share_of_a_row_above_compliances_is_an_entry_like_others() -> None:
     """1e-19 of the largest entry counts: the unknown that it multiplies is not said to be small."""
     matrix = np.array([[1.0, 1.0, 1.0, 0.0], [2.0, 2.0, 2.0, 0.0], [0.0, 0.0, 1e-19, 1.0], [0.0, 0.0, 1.0, 1.0]])
-    plain = smallest(np.array([[1.0, 1.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]]), np.array([3.0, 2.0, 4.0]), np.ones(N))
+    plain = smallest(
+        np.array([[1.0, 1.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]]), np.array([3.0, 2.0, 4.0]), np.ones(N)
+    )
     np.testing.assert_allclose(solution(matrix, [3.0, 6.0, 2.0, 4.0])[:, 0], plain, rtol=1e-9)
 
 
@@ -102,7 +104,9 @@ def pair(off: float, distance: float = 0.0, unit: float = 1.0) -> tuple[Floats, 
 
 
 @pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
-@pytest.mark.parametrize(("off", "right"), [(0.0, True), (1e-13, True), (1e-11, True), (3e-10, True), (1e-8, False), (1.0, False)])
+@pytest.mark.parametrize(
+    ("off", "right"), [(0.0, True), (1e-13, True), (1e-11, True), (3e-10, True), (1e-8, False), (1.0, False)]
+)
 def test_equations_that_disagree_by_more_than_rounding_are_refused(off: float, right: bool, unit: float) -> None:
     """By a billionth of the largest right-hand side in units of the equations, which is 3 here."""
     if right:
