@@ -208,3 +208,28 @@ def test_what_is_divided_by_and_does_not_change_is_checked_beforehand(factor: An
 
 class Values:
     p, q, x = 3.0, 0.5, 0.8
+
+
+@pytest.mark.parametrize("tied", [True, False])
+def test_blocks_with_constraints_on_states_say_so(tied: bool) -> None:
+    """``x^3 + x = 2 y`` gives x at any y; it ties two positions, or gives a number that nothing is integrated of."""
+
+    class Tied(gl.Component):
+        x = gl.Variable("1", state="never")
+        y, v, w, f = (gl.Variable("1") for _ in range(4))
+        rate = gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            position = gl.Eq(self.x**3 + self.x, 2 * self.y)
+            if not tied:
+                return [
+                    gl.Eq(gl.der(self.y), self.rate * self.w), gl.Eq(gl.der(self.w), -self.rate * self.f), position,
+                    gl.Eq(self.v, self.x), gl.Eq(self.f, self.v),
+                ]  # fmt: skip
+            return [
+                gl.Eq(gl.der(self.x), self.rate * self.v), gl.Eq(gl.der(self.y), self.rate * self.w), position,
+                gl.Eq(gl.der(self.v), self.rate * (self.f - self.x)), gl.Eq(gl.der(self.w), -self.rate * self.f),
+            ]  # fmt: skip
+
+    (block,) = gl.compile(Tied()).translation.scene.program.iterated
+    assert (len(block.unknowns), block.constrained) == (1, tied)

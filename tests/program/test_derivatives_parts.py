@@ -95,6 +95,43 @@ def test_the_reverse_of_a_plan_is_its_transpose(kind: str, constants: bool) -> N
         assert found[:, i] / size == pytest.approx(matrices[i].T @ weights[:, i] / size, rel=1e-10, abs=1e-11)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_seed_has_the_same_weight_at_all_times_or_one_for_each(kind: str) -> None:
+    """As many seeds as times, or fewer, or more."""
+    p, rng = point(kind), np.random.default_rng(6)
+    program, at = p.program, At(p.numbers, p.t, p.slots, p.flags)
+    constants = [program.n_slots + q for q in sorted({int(q) for b in p.batches for q in b.parameters.ravel()})]
+    places = [*range(len(program.states)), *constants]
+    for count in (1, 2, 3):
+        plan = derivative_plan(program, [(slot, k) for k, slot in enumerate(places[:count])])
+        plain, weights = dense(plan, entries(plan, at)), rng.uniform(1.0, 2.0, (min(count, len(places)), 2))
+        assert dense(plan, entries(plan, at, weights[:, 0])) == pytest.approx(plain * weights[:, 0], rel=1e-12)
+        expected = np.stack([plain[i] * weights[:, i] for i in range(2)])
+        assert dense(plan, entries(plan, at, weights)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_reverse_through_a_large_constant_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Factorised as a sparse matrix, it gives the same as a dense one; also where what it is made of is a seed."""
+    translation = compiled("bound").translation
+    scene, program, rng = translation.scene, translation.scene.program, np.random.default_rng(9)
+    (block,) = program.linear_blocks
+    n, none = len(program.states) + len(program.inputs), np.zeros((0, 2))
+    slots = np.random.default_rng(1).normal(size=(program.n_slots, 2))
+    used = sorted({int(q) for batch in block.matrix for q in batch.parameters.ravel()})
+    weights, found = rng.normal(size=(len(program.output_slots), 2)), {}
+    for places in ([*range(n)], [*range(n), *(program.n_slots + q for q in used)]):
+        plan = derivative_plan(program, [(place, 0) for place in places], program.output_slots)
+        for most in (400, 1):
+            monkeypatch.setattr("gearlib.program.interpret.MOST_DENSE", most)
+            program.solved.clear()
+            numbers = scene.numbers(translation.parameter_values({}))
+            assert isinstance(numbers.solutions[0], np.ndarray) == (most == 400)
+            found[most] = pulled_back(plan, At(numbers, np.zeros(2), slots, none), weights)
+        program.solved.clear()
+        assert found[1] == pytest.approx(found[400], rel=1e-11, abs=1e-12 * np.abs(found[400]).max())
+        assert found[400].any()
+
+
 @pytest.mark.parametrize("kind", ["held", "latch", "bound"])
 def test_constants_have_places_of_their_own(kind: str) -> None:
     """Every parameter, every entry of the discrete state, and time: all at once as each by itself."""

@@ -197,7 +197,9 @@ def test_systems_beside_each_other_have_the_symmetries_of_each(kinds: tuple[str,
     numbers = scene.numbers(translation.parameter_values({}))
     names = [f"part[{k}].{name}" for k in range(len(kinds)) for name in "abc"]
     order = [names.index(name) for name in scene.state_names]
-    directions = [np.eye(len(kinds))[k].repeat(3) * np.tile(d, len(kinds)) for k, kind in enumerate(kinds) for d in KNOWN[kind][2]]
+    directions = [
+        np.eye(len(kinds))[k].repeat(3) * np.tile(d, len(kinds)) for k, kind in enumerate(kinds) for d in KNOWN[kind][2]
+    ]
     events = None if scene.relations is None else (scene.relations, numbers.relations)
     for scale in (np.ones(len(names)), 10.0 ** np.random.default_rng(len(kinds)).uniform(-2, 2, len(names))):
         found = symmetries(numbers, scene.program.output_slots.tolist(), events, scale[order])

@@ -22,7 +22,9 @@ def block(n: int, *groups: Any) -> Newton:
     return Newton(np.arange(n), (), entries, True, np.arange(n), 0, False)
 
 
-@pytest.mark.parametrize(("n", "entries", "sparse"), [(23, 60, False), (24, 60, True), (24, 144, True), (24, 145, False), (40, 400, True)])
+@pytest.mark.parametrize(
+    ("n", "entries", "sparse"), [(23, 60, False), (24, 60, True), (24, 144, True), (24, 145, False), (40, 400, True)]
+)
 def test_large_blocks_with_few_entries_are_eliminated_by_their_pattern(n: int, entries: int, sparse: bool) -> None:
     """From 24 unknowns, and up to a quarter of all entries; an entry that two batches add to counts once."""
     diagonal = [i * n + i for i in range(n)]

@@ -250,3 +250,28 @@ def test_equations_that_jump_below_the_derivatives_that_are_used(kind: str, orde
         }
     if kind not in ("discrete", "both", "smooth"):
         assert {e for where in places.values() for e in where} <= {*relations_of(structure, program).used.tolist()}
+
+
+def test_a_time_that_events_change_is_not_known_beforehand() -> None:
+    """An alarm that is set anew each time, beside one at a time that a parameter tells; rules of the root are named by its class."""
+
+    class Alarms(gl.Component):
+        rate, p = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=0.7)
+        x = gl.Variable("1")
+        n, following = gl.Discrete("1"), gl.Discrete("1", start=0.5)
+
+        def equations(self) -> list[Any]:
+            t = self.rate * gl.time
+            return [
+                gl.Eq(gl.der(self.x), self.rate * (self.n + gl.Piecewise((1.0, t > self.p), (2.0, True)))),
+                gl.When(t >= gl.pre(self.following), gl.Eq(self.following, gl.pre(self.following) + 0.5)),
+                gl.When(t >= gl.pre(self.following) - 0.25, gl.Eq(self.n, gl.pre(self.n) + 1)),
+            ]
+
+    translation = gl.compile(Alarms()).translation
+    relations, structure = translation.scene.relations, translation.structure
+    assert relations is not None
+    assert (len(relations.timed), len(relations.searched)) == (1, 2)
+    (timed,) = (b for b in relations.batches if {*b.targets.tolist()} == {*relations.timed.tolist()})
+    assert not timed.relations.size
+    assert {owner_of(structure, int(e)) for b in relations.discretes for e in b.equations} == {"Alarms"}

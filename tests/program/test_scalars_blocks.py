@@ -11,6 +11,7 @@ import pytest
 import gearlib as gl
 from gearlib.program.derivative_plan import derivative_plan, state_plan
 from gearlib.program.derivatives import At, dense, entries
+from gearlib.program.interpret import solutions_of_runs
 from gearlib.program.program import Linear
 from gearlib.program.scalars import linear_function
 
@@ -90,3 +91,16 @@ def test_derivatives_through_blocks_that_follow_each_other(values: dict[str, flo
             np.testing.assert_allclose(sign * whole[slot], expected[columns], rtol=1e-12, atol=1e-13)
             met += 1
     assert met > 5
+
+
+@pytest.mark.parametrize("varied", ["p", "q", "s", "rate"])
+def test_blocks_of_many_runs_are_those_of_each(varied: str) -> None:
+    """Some entries of a matrix are numbers, some vary, some are the same in all runs."""
+    translation = blocks()
+    tables = [translation.parameter_values({varied: value}) for value in (1.5, -0.7, 2.5, 4.0)]
+    found, solved = solutions_of_runs(translation.scene.program, np.stack(tables, axis=1))
+    assert solved.tolist() == [True] * 4
+    for k, table in enumerate(tables):
+        for one, alone in zip(found, translation.scene.numbers(table).solutions, strict=True):
+            assert one.shape == (4, *alone.shape)
+            np.testing.assert_allclose(one[k], alone, rtol=1e-13, atol=1e-14)
