@@ -130,3 +130,24 @@ def test_a_few_inverses_are_kept() -> None:
         CONSTANT.scene.numbers(parameters_of(rotated(seed)))
         counts.append(len(CONSTANT.structure.inverses))
     assert max(counts) == 4
+
+
+@pytest.mark.parametrize(("n", "more"), [(1, 0), (3, 0), (4, 0), (5, 1), (6, 2)])
+def test_four_equations_are_named_at_most(n: int, more: int) -> None:
+    """Each once, with the number of the others."""
+
+    def equations(self: Any) -> list[gl.Eq]:
+        y = [getattr(self, f"y{i}") for i in range(n)]
+        ring = [gl.Eq(one**3 + one - 0.3 * other, self.x) for one, other in zip(y, [*y[1:], y[0]], strict=True)]
+        return [gl.Eq(gl.der(self.x), self.rate * sum(y)), *ring]
+
+    names = {f"y{i}": gl.Variable("1") for i in range(n)} | {"x": gl.Variable("1"), "rate": gl.Parameter("1/s", default=1.0)}
+    scene = gl.compile(type("Ring", (gl.Component,), names | {"equations": equations})()).translation.scene
+    none = np.empty((0, 1))
+    with pytest.raises(SolverError) as caught:
+        evaluate(scene.numbers(scene.model.parameters.values), np.full(1, 0.5), np.full((1, 1), np.nan), none, none)
+    named, _, rest = str(caught.value).removeprefix("the nonlinear equations ").partition(" were not solved at t = 0.5 s; ")
+    assert rest.startswith("they have no solution there, or need better guesses")
+    labels = named.removesuffix(f" and {more} more" if more else "").split("; ")
+    assert len({*labels}) == len(labels) == min(n, 4)
+    assert all(re.fullmatch(r"Ring: \S.* = x", label) for label in labels)

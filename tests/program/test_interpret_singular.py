@@ -112,7 +112,10 @@ def test_equations_that_disagree_by_more_than_rounding_are_refused(off: float, r
     if right:
         np.testing.assert_allclose(solution(*pair(off, unit=unit))[:, 0], [0.5, 0.5, 3.0, -2.0], atol=1e-9)
         return
-    with pytest.raises(SolverError, match=r"^the equations Varying: .* have no solution at t = 0 s: they depend on each other"):
+    text = (
+        r"^the equations (Varying: [^;]* = r\d; ){3}Varying: [^;]* = r\d have no solution at t = 0 s: they depend on each other"
+    )
+    with pytest.raises(SolverError, match=text):
         solution(*pair(off, unit=unit))
 
 
