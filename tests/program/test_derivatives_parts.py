@@ -45,6 +45,24 @@ def test_slopes_are_those_of_the_values(kind: str) -> None:
         assert (np.abs(found - (high - low)[:, 0] / (2 * h)) <= noise + 1e-12).all()
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_values_of_a_batch_are_there_for_each_time(kind: str) -> None:
+    """Of numbers, of parameters, and of what changes; of one row, and of as many rows as times."""
+    p = point(kind)
+    at = At(p.numbers, p.t, p.slots, p.flags)
+    batches = [*p.batches, *(batch.derivative(a) for batch in p.batches for a in batch.active)]
+    for batch in sorted(batches, key=lambda b: (not b.of_parameters, len(b))):
+        for one in (batch, batch.take(np.array([len(batch) - 1])), batch.take(np.array([0, len(batch) - 1]))):
+            found = at.values(one)
+            assert found.shape == (len(one), 2)
+            expected = [
+                batch_values(one.take(np.array([row])), p.t, p.slots, p.numbers.parameters, p.flags) for row in range(len(one))
+            ]
+            assert found == pytest.approx(
+                np.concatenate([np.broadcast_to(e, (1, 2)) for e in expected]), rel=1e-13, nan_ok=True
+            )
+
+
 def test_derivatives_of_many_runs_are_those_of_each() -> None:
     """Of a linear program with other parameters in each run, some of them the same in all; two seeds with weights of their own."""
     translation = compiled("bound").translation
@@ -104,10 +122,12 @@ def test_a_seed_has_the_same_weight_at_all_times_or_one_for_each(kind: str) -> N
     places = [*range(len(program.states)), *constants]
     for count in (1, 2, 3):
         plan = derivative_plan(program, [(slot, k) for k, slot in enumerate(places[:count])])
-        plain, weights = dense(plan, entries(plan, at)), rng.uniform(1.0, 2.0, (min(count, len(places)), 2))
+        count = min(count, len(places))
+        plain, weights = dense(plan, entries(plan, at, np.ones((count, 2)))), rng.uniform(1.0, 2.0, (count, 2))
         assert dense(plan, entries(plan, at, weights[:, 0])) == pytest.approx(plain * weights[:, 0], rel=1e-12)
         expected = np.stack([plain[i] * weights[:, i] for i in range(2)])
         assert dense(plan, entries(plan, at, weights)) == pytest.approx(expected, rel=1e-12)
+        assert dense(plan, entries(plan, at)) == pytest.approx(plain, rel=1e-15)
 
 
 def test_the_reverse_through_a_large_constant_block(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,6 +13,7 @@ from gearlib.program.build import build, slot_table
 from gearlib.program.event_iteration import compares_with_before, relation_of, right_hand
 from gearlib.program.interpret import owner_of
 from gearlib.program.relations import jumps_below, relations_of, used_discrete
+from tests.program.programs import point
 
 
 class Counters(gl.Component):
@@ -275,3 +276,12 @@ def test_a_time_that_events_change_is_not_known_beforehand() -> None:
     (timed,) = (b for b in relations.batches if {*b.targets.tolist()} == {*relations.timed.tolist()})
     assert not timed.relations.size
     assert {owner_of(structure, int(e)) for b in relations.discretes for e in b.equations} == {"Alarms"}
+
+
+def test_a_program_without_conditions_has_no_discrete_state() -> None:
+    """In assignments and blocks of all kinds; where there are conditions, each entry is named once and in order."""
+    for kind, count in (("bound", 0), ("loop", 0), ("held", 1)):
+        program = point(kind).program
+        found = used_discrete(program)
+        assert len(found) == count
+        assert found.tolist() == sorted({int(e) for batch in point(kind).batches for e in batch.relations.ravel()})
