@@ -130,7 +130,7 @@ def test_values_before_an_event_are_known() -> None:
 def test_the_right_hand_limit_of_time_is_just_later() -> None:
     """By a trillionth of the time, and of a millisecond at least."""
     t = np.array([0.0, 1e-3, -1e-3, 2.0, -5.0, 1e6])
-    assert right_hand(t) - t == pytest.approx([1e-15, 1e-15, 1e-15, 2e-12, 5e-12, 1e-6], rel=1e-3)
+    assert right_hand(t) - t == pytest.approx([1e-15, 1e-15, 1e-15, 2e-12, 5e-12, 1e-6], rel=1e-3, abs=0.0)
 
 
 def test_rules_know_their_components() -> None:
