@@ -244,7 +244,7 @@ def _inverses(matrices: Floats) -> tuple[Floats, NDArray[np.bool_]]:
 
 def _joined(block: Linear | Newton, structure: Structure) -> list[str]:
     """The variables that occur in connection equations of a block."""
-    model, rows = structure.model, [structure.model.places[int(e)] for e in block.equations if e >= 0]
+    model, rows = structure.model, [structure.model.places[int(e)] for e in block.equations]
     return [model.name(v) for v in dict.fromkeys(v for g, i in rows for v in model.groups[g].variables[i].tolist())]
 
 

@@ -182,7 +182,7 @@ class Newton:
         """The residuals of equations that are not zero where all unknowns are; targets: row."""
         found = []
         for batch in self.residuals:
-            inside = np.isin(batch.arguments, self.unknowns) & (batch.argument_signs != 0)
+            inside = np.isin(batch.arguments, self.unknowns) | (batch.argument_signs == 0)
             for pattern in np.unique(inside, axis=0):
                 without = frozenset(batch.kernel.columns[a] for a in np.flatnonzero(pattern))
                 if not without_columns(batch.kernel, without).is_zero:

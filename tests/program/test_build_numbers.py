@@ -58,6 +58,7 @@ def test_states_and_outputs_of_what_is_asked_for() -> None:
     for program in (rates, value, given):
         assert program.n_slots == 1 + max(program.slots.values())
         assert program.residuals == ()
+        assert not program.linear_blocks  # an unknown of its own equation is assigned
     plain = gl.compile(Bare()).translation
     empty = build(plain.structure, [], (), dynamic=False)
     assert (empty.states, empty.outputs, empty.n_slots, empty.steps) == ((), (), 0, ())
@@ -208,3 +209,72 @@ def test_what_is_divided_by_and_does_not_change_is_checked_beforehand(factor: An
 
 class Values:
     p, q, x = 3.0, 0.5, 0.8
+
+
+@pytest.mark.parametrize("tied", [True, False])
+def test_blocks_with_constraints_on_states_say_so(tied: bool) -> None:
+    """``x^3 + x = 2 y`` gives x at any y; it ties two positions, or gives a number that nothing is integrated of."""
+
+    class Tied(gl.Component):
+        x = gl.Variable("1", state="never")
+        y, v, w, f = (gl.Variable("1") for _ in range(4))
+        rate = gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            position = gl.Eq(self.x**3 + self.x, 2 * self.y)
+            if not tied:
+                return [
+                    gl.Eq(gl.der(self.y), self.rate * self.w), gl.Eq(gl.der(self.w), -self.rate * self.f), position,
+                    gl.Eq(self.v, self.x), gl.Eq(self.f, self.v),
+                ]  # fmt: skip
+            return [
+                gl.Eq(gl.der(self.x), self.rate * self.v), gl.Eq(gl.der(self.y), self.rate * self.w), position,
+                gl.Eq(gl.der(self.v), self.rate * (self.f - self.x)), gl.Eq(gl.der(self.w), -self.rate * self.f),
+            ]  # fmt: skip
+
+    (block,) = gl.compile(Tied()).translation.scene.program.iterated
+    assert (len(block.unknowns), block.constrained) == (1, tied)
+
+
+class Zones(gl.Component):
+    """A number for each of four zones of k x, and another where x is beyond a limit."""
+
+    x, y = gl.Variable("1"), gl.Variable("1")
+    k, limit = gl.Parameter("1", default=1.0), gl.Parameter("1", default=5.0)
+
+    def equations(self) -> list[gl.Eq]:
+        z = self.k * self.x
+        return [
+            gl.Eq(
+                self.y,
+                gl.Piecewise((1.0, z < -1), (2.0, z < 0.5), (4.0, z < 2), (8.0, True))
+                + gl.Piecewise((0.0, self.x < self.limit), (16.0, True)),
+            )
+        ]
+
+
+class ManyZones(gl.Component):
+    x = gl.Variable("1")
+    rate = gl.Parameter("1/s", default=1.0)
+
+    def assemble(self) -> list[Any]:
+        self.zones = [Zones(), Zones(k=-2.0), Zones(k=0.3, limit=1.0)]
+        return []
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.rate * sum(one.y for one in self.zones)),
+            *(gl.Eq(one.x, self.x) for one in self.zones),
+        ]
+
+
+def test_conditions_of_several_instances_are_their_own() -> None:
+    """Of several relations in one equation, for each of several components."""
+    scene = gl.compile(ManyZones()).translation.scene
+    numbers, x = scene.numbers(scene.model.parameters.values), np.linspace(-8.0, 8.0, 33)[None] + 0.01
+    none, t = np.zeros((0, x.size)), np.zeros(x.size)
+    slots = evaluate(numbers, t, x, none, scene.discrete(numbers, t, x, none))
+    for i, (k, limit) in enumerate(((1.0, 5.0), (-2.0, 5.0), (0.3, 1.0))):
+        z = k * x[0]
+        expected = np.select([z < -1, z < 0.5, z < 2], [1.0, 2.0, 4.0], 8.0) + np.where(x[0] < limit, 0.0, 16.0)
+        assert slots[scene.program.slots[scene.model.variable(f"zones[{i}].y"), 0]].tolist() == expected.tolist()

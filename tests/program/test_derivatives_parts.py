@@ -45,6 +45,24 @@ def test_slopes_are_those_of_the_values(kind: str) -> None:
         assert (np.abs(found - (high - low)[:, 0] / (2 * h)) <= noise + 1e-12).all()
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_values_of_a_batch_are_there_for_each_time(kind: str) -> None:
+    """Of numbers, of parameters, and of what changes; of one row, and of as many rows as times."""
+    p = point(kind)
+    at = At(p.numbers, p.t, p.slots, p.flags)
+    batches = [*p.batches, *(batch.derivative(a) for batch in p.batches for a in batch.active)]
+    for batch in sorted(batches, key=lambda b: (not b.of_parameters, len(b))):
+        for one in (batch, batch.take(np.array([len(batch) - 1])), batch.take(np.array([0, len(batch) - 1]))):
+            found = at.values(one)
+            assert found.shape == (len(one), 2)
+            expected = [
+                batch_values(one.take(np.array([row])), p.t, p.slots, p.numbers.parameters, p.flags) for row in range(len(one))
+            ]
+            assert found == pytest.approx(
+                np.concatenate([np.broadcast_to(e, (1, 2)) for e in expected]), rel=1e-13, nan_ok=True
+            )
+
+
 def test_derivatives_of_many_runs_are_those_of_each() -> None:
     """Of a linear program with other parameters in each run, some of them the same in all; two seeds with weights of their own."""
     translation = compiled("bound").translation
@@ -93,6 +111,45 @@ def test_the_reverse_of_a_plan_is_its_transpose(kind: str, constants: bool) -> N
     for i in range(2):
         size = np.abs(matrices[i]).max(axis=0) + 1e-300
         assert found[:, i] / size == pytest.approx(matrices[i].T @ weights[:, i] / size, rel=1e-10, abs=1e-11)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_seed_has_the_same_weight_at_all_times_or_one_for_each(kind: str) -> None:
+    """As many seeds as times, or fewer, or more."""
+    p, rng = point(kind), np.random.default_rng(6)
+    program, at = p.program, At(p.numbers, p.t, p.slots, p.flags)
+    constants = [program.n_slots + q for q in sorted({int(q) for b in p.batches for q in b.parameters.ravel()})]
+    places = [*range(len(program.states)), *constants]
+    for count in (1, 2, 3):
+        plan = derivative_plan(program, [(slot, k) for k, slot in enumerate(places[:count])])
+        count = min(count, len(places))
+        plain, weights = dense(plan, entries(plan, at, np.ones((count, 2)))), rng.uniform(1.0, 2.0, (count, 2))
+        assert dense(plan, entries(plan, at, weights[:, 0])) == pytest.approx(plain * weights[:, 0], rel=1e-12)
+        expected = np.stack([plain[i] * weights[:, i] for i in range(2)])
+        assert dense(plan, entries(plan, at, weights)) == pytest.approx(expected, rel=1e-12)
+        assert dense(plan, entries(plan, at)) == pytest.approx(plain, rel=1e-15)
+
+
+def test_the_reverse_through_a_large_constant_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Factorised as a sparse matrix, it gives the same as a dense one; also where what it is made of is a seed."""
+    translation = compiled("bound").translation
+    scene, program, rng = translation.scene, translation.scene.program, np.random.default_rng(9)
+    (block,) = program.linear_blocks
+    n, none = len(program.states) + len(program.inputs), np.zeros((0, 2))
+    slots = np.random.default_rng(1).normal(size=(program.n_slots, 2))
+    used = sorted({int(q) for batch in block.matrix for q in batch.parameters.ravel()})
+    weights, found = rng.normal(size=(len(program.output_slots), 2)), {}
+    for places in ([*range(n)], [*range(n), *(program.n_slots + q for q in used)]):
+        plan = derivative_plan(program, [(place, 0) for place in places], program.output_slots)
+        for most in (400, 1):
+            monkeypatch.setattr("gearlib.program.interpret.MOST_DENSE", most)
+            program.solved.clear()
+            numbers = scene.numbers(translation.parameter_values({}))
+            assert isinstance(numbers.solutions[0], np.ndarray) == (most == 400)
+            found[most] = pulled_back(plan, At(numbers, np.zeros(2), slots, none), weights)
+        program.solved.clear()
+        assert found[1] == pytest.approx(found[400], rel=1e-11, abs=1e-12 * np.abs(found[400]).max())
+        assert found[400].any()
 
 
 @pytest.mark.parametrize("kind", ["held", "latch", "bound"])

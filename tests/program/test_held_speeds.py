@@ -164,3 +164,56 @@ def test_brakes_side_by_side_hold_a_body_together() -> None:
     shared = gl.compile(Shared()).translation
     assert found(shared, {}, [0.4]).tolist() == [[1.0]]
     assert found(shared, {"held": 0.0}, [0.4]).shape == (0, 1)
+
+
+@pytest.mark.parametrize("w", [1.0, 0.4])
+def test_a_reaction_does_not_hold_a_speed_that_is_driven_elsewhere(w: float) -> None:
+    """Nor where that speed rests by chance: its acceleration follows from another equation."""
+
+    class Driven(gl.Component):
+        w, r, z = (gl.Variable("1") for _ in range(3))
+        rate, held = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            a = gl.der(self.w) / self.rate
+            return [
+                gl.Eq(a, 1.0 - self.w), gl.Eq(gl.der(self.z), self.rate * self.r),
+                gl.Eq(gl.Piecewise((a + 1e-25 * self.r, self.held > 0.5), (self.r - 0.4, True)), 0),
+            ]  # fmt: skip
+
+    driven = gl.compile(Driven()).translation
+    assert any(isinstance(step, Newton) for step in driven.scene.program.steps)
+    point = [{"w": w, "z": 0.2}[name] for name in driven.scene.state_names]
+    assert found(driven, {}, point).shape == (0, 2)
+
+
+@pytest.mark.parametrize("order", [0, 1])
+def test_several_speeds_that_are_no_states_are_held(order: int) -> None:
+    """``s = w (1 + p^2)`` and ``q = v - 2 w`` of three states, in any order of the equations."""
+
+    class Several(gl.Component):
+        w, v, p, f, g = (gl.Variable("1") for _ in range(5))
+        s, q = (gl.Variable("1", state="never") for _ in range(2))
+        rate, held = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            def at_rest(speed: Any, force: Any) -> Any:
+                return gl.Eq(gl.Piecewise((gl.der(speed) / self.rate, self.held > 0.5), (force - 0.3 * speed, True)), 0)
+
+            brakes = [at_rest(self.s, self.f), at_rest(self.q, self.g)]
+            return [
+                gl.Eq(gl.der(self.p), self.rate * self.w),
+                gl.Eq(2.0 * gl.der(self.w) / self.rate, 1.0 - self.f * (1 + self.p**2) + 2 * self.g),
+                gl.Eq(3.0 * gl.der(self.v) / self.rate, 0.5 - self.g),
+                gl.Eq(self.s, self.w * (1 + self.p**2)), gl.Eq(self.q, self.v - 2 * self.w),
+                *(brakes[::-1] if order else brakes),
+            ]  # fmt: skip
+
+    several = gl.compile(Several(), outputs=["w", "v", "p"]).translation
+    at = {"w": 0.5, "v": -0.3, "p": 1.5}
+    names = sorted(several.scene.state_names)
+    assert names == ["p", "v", "w"]
+    rows = found(several, {}, [at[name] for name in several.scene.state_names])
+    expected = [[2 * 1.5 * 0.5, 0.0, 1 + 1.5**2], [0.0, 1.0, -2.0]]
+    assert sorted(rows.tolist()) == [pytest.approx(row, rel=1e-13, abs=1e-14) for row in sorted(expected)]
+    assert found(several, {"held": 0.0}, [at[name] for name in several.scene.state_names]).shape == (0, 3)

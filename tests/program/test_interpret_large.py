@@ -49,11 +49,12 @@ def cells(cubic: bool) -> Any:
 
 
 def values(
-    cubic: bool, x: list[float], guess: Any = None, forgiving: bool = False, pq: tuple[float, float] = (1.0, 1.0)
-) -> Any:
+    cubic: bool, x: list[float], guess: Any = None, forgiving: bool = False, pq: tuple[float, float] = (1.0, 1.0),
+    others: dict[str, float] | None = None,
+) -> Any:  # fmt: skip
     """The unknowns of the ring, in its order, shape (cells, times)."""
     scene = cells(cubic).scene
-    table = {f"cell[{i}].{name}": value for i in range(N) for name, value in zip("pq", pq, strict=True)}
+    table = {f"cell[{i}].{name}": value for i in range(N) for name, value in zip("pq", pq, strict=True)} | (others or {})
     numbers, none = scene.numbers(cells(cubic).parameter_values(table)), np.empty((0, len(x)))
     (step,) = (s for s in scene.program.steps if isinstance(s, Newton))
     assert (step.linear, len(step.unknowns), step.order is not None) == (not cubic, N, True)
@@ -96,6 +97,23 @@ def test_equations_in_a_ring_that_depend_on_each_other_up_to_rounding(most: int,
     np.testing.assert_allclose((y + np.roll(y, -1, axis=0))[:, 0], np.ones(N), rtol=1e-12)
     assert np.abs(y).max() < 10.0
     np.testing.assert_allclose(y[:, 1], np.full(N, 0.75), rtol=1e-12)
+
+
+@pytest.mark.parametrize("pq", [(0.1, 0.3), (1.0, 3.0)], ids=["up to rounding", "exactly"])
+@pytest.mark.parametrize("most", [400, 10], ids=["dense", "sparse"])
+def test_equations_in_a_ring_that_disagree_are_refused(
+    most: int, pq: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """y' = 1 - y leads back to y after an even number of cells, but with a factor c at one and 1 / c at the next to 1 - 1 / c + y."""
+    monkeypatch.setattr("gearlib.program.interpret.MOST_DENSE", most)
+    wrong = {"cell[0].p": 2 * pq[0], "cell[1].p": pq[0] / 2}
+    with pytest.raises(SolverError, match=rf"^the equations cell.* and {N - 4} more have no solution at t = 1 s: they depend"):
+        values(False, [4.0, 3.0], pq=pq, others=wrong)
+    y = values(False, [4.0, 0.3], pq=pq, others=wrong)
+    factors = np.ones((N, 2))
+    factors[:2] = [[2.0], [0.5]]
+    rest = pq[0] * np.array([4.0, 0.3]) * factors * y + pq[1] * np.roll(y, -1, axis=0)
+    np.testing.assert_allclose(rest, np.full((N, 2), pq[1]), rtol=1e-11, atol=1e-10 * pq[1] * np.abs(y).max())
 
 
 @pytest.mark.parametrize("most", [400, 10], ids=["dense", "sparse"])

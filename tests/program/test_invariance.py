@@ -173,3 +173,37 @@ def test_a_function_of_many_states(kind: str, free: int) -> None:
     places = np.array([int(name[1:]) for name in scene.state_names])
     for i in range(2):
         assert (weights * (np.arange(n) % 2 == i))[places] @ found == pytest.approx(np.zeros(free), abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    "kinds",
+    [
+        ("ratio", "sine of a difference", "block of two", "magnitudes"),
+        ("gap", "condition on a block beside another", "constant block", "function that time changes"),
+        ("vanishes with a parameter", "block that is linear and not", "function of three", "two blocks", "very weak spring"),
+    ],
+    ids=" / ".join,
+)
+def test_systems_beside_each_other_have_the_symmetries_of_each(kinds: tuple[str, ...]) -> None:
+    """With event functions or without, in units of any size."""
+
+    class Beside(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.part = [model(*KNOWN[kind][:2]) for kind in kinds]
+            return []
+
+    translation = gl.compile(Beside()).translation
+    scene = translation.scene
+    numbers = scene.numbers(translation.parameter_values({}))
+    names = [f"part[{k}].{name}" for k in range(len(kinds)) for name in "abc"]
+    order = [names.index(name) for name in scene.state_names]
+    directions = [
+        np.eye(len(kinds))[k].repeat(3) * np.tile(d, len(kinds)) for k, kind in enumerate(kinds) for d in KNOWN[kind][2]
+    ]
+    events = None if scene.relations is None else (scene.relations, numbers.relations)
+    for scale in (np.ones(len(names)), 10.0 ** np.random.default_rng(len(kinds)).uniform(-2, 2, len(names))):
+        found = symmetries(numbers, scene.program.output_slots.tolist(), events, scale[order])
+        basis = np.linalg.qr((np.array(directions) / scale).T)[0]
+        assert found.shape == basis.shape
+        assert found.T @ found == pytest.approx(np.eye(found.shape[1]), abs=1e-12)
+        assert found @ found.T == pytest.approx((basis @ basis.T)[np.ix_(order, order)], abs=1e-8)

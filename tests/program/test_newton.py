@@ -96,3 +96,25 @@ def test_a_correction_that_is_a_number_in_part_goes_on() -> None:
     found = newton(lambda x: (x - 1.0, lambda r: np.where(x == 5.0, np.nan, r)), np.array([5.0, 3.0]), lambda *_: True, 2)
     assert found.settled
     assert found.x[1] == 1.0
+
+
+@pytest.mark.parametrize(("shares", "x"), [((1.0, 0.5), 0.0), ((1.0, 0.25), 1.0), ((1.0, 1.0), -2.0)])
+def test_a_residual_that_stays_as_large_has_not_fallen(shares: tuple[float, ...], x: float) -> None:
+    """From 2 a whole step leads to -2, where the arctangent is as large."""
+    found = newton(lambda x: (np.arctan(x), lambda r: np.full(1, 4.0)), np.array([2.0]), lambda *_: True, 3, shares)
+    assert (found.settled, found.x.tolist()) == (True, [x])
+
+
+@pytest.mark.parametrize(("after", "x"), [(1, 8.0), (2, 4.0), (4, 1.0)])
+def test_equations_that_are_singular_somewhere_end_it_there(after: int, x: float) -> None:
+    """Evaluating them may say so as well, before the first step or later."""
+    calls: list[float] = []
+
+    def halved(x: Floats) -> tuple[Floats, Correction]:
+        calls.append(float(x[0]))
+        if len(calls) == after:
+            raise np.linalg.LinAlgError
+        return x, lambda r: 0.5 * r
+
+    found = newton(halved, np.array([8.0]), lambda *_: False, 9)
+    assert (found.settled, found.singular, found.iterations, found.x.tolist()) == (False, True, after, [x])

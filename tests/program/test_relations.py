@@ -13,6 +13,7 @@ from gearlib.program.build import build, slot_table
 from gearlib.program.event_iteration import compares_with_before, relation_of, right_hand
 from gearlib.program.interpret import owner_of
 from gearlib.program.relations import jumps_below, relations_of, used_discrete
+from tests.program.programs import point
 
 
 class Counters(gl.Component):
@@ -129,7 +130,7 @@ def test_values_before_an_event_are_known() -> None:
 def test_the_right_hand_limit_of_time_is_just_later() -> None:
     """By a trillionth of the time, and of a millisecond at least."""
     t = np.array([0.0, 1e-3, -1e-3, 2.0, -5.0, 1e6])
-    assert right_hand(t) - t == pytest.approx([1e-15, 1e-15, 1e-15, 2e-12, 5e-12, 1e-6], rel=1e-3)
+    assert right_hand(t) - t == pytest.approx([1e-15, 1e-15, 1e-15, 2e-12, 5e-12, 1e-6], rel=1e-3, abs=0.0)
 
 
 def test_rules_know_their_components() -> None:
@@ -250,3 +251,37 @@ def test_equations_that_jump_below_the_derivatives_that_are_used(kind: str, orde
         }
     if kind not in ("discrete", "both", "smooth"):
         assert {e for where in places.values() for e in where} <= {*relations_of(structure, program).used.tolist()}
+
+
+def test_a_time_that_events_change_is_not_known_beforehand() -> None:
+    """An alarm that is set anew each time, beside one at a time that a parameter tells; rules of the root are named by its class."""
+
+    class Alarms(gl.Component):
+        rate, p = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=0.7)
+        x = gl.Variable("1")
+        n, following = gl.Discrete("1"), gl.Discrete("1", start=0.5)
+
+        def equations(self) -> list[Any]:
+            t = self.rate * gl.time
+            return [
+                gl.Eq(gl.der(self.x), self.rate * (self.n + gl.Piecewise((1.0, t > self.p), (2.0, True)))),
+                gl.When(t >= gl.pre(self.following), gl.Eq(self.following, gl.pre(self.following) + 0.5)),
+                gl.When(t >= gl.pre(self.following) - 0.25, gl.Eq(self.n, gl.pre(self.n) + 1)),
+            ]
+
+    translation = gl.compile(Alarms()).translation
+    relations, structure = translation.scene.relations, translation.structure
+    assert relations is not None
+    assert (len(relations.timed), len(relations.searched)) == (1, 2)
+    (timed,) = (b for b in relations.batches if {*b.targets.tolist()} == {*relations.timed.tolist()})
+    assert not timed.relations.size
+    assert {owner_of(structure, int(e)) for b in relations.discretes for e in b.equations} == {"Alarms"}
+
+
+def test_a_program_without_conditions_has_no_discrete_state() -> None:
+    """In assignments and blocks of all kinds; where there are conditions, each entry is named once and in order."""
+    for kind, count in (("bound", 0), ("loop", 0), ("held", 1)):
+        program = point(kind).program
+        found = used_discrete(program)
+        assert len(found) == count
+        assert found.tolist() == sorted({int(e) for batch in point(kind).batches for e in batch.relations.ravel()})

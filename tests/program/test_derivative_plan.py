@@ -1,0 +1,177 @@
+"""Which derivatives a plan lists: those by the seeds that a slot depends on, each once, along the way of the equations."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+import sympy
+
+from gearlib.equations.kernel import Kernel
+from gearlib.program.derivative_plan import TIME, DerivativePlan, Solved, Sums, derivative_plan, discrete_entry, state_plan
+from gearlib.program.program import Batch, Linear, Newton, Program
+from tests.program.programs import KINDS, point
+
+kinds = pytest.mark.parametrize("kind", KINDS)
+Reached = dict[int, set[int]]
+
+
+@cache
+def mattering(kernel: Kernel) -> tuple[list[int], list[int], list[int], bool]:
+    """The arguments, parameters and relations that a kernel's value depends on, by their places, and whether it does on time."""
+
+    def moves(name: str) -> bool:
+        return bool(sympy.diff(kernel.expression, sympy.Symbol(name, real=True)) != 0)
+
+    columns, parameters, relations = (
+        [place for place, number in enumerate(numbers) if moves(f"{letter}{number}")]
+        for letter, numbers in (("x", kernel.columns), ("p", kernel.parameters), ("r", kernel.relations))
+    )
+    return columns, parameters, relations, moves("t")
+
+
+def moved(batch: Batch, row: int, n: int) -> set[int]:
+    """What changes the value of a row: slots, parameters behind them, entries of the discrete state and time, by their codes."""
+    columns, parameters, relations, time = mattering(batch.kernel)
+    found = {int(batch.arguments[row, a]) for a in columns if batch.argument_signs[row, a]}
+    found |= {n + int(batch.parameters[row, a]) for a in parameters}
+    found |= {discrete_entry(int(batch.relations[row, a])) for a in relations}
+    return found | ({TIME} if time else set())
+
+
+def behind(program: Program) -> list[tuple[list[int], set[int]]]:
+    """Per step, or row of a batch: the slots that it computes, and all that they depend on directly."""
+    n, found = program.n_slots, []
+    for step in program.steps:
+        if isinstance(step, Batch):
+            found += [([int(step.targets[row])], moved(step, row, n)) for row in range(len(step))]
+            continue
+        unknowns = step.unknowns.tolist()
+        batches = step.matrix if isinstance(step, Linear) else step.residuals
+        read = {place for batch in batches for row in range(len(batch)) for place in moved(batch, row, n)}
+        found.append((unknowns, (read | ({*step.known.tolist()} if isinstance(step, Linear) else set())) - {*unknowns}))
+    return found
+
+
+def reached(program: Program, entering: list[tuple[int, int]]) -> Reached:
+    """The seeds of each slot; the unknowns of a block share theirs."""
+    seeds: Reached = {}
+    for place, seed in entering:
+        seeds.setdefault(place, set()).add(seed)
+    for slots, read in behind(program):
+        own = set().union(*(seeds.get(place, set()) for place in (*read, *slots)))
+        seeds |= {slot: own for slot in slots}
+    return seeds
+
+
+def needed(program: Program, wanted: list[int]) -> set[int]:
+    alive = {*wanted}
+    for slots, read in reversed(behind(program)):
+        if alive & {*slots}:
+            alive |= {place for place in read if 0 <= place < program.n_slots}
+    return alive
+
+
+def listed(plan: DerivativePlan) -> dict[int, list[int]]:
+    found: dict[int, list[int]] = {}
+    for row, seed in zip(plan.rows.tolist(), plan.seeds.tolist(), strict=True):
+        found.setdefault(int(plan.wanted[row]), []).append(seed)
+    return found
+
+
+@pytest.mark.parametrize("some", [False, True], ids=["all slots", "some slots"])
+@kinds
+def test_the_derivatives_that_there_are(kind: str, some: bool) -> None:
+    """By states and inputs, parameters, entries of the discrete state, time and a slot, in any order, two with one seed."""
+    p = point(kind)
+    program, rng = p.program, np.random.default_rng(7)
+    places: list[int] = [*range(len(program.states) + len(program.inputs)), int(program.output_slots[-1]), TIME]
+    places += [program.n_slots + int(q) for q in rng.permutation(len(p.numbers.parameters))[:12]]
+    places += [discrete_entry(i) for i in range(len(p.flags))]
+    places += [int(step.unknowns[-1]) for step in program.steps if not isinstance(step, Batch)][:1]
+    entering = [(places[k], min(i, len(places) - 2)) for i, k in enumerate(rng.permutation(len(places)).tolist())]
+    known = set(range(len(program.states) + len(program.inputs)))
+    wanted = rng.permutation(program.n_slots)[:5].tolist() if some else [*range(program.n_slots)]
+    plan = derivative_plan(program, entering, wanted if some else None)
+    seeds, alive = reached(program, entering), needed(program, wanted)
+    assert listed(plan) == {slot: sorted(seeds[slot]) for slot in wanted if seeds.get(slot)}
+    assert plan.wanted.tolist() == wanted
+    assert plan.n_seeds == len(places) - 1
+    assert plan.shape == (len(wanted), plan.n_seeds)
+    assert sorted(plan.order.tolist()) == [*range(len(entering))]
+    assert plan.n_entries == 1 + len(entering) + sum(len(seeds.get(slot, ())) for slot in alive - known)
+    given = iter(range(1 + len(entering), plan.n_entries))
+    for step in plan.steps:  # entries are numbered as they are computed
+        made = step.to if isinstance(step, Sums) else step.first + np.arange(len(step.rows) * step.width)
+        assert made.tolist() == [next(given) for _ in made]
+    assert next(given, None) is None
+    pairs = list(zip(plan.seeds[plan.by_column].tolist(), plan.rows[plan.by_column].tolist(), strict=True))
+    assert pairs == sorted(zip(plan.seeds.tolist(), plan.rows.tolist(), strict=True))
+    assert (plan.sources > 0).all()
+    assert len({*plan.sources.tolist()}) == len(plan.sources)
+
+
+@pytest.mark.parametrize("every", [1, 2, 5])
+@kinds
+def test_products_of_sums(kind: str, every: int) -> None:
+    """Each factor is used; its products are found by their rows; each product belongs to one sum, and the sums are in order."""
+    p = point(kind)
+    program = p.program
+    used = sorted({int(q) for b in p.batches for q in b.parameters.ravel()})
+    places = [*range(len(program.states) + len(program.inputs)), *(program.n_slots + q for q in used[::every])]
+    plan = derivative_plan(program, [(place, k) for k, place in enumerate(places)])
+    multiplied: list[int] = []
+    for step in plan.steps:
+        sums = step if isinstance(step, Sums) else step.sums
+        assert len(sums) == len(sums.to) == len(sums.starts)
+        assert len({*sums.to.tolist()}) == len(sums)
+        ends = [*sums.starts.tolist()[1:], len(sums.which)]
+        assert sums.starts[:1].tolist() == [0] * bool(len(sums))
+        assert all(start < end for start, end in zip(sums.starts.tolist(), ends, strict=True))
+        targets = [
+            to for to, start, end in zip(sums.to.tolist(), sums.starts.tolist(), ends, strict=True) for _ in range(start, end)
+        ]
+        assert sums.targets.tolist() == targets
+        assert len(sums.multiplied) == len(sums.factors)
+        before = 0
+        for position, (factor, slots) in enumerate(zip(sums.factors, sums.multiplied, strict=True)):
+            assert not factor.kernel.is_zero
+            products, starts = sums.of_factor(position)
+            assert len(starts) == len(factor) + 1
+            assert sorted(products.tolist()) == [
+                k for k, w in enumerate(sums.which.tolist()) if before <= w < before + len(factor)
+            ]
+            for row in range(len(factor)):
+                own = products[starts[row] : starts[row + 1]]
+                assert (sums.which[own] == before + row).all()
+                assert own.tolist() == sorted(own.tolist())
+                assert len(own)
+            before += len(factor)
+            assert slots is None or len(slots) == len(factor)
+            multiplied += [] if slots is None else slots.tolist()
+        assert sums.which.max(initial=-1) < before
+        assert sums.which.min(initial=-1) >= -1
+        if isinstance(step, Solved):
+            assert isinstance(step.step, Newton | Linear)
+            assert (step.block == -1) == isinstance(step.step, Newton)
+            entered = {*used[::every]}
+            implicit = isinstance(step.step, Newton) or any(
+                entered & {*b.parameters.ravel().tolist()} for b in step.step.matrix
+            )
+            assert step.implicit == implicit
+            height = len(step.step.unknowns) if implicit or isinstance(step.step, Newton) else len(step.step.known)
+            assert sums.to.max(initial=-1) < height * step.width
+    assert plan.multiplied.tolist() == multiplied
+    assert multiplied or kind != "bound" or every > 1
+
+
+@kinds
+def test_the_plan_of_the_jacobian(kind: str) -> None:
+    program = point(kind).program
+    plan, n = state_plan(program), len(program.states)
+    assert plan.wanted.tolist() == program.output_slots.tolist()
+    assert (plan.n_seeds, plan.shape) == (n, (len(program.outputs), n))
+    seeds = reached(program, [(i, i) for i in range(n)])
+    assert listed(plan) == {int(slot): sorted(seeds[int(slot)]) for slot in program.output_slots if seeds.get(int(slot))}
+    assert plan.multiplied.tolist() == []

@@ -1,0 +1,91 @@
+"""Where iterations start: at a guess of each time, or at one for the first time and then at the solution before."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+from gearlib.errors import SolverError
+from gearlib.program.interpret import evaluate
+
+
+class Folded(gl.Component):
+    """``y^3 - 3 y = a`` has three roots where a is between -2 and 2; ``z^2 = b`` has two, one or none."""
+
+    a, b, y, z = (gl.Variable("1") for _ in range(4))
+    rate = gl.Parameter("1/s", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.a), self.rate * self.y), gl.Eq(gl.der(self.b), self.rate * self.z),
+            gl.Eq(self.y**3 - 3 * self.y, self.a), gl.Eq(self.z**2, self.b),
+        ]  # fmt: skip
+
+
+@cache
+def folded() -> Any:
+    return gl.compile(Folded()).translation
+
+
+def roots(a: Any, b: Any, y: Any = None, z: Any = None, forgiving: bool = False) -> Any:
+    """Of both equations at several times; from no guess, one, or one for each time."""
+    scene = folded().scene
+    numbers, names = scene.numbers(folded().parameter_values({})), scene.state_names
+    places = [scene.program.slots[scene.model.variable(name), 0] for name in "yz"]
+    times, guess = len(np.ravel(a)), None
+    if y is not None:
+        guess = np.full((scene.program.n_slots, *np.shape(y)), 0.5)
+        guess[places] = y, z
+    x = np.array([{"a": a, "b": b}[name] for name in names], float)
+    none = np.empty((0, times))
+    return evaluate(numbers, np.arange(times) + 0.25, x, none, none, guess, forgiving)[places]
+
+
+def real_root(a: float, near: float) -> float:
+    found = np.roots([1.0, 0.0, -3.0, -a])
+    return float(min(found[np.abs(found.imag) < 1e-9].real, key=lambda root: abs(root - near)))
+
+
+def test_each_time_begins_where_the_one_before_ended() -> None:
+    """Beyond the fold the lower branch has ended, so that the upper one is followed back."""
+    found = roots([0.0, 30.0, 0.0], [4.0, 9.0, 1.0], -2.0, -1.0)
+    expected = [-np.sqrt(3.0), real_root(30.0, 3.4), np.sqrt(3.0)]
+    np.testing.assert_allclose(found, [expected, [-2.0, -3.0, -1.0]], rtol=1e-12)
+    np.testing.assert_allclose(roots([0.0, 0.0], [4.0, 9.0], 2.0, 1.0), [[np.sqrt(3.0)] * 2, [2.0, 3.0]], rtol=1e-12)
+
+
+def test_each_time_has_a_guess_of_its_own() -> None:
+    """Whatever is found at the others."""
+    found = roots([0.0, 3.0, 0.0], [4.0, 9.0, 1.0], [-2.0, -2.0, -2.0], [1.0, -1.0, -0.1])
+    np.testing.assert_allclose(found, [[-np.sqrt(3.0), real_root(3.0, 2.1), -np.sqrt(3.0)], [2.0, -3.0, -1.0]], rtol=1e-12)
+    found = roots([1.0, 1.0, 1.0], [4.0, 4.0, 4.0], [2.0, -2.0, -0.2], [-0.1, 5.0, -9.0])
+    expected = [real_root(1.0, 2.0), real_root(1.0, -2.0), real_root(1.0, -0.3)]
+    np.testing.assert_allclose(found, [expected, [-2.0, 2.0, -2.0]], rtol=1e-12)
+
+
+@pytest.mark.parametrize("own", [True, False], ids=["of each time", "of the first"])
+def test_times_without_a_root_leave_the_others_theirs(own: bool) -> None:
+    a, b = [1.0, 1.0, 1.0, 1.0], [4.0, -1.0, 9.0, 16.0]
+    y, z = ([2.0, 2.0, -2.0, 2.0], [1.0, 1.0, -1.0, -1.0]) if own else (-2.0, -1.0)
+    with pytest.raises(
+        SolverError, match=r"^the nonlinear equations Folded: .* were not solved at t = 1\.25 s; they have no solution"
+    ):
+        roots(a, b, y, z)
+    found = roots(a, b, y, z, forgiving=True)
+    expected = np.stack([[real_root(1.0, g) for g in np.broadcast_to(y, 4)], np.sign(z) * np.sqrt(np.abs(b))])
+    expected[1] *= np.ones(4)
+    np.testing.assert_allclose(found[:, [0, 2, 3]], expected[:, [0, 2, 3]], rtol=1e-12)
+    assert found[0, 1] == pytest.approx(expected[0, 1], rel=1e-12)
+    alone = roots(a[1:2], b[1:2], *((y[1:2], z[1:2]) if own else (y, z)), forgiving=True)
+    assert alone[0] == pytest.approx(expected[0, 1], rel=1e-12)
+
+
+def test_without_a_guess_the_first_begins_at_zero() -> None:
+    """From the middle branch; a square begins at its vertex and goes upwards."""
+    found = roots([1.0, 1.5, 1.9], [4.0, 9.0, 1.0])
+    expected = [real_root(1.0, -0.3), real_root(1.5, -0.5), real_root(1.9, -0.8)]
+    np.testing.assert_allclose(found, [expected, [2.0, 3.0, 1.0]], rtol=1e-12)
