@@ -92,7 +92,7 @@ def test_a_pole_of_a_large_model_is_named() -> None:
 def test_frequencies_are_numbers_that_are_not_negative(given: Any, found: list[float] | None) -> None:
     if found is None:
         with pytest.raises(
-            ArgumentError, match="omega is .*expected a sequence of finite numbers that are not negative, rad/s"
+            ArgumentError, match=r"omega is .*expected a sequence of finite numbers that are not negative, rad/s"
         ):
             frequency_response(drawn(2), given)
     else:
