@@ -33,7 +33,8 @@ def missing_inside(S: Any, radius: float, values: Complexes, at_zero: int) -> in
         return float(found - np.angle(z - values).sum() - at_zero * angle)
 
     try:
-        turned = _follow(phase, 0.5 / (len(values) + 10))
+        # Each eigenvalue turns the phase by little more than the step: all of them by less than half a turn
+        turned = _follow(phase, 0.5 / max(len(values) + 10, S.shape[0]))
     except RuntimeError:  # z is exactly an eigenvalue
         return None
     count = np.nan if turned is None else turned / np.pi
@@ -51,13 +52,17 @@ def _cycles(permutation: Any) -> int:
 
 
 def _follow(phase: Callable[[float], float], step: float) -> float | None:
-    """Change from 0 to pi of a phase known modulo whole turns: each sample must be close to the extrapolation of the last three."""
+    """Change from 0 to pi of a phase known modulo whole turns: each sample must be close to the extrapolation of the last three.
+
+    Beside an eigenvalue that is close to the edge, the phase bends too much to be extrapolated; a bend of 1 rad is refused.
+    """
     angles, phases = [0.0], [phase(0.0)]
     while angles[-1] < np.pi:
         angle = min(angles[-1] + step, np.pi)
         x, y = np.array(angles[-3:]), np.array(phases[-3:])
         expected = sum(y[i] * np.prod((angle - np.delete(x, i)) / (x[i] - np.delete(x, i))) for i in range(len(x)))
-        off = (phase(angle) - expected + np.pi) % (2 * np.pi) - np.pi
+        straight = y[-1] + (angle - x[-1]) * (y[-1] - y[-2]) / (x[-1] - x[-2]) if len(x) > 2 else expected
+        off = (phase(angle) - expected + np.pi) % (2 * np.pi) - np.pi if abs(expected - straight) < 1.0 else np.inf
         if abs(off) > 0.4:
             step /= 3
             if step < 1e-9:

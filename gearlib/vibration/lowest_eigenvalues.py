@@ -199,12 +199,13 @@ def _where_missing(
 
 def _joined(known: Lowest, values: Complexes, vectors: Complexes) -> Lowest:
     """Merge known and new eigenpairs: repeated eigenvalues have independent vectors."""
-    new = []
+    new: list[int] = []
     for k, value in enumerate(values):
         near = np.flatnonzero(np.abs(known.values - value) < 1e-6 * abs(value))
         rest = vectors[:, k]
-        if len(near):
-            basis = np.linalg.qr(known.vectors[:, near])[0]
+        if len(near):  # beyond what is known, the new ones may be alike
+            added = [j for j in new if abs(values[j] - value) < 1e-6 * abs(value)]
+            basis = np.linalg.qr(np.hstack([known.vectors[:, near], vectors[:, added]]))[0]
             rest = rest - basis @ (basis.conj().T @ rest)
         if np.linalg.norm(rest) > 1e-3:
             new.append(k)

@@ -84,6 +84,9 @@ def test_bars_of_motion_and_energy() -> None:
     kinetic, potential = energy.containers
     assert [bar.get_width() for bar in kinetic] == [60, 0, 40]
     assert [bar.get_width() for bar in potential] == [0, -100, 0]
+    for container in (turning, sliding, kinetic, potential):  # a bar in each row, apart from the next
+        assert {round(bar.get_y() + bar.get_height() / 2, 9) for bar in container} == {*range(len(container))}
+        assert {0.5 < bar.get_height() < 1 for bar in container} == {True}
     assert [label.get_text() for label in energy.get_yticklabels()] == ["a", "s", "b"]
     assert energy.get_xlabel() == "share of energy, % (1 components with none not shown)"
     assert [t.get_text() for t in energy.get_xticklabels()] == [f"{abs(x):g}" for x in energy.get_xticks()]
@@ -220,6 +223,11 @@ def test_a_campbell_diagram_shows_frequencies_orders_and_crossings() -> None:
     assert [(t.get_text(), pytest.approx(t.xy[0]), t.xy[1]) for t in axes.texts] == [
         ("1", rpm[0], 2.0), ("4", rpm[0], 50.0), ("4", 15 * 30 / np.pi, 2.25), ("1", 25 * 30 / np.pi, 2.75),
     ]  # fmt: skip
+    axes.figure.draw_without_rendering()
+    number = axes.texts[0].get_window_extent()  # beside the beginning of its curve, not on it
+    x, y = axes.transData.transform((rpm[0], 2.0))
+    assert number.x1 <= x < number.x1 + 2 * number.width
+    assert number.y0 < y < number.y1
     low, high = axes.get_xlim()
     assert high == pytest.approx(rpm[-1])
     assert rpm[0] - 0.1 * np.ptp(rpm) < low < rpm[0]

@@ -173,3 +173,30 @@ def test_stiffness_is_that_at_the_operating_point(turned: bool, angle: float) ->
     shares = dict(zip(found.components, found.potential[0], strict=True))
     assert shares == pytest.approx({"cubic": 100 * slope / (slope + 3), "linear": 300 / (slope + 3), "disc": 0.0})
     assert dict(zip(found.components, found.kinetic[0], strict=True)) == {"cubic": 0.0, "linear": 0.0, "disc": 100.0}
+
+
+class Loose(gl.Component):
+    """A body on a spring to the ground, with another spring that hangs loose on it; the parts in either order."""
+
+    turned = gl.Structural(False)
+
+    def assemble(self) -> list[Any]:
+        if self.turned:
+            self.loose, self.ground, self.shaft = gp.Spring(c=7.0), gp.Fixed(), gp.Spring(c=3.0)
+            self.disc = gp.Inertia(J=2.0)
+        else:
+            self.disc, self.shaft, self.ground, self.loose = gp.Inertia(J=2.0), gp.Spring(c=3.0), gp.Fixed(), gp.Spring(c=7.0)
+        return [
+            gl.connect(self.disc.flange_a, self.shaft.flange_b, self.loose.flange_a),
+            gl.connect(self.ground.flange, self.shaft.flange_a),
+        ]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_loose_spring_stores_nothing(turned: bool) -> None:
+    found = gl.modes(gl.compile(Loose(turned=turned)))
+    assert found.omega == pytest.approx([np.sqrt(1.5)])
+    assert set(found.components) == {"disc", "shaft"}
+    assert dict(zip(found.components, found.potential[0], strict=True)) == pytest.approx({"disc": 0.0, "shaft": 100.0})
+    assert dict(zip(found.components, found.kinetic[0], strict=True)) == pytest.approx({"disc": 100.0, "shaft": 0.0})
+    assert found.not_given == {}

@@ -254,7 +254,7 @@ def test_preloads_and_free_motions_are_counted_in_any_units_of_the_states(seed: 
     )
 
 
-@pytest.mark.parametrize(("unit", "damping"), [(1e-6, 0.05), (1e6, 0.0)])
+@pytest.mark.parametrize(("unit", "damping"), [(1e-12, 0.05), (1e-6, 0.05), (1e6, 0.0)])
 def test_damping_of_large_matrices_is_rounding_or_not_in_any_unit_of_time(
     unit: float, damping: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:

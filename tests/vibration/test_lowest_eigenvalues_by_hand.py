@@ -1,0 +1,175 @@
+"""The lowest eigenvalues of matrices with a known spectrum: every one in its place, as often as it is repeated, or None."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+
+from gearlib.linear.balancing import similarity
+from gearlib.vibration import lowest_eigenvalues
+from gearlib.vibration.eigenvalue_count import missing_inside
+from gearlib.vibration.lowest_eigenvalues import Lowest, lowest
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+COMB = np.arange(1.0, 201.0)
+FAR = 1e3 * (1 + 0.01 * np.arange(200))
+
+
+def swings(w: Any, ratio: Any = 0.0, real: Any = (), zeros: int = 0, seed: int = 0) -> tuple[Any, Complexes]:
+    """A matrix of oscillators and decays in scattered units and order, and its eigenvalues but for those at 0."""
+    draw = np.random.default_rng(seed)
+    w = np.asarray(w, float)
+    ratio = np.broadcast_to(ratio, w.shape)
+    units = 10.0 ** draw.uniform(-3, 3, len(w))
+    blocks = [np.array([[0.0, x * u], [-x / u, -2 * r * x]]) for x, r, u in zip(w, ratio, units, strict=True)]
+    A = sparse.block_diag([*blocks, *([[x]] for x in real), *([[0.0]] for _ in range(zeros))]).tocsc()
+    order = draw.permutation(A.shape[0])
+    above = -ratio * w + 1j * w * np.sqrt(1 - ratio**2)
+    return sparse.csc_matrix(A[order][:, order]), np.concatenate([above, above.conj(), np.array(real, complex)])
+
+
+def by_size(values: Complexes) -> Complexes:
+    return values[np.lexsort((values.imag, np.round(values.real, 9), np.round(np.abs(values), 9)))]
+
+
+def check(found: Lowest | None, A: Any, values: Complexes, count: int) -> None:
+    """All eigenvalues up to some radius, and no others, with independent vectors; enough of them oscillate."""
+    assert found is not None
+    ringing = found.values.imag > 1e-5 * np.abs(found.values)
+    assert ringing.sum() >= count
+    assert (np.diff(np.abs(found.values)) > -1e-9 * np.abs(found.values[1:])).all()
+    inside = values[np.abs(values) <= np.abs(found.values).max() * (1 + 1e-6)]
+    assert len(found.values) == len(inside)
+    assert by_size(found.values) == pytest.approx(by_size(inside), rel=1e-7)
+    scale = np.abs(found.vectors).max(axis=0)
+    residual = np.abs(A @ found.vectors - found.vectors * found.values)
+    terms = abs(A) @ np.abs(found.vectors) + np.abs(found.vectors * found.values)
+    assert (scale > 0).all()
+    assert (residual <= 1e-6 * terms.max(axis=0)).all()
+    assert np.linalg.matrix_rank(found.vectors / scale, tol=1e-9) == len(inside)
+
+
+def counts_in(radii: Floats, A: Any, values: Complexes) -> list[tuple[float, int | None, int]]:
+    """Where the number of eigenvalues in a disc is another than that of the ``values`` in it: radius, number found, and right one."""
+    scale = similarity(A)
+    S = sparse.csc_matrix(sparse.diags(1 / scale) @ A @ sparse.diags(scale))
+    found = [(float(r), missing_inside(S, float(r), np.empty(0, complex), 0), int((np.abs(values) < r).sum())) for r in radii]
+    return [one for one in found if one[1] != one[2]]
+
+
+@pytest.mark.parametrize(("ratio", "repeated"), [(0.0, 1), (0.05, 1), (0.001, 4)])
+def test_many_alike_beyond_the_disc_are_not_taken_for_some_inside(ratio: float, repeated: int) -> None:
+    """They turn the phase by whole turns from one point of the edge to the next, unless the points are close enough."""
+    A, values = swings(np.r_[5.0, 40.0, np.repeat(100 + np.arange(200 // repeated) * 0.1, repeated)], ratio)
+    assert counts_in(np.array([72.205, 74.603, 77.08, 88.3]), A, values) == []
+
+
+@pytest.mark.parametrize(("damping", "radius"), [(0.05, 82.18777), (0.02, 82.4)])
+def test_one_close_to_the_edge_and_many_behind_it(damping: float, radius: float) -> None:
+    """Behind a point of the edge that is near an eigenvalue, the phase goes on as it did before."""
+    A, values = swings(np.r_[2.0, 65.0, 70.0, 82.46883, np.repeat(100 + np.arange(62) * 0.0014, 4)], damping)
+    assert counts_in(np.array([radius, 0.99 * radius, 1.02 * radius]), A, values) == []
+
+
+@pytest.fixture
+def counts(monkeypatch: pytest.MonkeyPatch) -> list[int | None]:
+    """What the counts of eigenvalues in discs found, as they are made."""
+    found: list[int | None] = []
+
+    def count(*given: Any) -> int | None:
+        found.append(missing_inside(*given))
+        return found[-1]
+
+    monkeypatch.setattr(lowest_eigenvalues, "missing_inside", count)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("count", "w", "ratio", "real", "zeros"),
+    [
+        (1, COMB, 0.0, (), 0),
+        (10, COMB, 0.0, (), 5),
+        (3, COMB, 0.005 * np.sqrt(COMB / 200), (), 0),
+        (3, COMB, np.linspace(0.95, 0.01, 200), (), 0),
+        (3, COMB, -0.1, (), 0),
+        (10, COMB, 0.02, -np.arange(0.5, 20.5), 0),
+        (5, 2 * np.sin(np.pi * COMB / 402), 0.0, (), 1),
+        (3, np.repeat(np.arange(1.0, 41.0), 5), 0.0, (), 0),
+        (4, np.repeat(np.arange(1.0, 41.0), 5), 0.01, (-2.5, -2.5, 3.5), 2),
+    ],
+    ids=["comb", "zeros", "damped", "slow ones damped most", "growing", "decays", "chain", "fivefold", "fivefold with decays"],
+)
+def test_one_search_and_one_count_are_enough(
+    count: int, w: Floats, ratio: Any, real: Any, zeros: int, counts: list[int | None]
+) -> None:
+    A, values = swings(w, ratio, real, zeros)
+    found = lowest(A, count, zeros)
+    check(found, A, values, count)
+    assert found is not None
+    assert len(found.values) <= 4 * count + 16
+    assert counts == [0]
+
+
+@pytest.mark.parametrize(
+    ("count", "w", "real", "slow"),
+    [(2, np.r_[1e-3, COMB], (), 2), (2, COMB, (-1e-4, -1e-6), 2), (8, np.r_[np.arange(1, 7) * 1e-3, COMB], (), 12)],
+    ids=["a swing", "decays", "six swings"],
+)
+def test_what_is_far_slower_than_the_rest_is_found_once_it_is_missed(
+    count: int, w: Floats, real: Any, slow: int, counts: list[int | None]
+) -> None:
+    A, values = swings(w, 0.0, real)
+    check(lowest(A, count, 0), A, values, count)
+    assert counts == [slow, 0]
+
+
+@pytest.mark.parametrize(
+    ("count", "w", "ratio", "zeros", "most"),
+    [
+        (1, np.arange(1.0, 41.0), 0.0, 0, 2),
+        (3, np.arange(1.0, 41.0), 0.0, 3, 9),
+        (3, np.r_[1, 2, 3, FAR[:60]], 0.0, 0, 7),
+        (5, np.geomspace(1, 1e6, 60), 0.0, 0, 14),
+        (5, np.geomspace(1, 1e6, 60), 0.3, 0, 14),
+        (3, np.repeat(np.arange(1.1, 13), 7), 0.0, 0, 14),
+        (8, np.repeat(np.arange(1.1, 13), 9), 0.01, 0, 18),
+    ],
+    ids=["comb", "zeros", "far", "decades", "decades, damped", "sevenfold", "ninefold, damped"],
+)
+def test_what_the_first_search_misses_is_found(
+    count: int, w: Floats, ratio: float, zeros: int, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of matrices too small for a long first search; also what is repeated more often than there are vectors in a block."""
+    monkeypatch.setattr(lowest_eigenvalues, "FULL", 0)
+    A, values = swings(w, ratio, (), zeros)
+    found = lowest(A, count, zeros)
+    check(found, A, values, count)
+    assert found is not None
+    assert len(found.values) <= 2 * most
+
+
+@pytest.mark.parametrize(
+    ("w", "real", "count"),
+    [(np.full(40, 3.0), (), 3), (np.arange(1.0, 3.0), -np.arange(1.0, 60.0), 3), (np.arange(5.0, 7.0), (), 3)],
+    ids=["all alike", "too few among decays", "too few"],
+)
+def test_where_there_is_no_disc_with_enough_there_is_no_answer(
+    w: Floats, real: Any, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lowest_eigenvalues, "FULL", 0)
+    assert lowest(swings(w, 0.0, real)[0], count, 0) is None
+
+
+def test_small_matrices_are_not_searched_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Up to a number of states, all eigenvalues of the full matrix take no longer."""
+    A, values = swings(np.r_[1, 2, 3, FAR[:60]])
+    assert lowest(A, 3, 0) is None
+    monkeypatch.setattr(lowest_eigenvalues, "FULL", 126)
+    assert lowest(A, 3, 0) is None
+    monkeypatch.setattr(lowest_eigenvalues, "FULL", 125)
+    check(lowest(A, 3, 0), A, values, 3)
