@@ -122,7 +122,8 @@ PROGRAMS = {
         "s = 0\nfor a in range(9):\n    if a == 2:\n        continue\n    if a == 6:\n        break\n    s = 10 * s + a\nreturn s"
     ),
     "while": (
-        "n, s = 27, 0\nwhile n != 1 and s < 200:\n    if n % 2 == 0:\n        n = n // 2\n    else:\n        n = 3 * n + 1\n    s += 1\nreturn s"
+        "n, s = 27, 0\nwhile n != 1 and s < 200:\n    if n % 2 == 0:\n        n = n // 2\n"
+        "    else:\n        n = 3 * n + 1\n    s += 1\nreturn s"
     ),
     "while for ever": (
         "n = 0\nwhile True:\n    n += 3\n    if n > 20:\n        break\n    if n % 2 == 0:\n        continue\n    d[0] += n\nreturn n"
