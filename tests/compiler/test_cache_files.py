@@ -192,3 +192,24 @@ def test_folders_are_made_with_all_that_is_above_them_for_the_user_alone(tmp_pat
     assert deep.is_dir()
     if sys.platform != "win32":
         assert [stat.S_IMODE(path.stat().st_mode) for path in (deep, deep.parent, deep.parent.parent)] == [0o700] * 3
+
+
+def test_a_forked_process_leaves_the_folder_of_its_parent(own: Path) -> None:
+    """It has none of its own yet, and what it held before the fork is free again."""
+    one = _private()
+    assert cache._temporary is not None
+    end = cache._temporary[1]
+    cache.COMPILING.acquire()
+    cache._after_fork()
+    assert cache._temporary is None
+    assert not end.alive
+    assert one.is_dir()
+    with pytest.raises(RuntimeError):
+        cache.COMPILING.release()
+    assert _private() != one
+    cache.COMPILING.acquire()
+    cache._temporary, kept = None, cache._temporary
+    cache._after_fork()
+    assert cache._temporary is None
+    cache._temporary = kept
+    one.rmdir()
