@@ -129,6 +129,8 @@ PROGRAMS = {
         "n = 0\nwhile True:\n    n += 3\n    if n > 20:\n        break\n    if n % 2 == 0:\n        continue\n    d[0] += n\nreturn n"
     ),
     "while with a return": "n = 0\nwhile n < 50:\n    n += 7\n    if n > 30:\n        return n\nreturn -1",
+    "for ever, with nothing behind": "n = 0\nwhile True:\n    n += 1\n    if n > 5:\n        return n",
+    "never": "while False:\n    d[0] = 9.0\nwhile ON:\n    d[1] = 8.0\n    break\nreturn 0",
     "while not": "n = 0\nwhile not (n > 4 or d[0] > 99):\n    n += 1\n    d[0] += 30\nreturn n",
     "extremes": "d[0] = max(d[1], d[2], 1) - min(d[1], i[1], 2.5)\nreturn max(i[1], i[2]) - min(i[0], 3)",
     "whole parts": "return int(2.9) + int(-2.9) * 10 + int(i[1]) * 100",
