@@ -61,7 +61,7 @@ def can_be_completed(graph: BondGraph, effort_to: Mapping[int, Element]) -> bool
         elif len(oriented) == 2 and oriented[0][1] != oriented[1][1]:
             middles += 1
             net.add_edges_from(((end, ("middle", bond.number)) for end, _ in oriented), weight=2)
-        elif len(oriented) == 2 and oriented[0][0] is not oriented[1][0]:
+        elif len(oriented) == 2:
             net.add_edge(oriented[0][0], oriented[1][0], weight=2)
     matching = nx.max_weight_matching(net)
     return bool(sum(net.edges[edge]["weight"] for edge in matching) == len(wanting) + middles)

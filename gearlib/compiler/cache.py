@@ -139,7 +139,7 @@ def _shrink(kept: Path) -> None:
     files: list[tuple[float, int, Path]] = []
     for version in kept.parent.parent.glob("*-py*"):
         if is_own(version):
-            for file in version.rglob("gearlib_model_*"):
+            for file in version.rglob("gearlib_*"):
                 with suppress(OSError):
                     stat = file.stat()
                     files.append((stat.st_mtime, stat.st_size, file))

@@ -131,9 +131,10 @@ def _is_native(node: ast.FunctionDef) -> bool:
 
 
 def _values(environment: Environment) -> Iterator[tuple[str, str]]:
-    """Globals that code depends on besides its text: constants, records and prototypes."""
+    """Globals that code depends on besides its text: constants, tuples of these, records and prototypes."""
     for name, value in environment.items():
-        if isinstance(value, (bool, int, float, Prototype)):
+        numbers = value if isinstance(value, tuple) else (value,)
+        if all(isinstance(number, (bool, int, float)) for number in numbers) or isinstance(value, Prototype):
             yield name, repr(value)
         elif is_record(value):
             yield name, repr(fields_of(value))

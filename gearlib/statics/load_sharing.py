@@ -81,12 +81,10 @@ def _balanced(model: FlatModel, parameters: Floats, motion: Motion, free: Floats
     stretched, pulled = _exact(deflection, free), _exact(force, free)
     left, values, right = np.linalg.svd(stretched.T @ pulled)
     rank = int((values > 1e-10 * values.max(initial=0.0)).sum())
-    if rank:
-        work = stretched.T @ (force @ constants)
-        constants -= free @ (right[:rank].T @ ((left[:, :rank].T @ work) / values[:rank]))
-    if rank < free.shape[1]:
-        rigid = free @ right[rank:].T
-        constants -= rigid @ np.linalg.lstsq(rigid[torques], constants[torques], rcond=None)[0]
+    work = stretched.T @ (force @ constants)
+    constants -= free @ (right[:rank].T @ ((left[:, :rank].T @ work) / values[:rank]))
+    rigid = free @ right[rank:].T
+    constants -= rigid @ np.linalg.lstsq(rigid[torques], constants[torques], rcond=None)[0]
     return constants
 
 

@@ -191,7 +191,7 @@ def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, in
         if any(order for _, order in group.template.columns):
             for name, order in group.template.columns:
                 (differentiated if order else rates)[group.variables[:, _place(group.template, name)]] = True
-    deflections, taken = differentiated & ~rates, moved.copy()
+    deflections, taken, steady = differentiated & ~rates, moved.copy(), moved | model.potential
     found: list[tuple[int, int, int]] = []
     reached = moved.copy()
     while True:
@@ -202,11 +202,11 @@ def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, in
             if c is None:
                 continue
             j = _local(template, c)
-            others = [k for k in range(len(template.locals)) if k != j]
-            v = group.variables[:, j]
-            follows = reached[group.variables[:, others]].any(axis=1) & (group.signs[:, j] != 0)
-            free = ~(deflections & ~moved)[group.variables[:, others]].any(axis=1)
-            allowed = ~(taken | differentiated | rates | model.flow | model.potential)[v]
+            values, changes = _orders(template)
+            v, others = group.variables[:, j], group.variables[:, [k for k in values if k != j]]
+            follows = reached[others].any(axis=1) & (group.signs[:, j] != 0) & steady[group.variables[:, changes]].all(axis=1)
+            free = ~((differentiated if changes else deflections) & ~moved)[others].any(axis=1)
+            allowed = ~(taken | differentiated | model.flow | model.potential)[v]
             more += [(g, c, int(i)) for i in np.flatnonzero(follows & free & allowed)]
         fresh = {int(model.groups[g].variables[i, _local(model.groups[g].template, c)]): (g, c, i) for g, c, i in more}
         if not fresh:
@@ -217,12 +217,21 @@ def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, in
 
 @memoised
 def _given(template: Template) -> int | None:
-    """The column that a derivative-free equation determines: the only one with coefficient 1 or -1."""
-    if any(order for _, order in (*template.columns, *template.relation_columns)):
+    """The column that an equation determines: the only one with coefficient 1 or -1. Speeds may stand in it, but no accelerations."""
+    if any(order > 1 for _, order in template.columns) or any(order for _, order in template.relation_columns):
         return None
-    alone = [c for c, slope in enumerate(template.slopes) if slope.is_number and abs(float(slope)) == 1.0]
-    compared = {name for name, _ in template.relation_columns}
-    return alone[0] if len(alone) == 1 and template.columns[alone[0]][0] not in compared else None
+    slopes = enumerate(zip(template.slopes, template.columns, strict=True))
+    alone = [c for c, (slope, (_, order)) in slopes if not order and slope.is_number and abs(float(slope)) == 1.0]
+    elsewhere = {name for name, _ in template.relation_columns} | {name for name, order in template.columns if order}
+    return alone[0] if len(alone) == 1 and template.columns[alone[0]][0] not in elsewhere else None
+
+
+@memoised
+def _orders(template: Template) -> tuple[list[int], list[int]]:
+    """Places of the locals whose values stand in an equation, and of those whose rates do."""
+    columns = [*template.columns, *template.relation_columns]
+    values, rates = ({_place(template, name) for name, order in columns if (order > 0) == rate} for rate in (False, True))
+    return sorted(values), sorted(rates)
 
 
 def _others(group: EquationGroup, c: int, i: int) -> Integers:

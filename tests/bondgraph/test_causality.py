@@ -254,3 +254,15 @@ def test_a_loop_that_takes_two_tears_is_one_loop() -> None:
     assert found.loops == ((2, 4, 6, 8),)
     assert found.tears == (("e", 2), ("e", 6))
     assert found.report().endswith("algebraic loops: 2 and 4 and 6 and 8")
+
+
+@pytest.mark.parametrize("kind", [One, Zero])
+@pytest.mark.parametrize("middle", [TF, GY])
+@pytest.mark.parametrize("ports", [0, 1, 2])
+def test_a_ring_through_one_junction_can_be_assigned_unless_a_gyrator_is_alone_on_it(
+    kind: Any, middle: Any, ports: int
+) -> None:
+    """Both bonds of the gyrator give the junction its variable, or neither does."""
+    v, part = kind("v"), middle(2)
+    graph = BondGraph((1, v, part), (2, part, v), *((10 + k, v, R()) for k in range(ports)))
+    assert can_be_completed(graph, {}) == any(all_assignments(graph, sources=False)) == (middle is TF or ports > 0)

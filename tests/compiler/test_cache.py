@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -163,5 +164,7 @@ def test_versions_are_kept_apart(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_folder_of_the_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("GEARLIB_CACHE")
-    monkeypatch.setattr("platformdirs.user_cache_dir", lambda *a, **k: str(tmp_path / "user"))
+    asked: list[Any] = []
+    monkeypatch.setattr("platformdirs.user_cache_dir", lambda *a, **k: asked.append((a, k)) or str(tmp_path / "user"))
     assert cache.folder().parent == tmp_path / "user"
+    assert asked == [(("gearlib",), {"appauthor": False})], "no author's folder around it"

@@ -1,0 +1,215 @@
+"""The course of variables over a turn of the mesh, point by point, and means as means over these points."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_kernel
+from gearlib.flatten.model import FlatModel
+from gearlib.statics import mesh_turn
+from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, repeating_columns, turn
+
+COUNT = 32  # points of a turn
+
+
+class Wavy(gl.Component):
+    """A phase, what follows from it, and laws of it: with the rate of the phase, with conditions, with a chosen factor."""
+
+    flange = gp.Flange("shaft")
+    gain = gl.Parameter("1", default=1.0)
+    newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
+    phase = gl.Variable("rad")
+    w, y, z, free = (gl.Variable("1") for _ in range(4))
+    m, k = (gl.Variable("N.m") for _ in range(2))
+    n = gl.Discrete(start=2.0)
+
+    def equations(self) -> list[gl.Eq]:
+        y, z, w, free = self.y, self.z, self.w, self.free
+        return [
+            gl.Eq(self.n, gl.Piecewise((3, w > 4.0), (5, True))),
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(w, self.second * gl.der(self.flange.phi)),
+            gl.Eq(-y, -self.gain * gl.sin(self.phase)),
+            gl.Eq(z - 1, 2 * w * y),
+            gl.Eq(gl.der(free), -free),
+            gl.Eq(self.m, self.newton_metre * (y**2 * self.second * gl.der(self.phase) + self.n * z * gl.cos(self.phase))),
+            gl.Eq(
+                self.k,
+                self.newton_metre
+                * (
+                    gl.Piecewise((y * free, y > 0.3), (free, z <= 1 + w / 7), (2, True))
+                    + gl.Piecewise((y**2, w >= 4), (7, True))
+                ),
+            ),
+            gl.Eq(self.flange.tau, self.m + self.k),
+        ]
+
+
+class Shaft(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.drive, self.body, self.back = gp.Torque(), gp.Inertia(J=1.0), gp.IdealGear(ratio=-1.0)
+        self.one, self.two = Wavy(gain=1.0), Wavy(gain=-2.0)
+        return [
+            gl.connect(self.drive.flange, self.body.flange_a, self.one.flange),
+            gl.connect(self.body.flange_b, self.back.flange_a),
+            gl.connect(self.back.flange_b, self.two.flange),
+        ]
+
+
+class Course:
+    """A turn of a model about values that nothing singles out."""
+
+    def __init__(self, model: FlatModel, numbers: Any) -> None:
+        self.model, self.numbers = model, numbers
+        self.a, self.b = np.random.default_rng(4).uniform(1.0, 2.0, (2, model.n_variables))
+        self.discrete = np.arange(1.0, 1.0 + len(model.initial_discrete())) % 2
+        first = model.n_relations
+        self.discrete[first : first + len(model.discretes)] = 11.0 + np.arange(len(model.discretes))
+        self.repeating = repeating_columns(model, numbers, self.a, self.b, self.discrete)
+        found = turn(model, numbers, self.repeating, self.a, self.b, self.discrete)
+        assert found is not None
+        self.over: Turn = found
+
+    def row(self, name: str) -> tuple[int, int]:
+        v = self.model.variable(name)
+        rep = int(self.model.representative[v])
+        return int(self.over.place[rep]), int(self.model.sign[v])
+
+    def values(self, name: str) -> Any:
+        row, sign = self.row(name)
+        assert row >= 0, name
+        return sign * self.over.values[row]
+
+    def at(self, name: str, rate: bool = False) -> float:
+        v = self.model.variable(name)
+        return float((self.b if rate else self.a)[self.model.representative[v]] * self.model.sign[v])
+
+
+@pytest.fixture(scope="module")
+def course() -> Any:
+    translation = gl.compile(Shaft()).translation
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mesh_turn, "PARTS", COUNT)
+        yield Course(translation.structure.complete, translation.parameter_values({}))
+
+
+@pytest.mark.parametrize("part", ["one", "two"])
+def test_a_turn_holds_what_follows_from_the_phase_each_with_its_own_mean(course: Course, part: str) -> None:
+    gain = 1.0 if part == "one" else -2.0
+    phase, y, z = (course.values(f"{part}.{name}") for name in ("phase", "y", "z"))
+    assert np.sort(phase) == pytest.approx(course.at(f"{part}.phase") + 2 * np.pi * ((np.arange(COUNT) + 0.5) / COUNT - 0.5))
+    sine = gain * np.sin(phase)
+    assert y == pytest.approx(course.at(f"{part}.y") + sine - sine.mean(), rel=1e-12)
+    assert z == pytest.approx(course.at(f"{part}.z") + 2 * course.at(f"{part}.w") * (y - y.mean()), rel=1e-12)
+    for name in ("w", "free", "flange.tau", "flange.phi"):
+        assert course.row(f"{part}.{name}")[0] == -1, name
+    followers = {course.row(f"{part}.{name}")[0] for part in ("one", "two") for name in ("phase", "y", "z", "m", "k")}
+    assert followers == {*range(len(course.over.values))}
+    assert (course.over.place >= 0).sum() == len(course.over.values) == 10
+
+
+def test_arguments_of_columns_are_those_of_each_point_with_their_signs(course: Course) -> None:
+    seen = set()
+    for group in course.model.groups:
+        for name, order in group.template.columns:
+            j = group.template.locals.index(name)
+            v = group.variables[:, j]
+            plain = argument(group, name, order, course.a, course.b)
+            source = {0: course.a, 1: course.b}.get(order, np.zeros(len(course.a)))
+            assert plain == pytest.approx(source[v] * group.signs[:, j])
+            found = course.over.argument(group, name, order, course.a, course.b)
+            moved = course.over.place[v] >= 0
+            assert course.over.moves(group, name) == moved.any()
+            if order or not moved.any():
+                assert found == pytest.approx(plain[:, None])
+                continue
+            seen.add(name)
+            for i in range(len(group)):
+                own = course.over.values[course.over.place[v[i]]] * group.signs[i, j] if moved[i] else np.full(COUNT, plain[i])
+                assert found[i] == pytest.approx(own)
+    assert {name.rpartition(".")[2] for name in seen} >= {"phase", "y", "z"}
+    assert generic(course.a) - course.a == pytest.approx(np.full(len(course.a), 1.0), abs=0.5)
+
+
+def test_a_mean_is_the_mean_of_the_values_at_all_points(course: Course) -> None:
+    """With conditions as they are at each point where they depend on the phase, and as they were elsewhere."""
+    model, numbers, a, b, discrete, over = course.model, course.numbers, course.a, course.b, course.discrete, course.over
+    differ = 0
+    for g, group in enumerate(model.groups):
+        template = group.template
+        kernels = [residual_kernel(template), *(partial_kernel(template, c) for c in range(len(template.columns)))]
+        for kernel in kernels:
+            once = apply(model, kernel, g, group, numbers, a, b, discrete)
+            assert mean(model, kernel, g, group, numbers, a, b, discrete, None) == pytest.approx(once, nan_ok=True)
+            found = mean(model, kernel, g, group, numbers, a, b, discrete, over)
+            if template.linear:
+                assert found == pytest.approx(once)
+                continue
+            points = []
+            for k in range(COUNT):
+                x, flags = a.copy(), discrete.copy()
+                moved = np.flatnonzero(over.place >= 0)
+                x[moved] = over.values[over.place[moved], k]
+                for c, relation in enumerate(template.relations):
+                    compared = relation_kernel(template, c)
+                    names = {name for name, _ in template.relation_columns}
+                    if not any(over.moves(group, name) for name in names if name.rpartition(".")[2] != "w"):
+                        continue
+                    now = apply(model, compared, g, group, numbers, x, b, flags)
+                    before = apply(model, compared, g, group, numbers, a, b, flags)
+                    signed = -now if relation.negated else now
+                    if (now != before).any():
+                        place = model.first_relations[g] + np.arange(len(group)) * len(template.relations) + c
+                        flags[place] = signed > 0 if relation.strict else signed >= 0
+                points.append(apply(model, kernel, g, group, numbers, x, b, flags))
+            assert found == pytest.approx(np.mean(points, axis=0), rel=1e-9, abs=1e-12), template.label
+            differ += not np.allclose(found, once)
+    assert differ > 5
+
+
+W, P = 5.0, 15.0  # rad/s, of the shaft and of the phase
+WITH_RATES: list[tuple[Any, float]] = [
+    (lambda s: s.y**2 * s.second * gl.der(s.phase), P / 2),
+    (lambda s: s.y**2 * s.second * gl.der(s.flange.phi), W / 2),
+    (lambda s: 4 * s.y**2 + s.second * gl.der(s.phase), 2.0 + P),
+    (lambda s: s.m**2, P**2 / 2),
+    (lambda s: s.m * s.y, P / 2),
+    (lambda s: s.m + 1, 1.0),
+]
+
+
+class Beaten(gl.Component):
+    """A load by a law of the rates, too; ``m = y der(phase)`` with ``y = sin(phase)``."""
+
+    flange = gp.Flange("shaft")
+    law = gl.Structural(0)
+    newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
+    phase = gl.Variable("rad")
+    y, m = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(self.y, gl.sin(self.phase)),
+            gl.Eq(self.m, self.second * self.y * gl.der(self.phase)),
+            gl.Eq(self.flange.tau, self.newton_metre * WITH_RATES[self.law][0](self)),
+        ]
+
+
+def test_the_mean_of_a_law_with_speeds_in_it() -> None:
+    """What such an equation determines, and what stands beside a speed in one, has a course of its own as well."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body = gp.Torque(), gp.Inertia(J=1.0)
+            self.load = [Beaten(law=law) for law in range(len(WITH_RATES))]
+            return [gl.connect(self.drive.flange, self.body.flange_a, *(load.flange for load in self.load))]
+
+    flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})
+    found = [flow[f"load[{k}].flange"].torque for k in range(len(WITH_RATES))]
+    assert found == pytest.approx([mean for _, mean in WITH_RATES], rel=1e-9)

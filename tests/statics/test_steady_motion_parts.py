@@ -1,0 +1,186 @@
+"""Equations of a steady motion part by part: rows that are put together, rows that hang together, and what is refused by name."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ArgumentError
+from gearlib.statics.steady_motion import (
+    Given,
+    MatrixAssembly,
+    MotionEquations,
+    _connected,
+    _kinematic_rows,
+    guesses,
+    kinematics,
+    motion_from,
+    refuse_contradiction,
+    refuse_unsettled,
+)
+
+
+def test_blocks_of_rows_stand_below_each_other() -> None:
+    entries = MatrixAssembly()
+    entries.put(np.array([0, 1]), np.array([2, 0]), np.array([5.0, 6.0]))
+    entries.put(np.array([1]), np.array([1]), np.array([7]))
+    entries.count += 2
+    entries.put(np.array([0]), np.array([2]), np.array([8.0]))
+    entries.put(np.array([0]), np.array([2]), np.array([1.5]))
+    entries.count += 1
+    assert entries.matrix(4).toarray().tolist() == [[0, 0, 5, 0], [6, 7, 0, 0], [0, 0, 9.5, 0]]
+    assert entries.matrix(3).dtype == np.float64
+
+
+def test_rows_on_which_an_unknown_depends_are_those_that_hang_together() -> None:
+    """A zero joins nothing, nor does a row with torques."""
+    table = np.array(
+        [[1, 1, 0, 0, 0, 0], [0, 1, 2, 0, 0, 0], [0, 0, 3, 1, 0, 0], [0, 0, 0, 1, 1, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 4]], float
+    )  # fmt: skip
+    matrix = sparse.csr_matrix(table)
+    matrix.data[4] = 0.0  # in the third row, at the third unknown
+    kinematic = np.array([True, True, True, False, True, True])
+    rows = MotionEquations(matrix, np.zeros(6), kinematic, str, np.ones(6))
+    for wanted, chosen in (([0], [0, 1]), ([2], [0, 1]), ([3], [2]), ([4], [4]), ([5], [5]), ([1, 5], [0, 1, 5])):
+        factors, found = _connected(rows, np.array(wanted))
+        assert found.tolist() == chosen, wanted
+        assert factors.matrix.toarray() == pytest.approx(matrix.toarray()[chosen])
+
+
+class Product(gl.Component):
+    """A gear whose ratio follows from a variable that is twice a parameter."""
+
+    flange_a, flange_b = gp.Flange("left"), gp.Flange("right")
+    half = gl.Parameter("1", default=1.5)
+    ratio, wa, wb = gl.Variable("1"), gl.Variable("rad/s"), gl.Variable("rad/s")
+
+    def equations(self) -> list[gl.Eq]:
+        a, b = self.flange_a, self.flange_b
+        return [
+            gl.Eq(self.ratio, 2 * self.half), gl.Eq(self.wa, gl.der(a.phi)), gl.Eq(self.wb, gl.der(b.phi)),
+            gl.Eq(self.wa, self.ratio * self.wb), gl.Eq(b.tau, -self.ratio * a.tau),
+        ]  # fmt: skip
+
+
+@cache
+def variable() -> gl.System:
+    class Geared(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.gear, self.b = gp.Inertia(J=1.0, start={"w": 6.0}), Product(), gp.Inertia(J=1.0, guess={"w": -2.0})
+            return [gl.connect(self.a.flange_b, self.gear.flange_a), gl.connect(self.gear.flange_b, self.b.flange_a)]
+
+    return gl.compile(Geared())
+
+
+@pytest.mark.parametrize("half", [1.5, -0.25])
+def test_a_ratio_that_follows_from_other_equations_counts_with_its_value(half: float) -> None:
+    """Kinematic equations are linear about it, with residuals at zero unknowns."""
+    system = variable()
+    assert gl.speed_ratio(system, "a.w", "b.w", parameters={"gear.half": half}) == pytest.approx(2 * half)
+    assert gl.mobility(system, parameters={"gear.half": half}) == 1
+    translation = system.translation
+    model, numbers = translation.model, translation.parameter_values({"gear.half": half})
+    rows = _kinematic_rows(model, numbers, [], model.initial_discrete())
+    n = model.n_variables
+
+    def place(name: str) -> tuple[int, int]:
+        v = model.variable(name)
+        return int(model.representative[v]), int(model.sign[v])
+
+    x = np.zeros(2 * n)
+    for name, value in (
+        ("gear.ratio", 2 * half),
+        ("gear.wa", 2 * half * 7.0),
+        ("gear.wb", 7.0),
+        ("a.w", 14 * half),
+        ("b.w", 7.0),
+    ):
+        v, sign = place(name)
+        x[v] = sign * value
+    for name, rate in (("gear.flange_a.phi", 14 * half), ("gear.flange_b.phi", 7.0)):
+        v, sign = place(name)
+        x[n + v] = sign * rate
+    met = (rows.residual + rows.matrix @ x)[rows.kinematic]
+    assert met == pytest.approx(np.zeros(len(met)), abs=1e-12)
+    again, factors, chosen = kinematics(model, numbers, np.array([place("a.w")[0]]))
+    assert again.kinematic[chosen].all()
+    assert factors.matrix.toarray() == pytest.approx(again.matrix.toarray()[chosen])
+
+
+def test_start_values_and_guesses_of_speeds_say_near_which_motion_to_look() -> None:
+    class Started(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b = gp.Inertia(J=1.0, start={"w": 6.0, "phi": 4.0}), gp.Inertia(J=1.0, guess={"w": -2.0})
+            self.c, self.shaft = gp.Inertia(J=1.0, start={"w": 0.0}), gp.SpringDamper(c=9.0, d=1.0, start={"phi_rel": 0.5})
+            return [gl.connect(self.a.flange_b, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.b.flange_a)]
+
+    translation = gl.compile(Started()).translation
+    model = translation.structure.complete
+    found = guesses(model, translation.parameter_values({}))
+    expected = {}
+    for name, value in (("a.w", 6.0), ("b.w", -2.0), ("shaft.phi_rel", 0.5)):
+        v = model.variable(name)
+        expected[int(model.representative[v])] = value * int(model.sign[v])
+    assert {g.variable: g.value for g in found} == expected
+    assert {(g.name, g.order) for g in found} == {("guess", 0)}
+
+
+def stub(residual: list[float], weights: dict[int, list[float]], owners: list[str]) -> Any:
+    factors = SimpleNamespace(combined=lambda row: np.array(weights[row]))
+    return SimpleNamespace(residual=np.array(residual), factors=factors, owner=lambda i: owners[i])
+
+
+GIVEN = [Given("a.w", 0, 0, 1.0), Given("b.tau", 1, 0, 2.0)]
+
+
+@pytest.mark.parametrize(
+    ("weights", "named"),
+    [
+        ([0.0, 1.0, -3.0, 2.0, 0.0], "third, fourth, second"), ([0.0, 0.0, 1.0, 1.1e-9, 0.9e-9], "third, fourth"),
+        ([1.0, 1.0, 1.0, 0.0, 0.0], "third, second"), ([0.0, 0.0, 1e-30, 0.0, -2e-30], "third, fifth"),
+    ],
+)  # fmt: skip
+def test_equations_that_cannot_hold_are_named_with_those_that_contradict_them(weights: list[float], named: str) -> None:
+    """The worst first, then by weight; neither connections nor what is given."""
+    motion = stub([0.0, 2e-8, 5e-8, 1e-9, 0.0], {2: weights}, ["connection", "second", "third", "fourth", "fifth"])
+    with pytest.raises(ArgumentError) as refused:
+        refuse_contradiction(motion, GIVEN)
+    said = str(refused.value)
+    assert said.startswith(
+        f"no steady motion has the given a.w, b.tau: the equations of {named} cannot hold; give fewer values"
+    )
+    with pytest.raises(ArgumentError, match=r"^no steady motion has the given torques: the equations of"):
+        refuse_contradiction(motion, [])
+
+
+def test_six_components_are_named_at_most_and_what_holds_is_no_contradiction() -> None:
+    owners = ["a.w", *(f"part[{k}]" for k in range(8))]
+    with pytest.raises(ArgumentError) as refused:
+        refuse_contradiction(stub([1.0, *[0.0] * 8], {0: list(np.arange(9.0, 0.0, -1.0))}, owners), GIVEN)
+    assert "equations of part[0], part[1], part[2], part[3], part[4], part[5] cannot hold" in str(refused.value)
+    for residual in ([0.0] * 9, [1e-8] * 9):
+        refuse_contradiction(stub(residual, {}, owners), GIVEN)
+
+
+def test_at_most_six_variables_that_never_settle_are_named() -> None:
+    class One(gl.Component):
+        a, b, c, d, e, f, g, h = (gl.Discrete(start=float(k)) for k in range(8))
+        x = gl.Variable("1")
+
+        def equations(self) -> list[Any]:
+            flips = [self.b, self.c, self.d, self.e, self.f, self.g, self.h]
+            return [gl.Eq(gl.der(self.x), -self.x), gl.Eq(self.a, 3.0 + self.x), *(gl.Eq(n, 1 - gl.pre(n)) for n in flips)]
+
+    translation = gl.compile(One()).translation
+    model, numbers = translation.structure.complete, translation.parameter_values({})
+    motion = motion_from(model, numbers, [], np.zeros(2 * model.n_variables))
+    with pytest.raises(ArgumentError) as refused:
+        refuse_unsettled(model, numbers, motion)
+    assert str(refused.value) == "there is no steady motion: b, c, d, e, f, g does not settle, each event changes it"
