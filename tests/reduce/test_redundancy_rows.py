@@ -14,7 +14,7 @@ from gearlib.flatten.flatten import flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.reduce.coefficients import at_start
 from gearlib.reduce.reduction import analyse
-from gearlib.reduce.redundancy import last_names, redundant_rows, without
+from gearlib.reduce.redundancy import flows_beside, last_names, redundant_rows, without
 
 
 class Halving(gl.Component):
@@ -172,3 +172,12 @@ def test_equations_too_many_beside_a_loop_are_told_as_such() -> None:
     model = flatten(Over())
     with pytest.raises(BalanceError, match=r"over-determined: 2 equations for 1 variables, 1 too many"):
         analyse(model, model.parameters.defaults)
+
+
+def test_beside_equations_of_connections_are_no_flows() -> None:
+    """They belong to no component."""
+    model = side_by_side(one=Halving, two=Halving)
+    places = [(g, i) for g, i in model.places if model.owner(g, i) == "connection"]
+    assert places
+    assert flows_beside(model, places) == frozenset()
+    assert flows_beside(model, model.places) == {int(model.representative[v]) for v in np.flatnonzero(model.flow[: model.auxiliary])}
