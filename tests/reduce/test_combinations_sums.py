@@ -320,7 +320,9 @@ def test_the_sum_stands_for_the_equation_that_is_differentiated_least_often(swap
     structure = analyse(model, model.parameters.defaults)
     node = {n: int(model.representative[model.variable(n)]) for n in "xypq"}
     of = {frozenset(row): e for e, row in enumerate(structure.model.rows)}
-    law, rate = (of[frozenset((node[n], k) for n, k in row)] for row in ([("p", 0), ("q", 0), ("x", 0)], [("p", 1), ("q", 1), ("y", 0)]))
+    law, rate = (
+        of[frozenset((node[n], k) for n, k in row)] for row in ([("p", 0), ("q", 0), ("x", 0)], [("p", 1), ("q", 1), ("y", 0)])
+    )
     assert (law < rate) != swapped
     (found,) = combinations(structure, model.parameters.defaults, [(v, k + 1) for v, k in structure.states])
     assert found.terms == ((rate, 0, 1.0), (law, 1, -1.0))

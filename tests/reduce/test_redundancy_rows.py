@@ -180,7 +180,9 @@ def test_beside_equations_of_connections_are_no_flows() -> None:
     places = [(g, i) for g, i in model.places if model.owner(g, i) == "connection"]
     assert places
     assert flows_beside(model, places) == frozenset()
-    assert flows_beside(model, model.places) == {int(model.representative[v]) for v in np.flatnonzero(model.flow[: model.auxiliary])}
+    assert flows_beside(model, model.places) == {
+        int(model.representative[v]) for v in np.flatnonzero(model.flow[: model.auxiliary])
+    }
 
 
 @pytest.mark.parametrize(("ratios", "still"), [((2.0, 3.0), "slow"), ((20.0, 30.0), "fast")])
@@ -199,7 +201,9 @@ def test_one_of_the_shafts_that_are_forced_to_stand_still_is_named(
     side = {"fast": "flange_a", "slow": "flange_b"}
     shafts = {int(model.representative[model.variable(f"a.{flange}.phi")]): shaft for shaft, flange in side.items()}
     assert min(shafts) == 0
-    with pytest.raises(LoopError, match=r"^the rigid loop through a, b cannot turn: its ratios force [ab]\.flange_[ab]\.phi to") as told:
+    with pytest.raises(
+        LoopError, match=r"^the rigid loop through a, b cannot turn: its ratios force [ab]\.flange_[ab]\.phi to"
+    ) as told:
         found_in(model)
     name = str(told.value).partition("force ")[2].partition(" ")[0]
     assert shafts[int(model.representative[model.variable(name)])] == still

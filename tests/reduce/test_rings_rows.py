@@ -148,7 +148,9 @@ class Written(gl.Component):
         return [law, gl.Eq(b.tau, self.c * twist), gl.Eq(a.tau, side * b.tau)]
 
 
-@pytest.mark.parametrize(("ways", "ring"), [("aa", True), ("bb", True), ("ab", True), ("cc", False), ("dd", False), ("cd", False)])
+@pytest.mark.parametrize(
+    ("ways", "ring"), [("aa", True), ("bb", True), ("ab", True), ("cc", False), ("dd", False), ("cd", False)]
+)
 def test_a_ring_is_one_however_its_equations_are_written(ways: str, ring: bool) -> None:
     """Two springs side by side have the same twist; with angles from outside there is no ring."""
 
