@@ -47,6 +47,15 @@ class Idle(gl.Component):
         return [gl.Eq(self.flange.tau, 0), gl.Eq(self.side.tau, 0), gl.Eq(self.phi, self.flange.phi)]
 
 
+class Angled(gl.Component):
+    """A torque on a flange, the angle of which is told as a potential of the part itself."""
+
+    flange, phi = gp.Flange("driven"), gl.Potential("rad")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange.tau, 1), gl.Eq(self.phi, self.flange.phi)]
+
+
 class Lacking(gl.Component):
     """A spring without the balance of its torques."""
 
@@ -137,6 +146,7 @@ CASES: dict[str, tuple[Parts, tuple[str, ...], list[str]]] = {
         ],
     ),
     "an idle part": ({"a": body, "e": Idle}, (), [several("e.flange", "e.side")]),
+    "an angle of its own": ({"a": body, "e": Angled}, (), [one("e.flange")]),
     "an idle part on a shaft": ({"a": body, "e": Idle}, ("e.flange a.flange_a",), [one("e.side")]),
     "two idle parts": (
         {"e": Idle, "f": Idle}, ("e.flange f.flange",),
