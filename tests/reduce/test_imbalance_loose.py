@@ -56,6 +56,22 @@ class Angled(gl.Component):
         return [gl.Eq(self.flange.tau, 1), gl.Eq(self.phi, self.flange.phi)]
 
 
+class Sensing(gl.Component):
+    """A body or a sensor in a housing, and another sensor that is connected to nothing."""
+
+    flange, heavy = gp.Flange("of the first"), gl.Structural(False)
+
+    def assemble(self) -> list[Any]:
+        self.first, self.second = gp.Inertia(J=1.0) if self.heavy else gp.SpeedSensor(), gp.SpeedSensor()
+        return [c(self.flange, self.first.flange_a if self.heavy else self.first.flange)]
+
+
+class Silent(gl.Component):
+    """A variable that no equation holds."""
+
+    x = gl.Variable("1")
+
+
 class Lacking(gl.Component):
     """A spring without the balance of its torques."""
 
@@ -147,6 +163,15 @@ CASES: dict[str, tuple[Parts, tuple[str, ...], list[str]]] = {
     ),
     "an idle part": ({"a": body, "e": Idle}, (), [several("e.flange", "e.side")]),
     "an angle of its own": ({"a": body, "e": Angled}, (), [one("e.flange")]),
+    "a sensor in a housing that turns by itself": ({"t": lambda: Sensing(heavy=True)}, (), [one("t.second.flange")]),
+    "a sensor in a housing that is to be connected first": ({"t": Sensing, "a": body}, (), [one("t.flange")]),
+    "what no equation holds, and a torque": (
+        {"n": Silent, "q": torque}, (),
+        ["n (Silent) has no equations for 1 unknown (x), 1 is missing: none of them holds x.", one("q.flange")],
+    ),
+    "a class at fault beside a gear": (
+        {"k": Lacking, "a": body, "q": torque, "g": gear}, ("k.flange_a a.flange_a", "q.flange g.flange_a"), [LACKING],
+    ),
     "an idle part on a shaft": ({"a": body, "e": Idle}, ("e.flange a.flange_a",), [one("e.side")]),
     "two idle parts": (
         {"e": Idle, "f": Idle}, ("e.flange f.flange",),
@@ -197,3 +222,10 @@ def test_a_flange_of_the_whole_model_is_to_be_connected() -> None:
         "the model is not balanced. Nothing determines flange.phi: connect flange to a component that does. over-"
     )
     assert told(connect({"h": Held()})).startswith(f"the model is not balanced. {one('h.flange')} over-")
+
+
+def test_a_flange_of_the_whole_model_that_may_be_switched_off_is_told_with_its_class() -> None:
+    said = told(Driven(more=True))
+    off = "Nothing determines side.phi: connect side to a component that does, or leave it switched off (more=False of Driven)."
+    assert off in said
+    assert "connected to nothing" not in said
