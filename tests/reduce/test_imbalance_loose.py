@@ -72,6 +72,15 @@ class Silent(gl.Component):
     x = gl.Variable("1")
 
 
+class Forcing(gl.Component):
+    """A speed without a torque; in exchange a variable that no equation holds."""
+
+    flange, x, speed = gp.Flange("driven"), gl.Variable("1"), gl.Parameter("rad/s", default=2.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.flange.phi), self.speed), gl.Eq(self.flange.tau, 0)]
+
+
 class Lacking(gl.Component):
     """A spring without the balance of its torques."""
 
@@ -171,6 +180,9 @@ CASES: dict[str, tuple[Parts, tuple[str, ...], list[str]]] = {
     ),
     "a class at fault beside a gear": (
         {"k": Lacking, "a": body, "q": torque, "g": gear}, ("k.flange_a a.flange_a", "q.flange g.flange_a"), [LACKING],
+    ),
+    "the free end of a body that is driven without a torque": (
+        {"a": body, "f": Forcing}, ("f.flange a.flange_a",), [TWICE, INSIDE],
     ),
     "an idle part on a shaft": ({"a": body, "e": Idle}, ("e.flange a.flange_a",), [one("e.side")]),
     "two idle parts": (
