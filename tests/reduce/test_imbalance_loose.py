@@ -241,3 +241,37 @@ def test_a_flange_of_the_whole_model_that_may_be_switched_off_is_told_with_its_c
     off = "Nothing determines side.phi: connect side to a component that does, or leave it switched off (more=False of Driven)."
     assert off in said
     assert "connected to nothing" not in said
+
+
+class Measured(gl.Component):
+    """A torque between two flanges, the relative angle of which is measured."""
+
+    flange, support = gp.Flange("driven"), gp.Flange("other")
+    u, turned = gl.Input("N.m"), gl.Variable("rad")
+
+    def equations(self) -> list[gl.Eq]:
+        near, far = self.flange, self.support
+        return [gl.Eq(near.tau, -self.u), gl.Eq(far.tau, self.u), gl.Eq(self.turned, 2 * near.phi - 3 * far.phi)]
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [("number", one("m.support")), ("time", one("m.support")), ("input", one("m.support")), ("spring", TWICE)],
+)
+def test_a_torque_that_nothing_takes_is_told_by_its_open_end_unless_something_else_could_be_zero(
+    given: str, sentence: str
+) -> None:
+    """Given by a number, by time or from outside, it cannot be zero; the torque of a spring can."""
+
+    class Drive(gl.Component):
+        given, v = gl.Structural("number"), gl.Input("N.m", default=1.0)
+
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.s = gp.Inertia(J=1.0), gp.Inertia(J=1.0), gp.Spring(c=3.0)
+            to = {"number": 2.0, "time": gl.sin(gl.time), "input": 2 * self.v, "spring": self.s.tau}
+            self.m = Measured(u=to[self.given])
+            return [c(self.m.flange, self.a.flange_a), c(self.a.flange_b, self.s.flange_a), c(self.s.flange_b, self.b.flange_a)]
+
+    said = told(Drive(given=given) if given != "input" else Drive(given=given, v=None))
+    assert said.startswith(f"the model is not balanced. {sentence} ") == (sentence is not TWICE)
+    assert (TWICE in said) == (sentence is TWICE)
