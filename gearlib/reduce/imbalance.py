@@ -58,7 +58,10 @@ class Account:
 
 def account(instance: Instance, inner: Iterable[str]) -> Account:
     """Balance of a component's class; ``inner`` are the connectors that are connected to its parts."""
-    unknowns = tuple(n for n, v in instance.declared.variables.items() if not isinstance(v, (Potential, Input)))
+    outside = {
+        n for n, v in instance.declared.variables.items() if isinstance(v, Input) or (isinstance(v, Potential) and "." in n)
+    }
+    unknowns = tuple(n for n in instance.declared.variables if n not in outside)
     joined = [f"{c}.{n}" for c in inner for n, v in instance.declared.connectors[c].variables.items() if isinstance(v, Flow)]
     written = tuple(t.label.removeprefix(f"{instance.kind}: ") for t in instance.record.templates)
     occurring = {n for t in instance.record.templates for n in t.locals}.union(joined)

@@ -160,15 +160,21 @@ def test_a_discrete_variable_is_a_source() -> None:
             self.switch, self.gain = Switch(), B.Gain(k=3.0)
             return [c(self.switch.mode, self.gain.u)]
 
+    class Backwards(Switched):
+        def assemble(self) -> list[Any]:
+            super().assemble()
+            return [c(self.gain.u, self.switch.mode)]
+
     class Twice(gl.Component):
         def assemble(self) -> list[gl.Connection]:
             self.switch, self.gain = [Switch(), Switch()], B.Gain(k=3.0)
             return [c(self.switch[0].mode, self.gain.u, self.switch[1].mode)]
 
-    model = flatten(Switched())
-    assert model.inputs.tolist() == []
-    (bound,) = (g for g in model.groups if g.template.binds)
-    assert bound.discretes.tolist() == [[model.discretes.index("switch.mode")]]
+    for kind in (Switched, Backwards):
+        model = flatten(kind())
+        assert model.inputs.tolist() == []
+        (bound,) = (g for g in model.groups if g.template.binds)
+        assert bound.discretes.tolist() == [[model.discretes.index("switch.mode")]]
     with pytest.raises(
         ConnectionError, match=r"^Twice: connect\(\) joins the signals switch\[0\]\.mode, switch\[1\]\.mode, each of"
     ):

@@ -341,3 +341,18 @@ def test_an_input_that_is_left_to_the_run_and_values_that_are_functions_may_go_u
 
     part = Two()
     refuse_unused(walk(part), part)
+
+
+def test_advice_for_a_composite_is_by_its_own_parameters() -> None:
+    """Whatever those of its parts are called."""
+
+    class Renaming(gl.Component):
+        heavy, mass = gl.Structural(False), gl.Parameter("kg", default=2.0)
+
+        def assemble(self) -> list[Any]:
+            self.part = Own(heavy=self.heavy, m=self.mass)
+            return []
+
+    with pytest.raises(BindingError) as refused:
+        flatten(Renaming(mass=3.0))
+    assert str(refused.value) == "Renaming: mass=3.0 has no effect with heavy=False; it counts with heavy=True"

@@ -301,3 +301,33 @@ def test_what_a_relation_compares_is_examined_too() -> None:
     structure = analyse(model, model.parameters.defaults)
     z = int(model.representative[model.variable("z")])
     assert len(combinations(structure, model.parameters.defaults, [(z, 1)])) == 1
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_the_sum_stands_for_the_equation_that_is_differentiated_least_often(swapped: bool) -> None:
+    """Of p + q = x and p' + q' = y the derivative of the first leaves x' = y: with x' = -x and y' = 2 q', q' is x / 2."""
+
+    class Rates(gl.Component):
+        x, y, q = gl.Variable("1", start=1.0), gl.Variable("1"), gl.Variable("1", start=3.0)
+        p = gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            rate = gl.der(self.p) + gl.der(self.q)
+            laws = [gl.Eq(self.p + self.q, self.x), gl.Eq(rate, self.y)]
+            return [gl.Eq(gl.der(self.x), -self.x), gl.Eq(gl.der(self.y), 2 * gl.der(self.q)), *laws[:: -1 if swapped else 1]]
+
+    model = flatten(Rates())
+    structure = analyse(model, model.parameters.defaults)
+    node = {n: int(model.representative[model.variable(n)]) for n in "xypq"}
+    of = {frozenset(row): e for e, row in enumerate(structure.model.rows)}
+    law, rate = (
+        of[frozenset((node[n], k) for n, k in row)] for row in ([("p", 0), ("q", 0), ("x", 0)], [("p", 1), ("q", 1), ("y", 0)])
+    )
+    assert (law < rate) != swapped
+    (found,) = combinations(structure, model.parameters.defaults, [(v, k + 1) for v, k in structure.states])
+    assert found.terms == ((rate, 0, 1.0), (law, 1, -1.0))
+    assert found.replaced == rate
+    assert found.gone == tuple(sorted([(node["p"], 1), (node["q"], 1)]))
+    result = gl.simulate(Rates(), 1.0, samples=3, rtol=1e-9)
+    assert result["y"] == pytest.approx(-np.exp(-result.time), rel=1e-7)
+    assert result["q"] == pytest.approx(3.5 - np.exp(-result.time) / 2, rel=1e-7)

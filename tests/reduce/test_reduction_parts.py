@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.flatten.flatten import flatten
-from gearlib.reduce.reduction import Structure, analyse, choose_again, discrete_nodes, reinit_nodes
+from gearlib.reduce.reduction import Structure, _awkward, analyse, choose_again, discrete_nodes, reinit_nodes
 from tests.reduce.test_discontinuities import RISES, Set
 from tests.reduce.test_reduction import Bumped, Pendulum
 
@@ -289,3 +290,24 @@ def test_the_rate_of_a_cams_angle_is_a_state_before_a_preferred_speed_of_the_fol
 
     found = structure_of(Plain())
     assert named(found, found.states) == {"phi", "der(phi)"}
+
+
+@pytest.mark.parametrize("order", [("light", "up", "down"), ("up", "light", "down"), ("down", "light", "up")])
+def test_each_differentiated_constraint_tells_for_itself_what_it_is_not_to_be_solved_for(order: tuple[str, ...]) -> None:
+    """The angle of its own cam and that one's speed, if there is a follower that it can be solved for instead."""
+
+    class Cams(gl.Component):
+        def assemble(self) -> list[Any]:
+            made = {"light": Cam(heavy=False), "up": Cam(), "down": Cam(down=True)}
+            for name in order:
+                setattr(self, name, made[name])
+            return []
+
+    found = structure_of(Cams())
+    model = found.model
+    names = [model.name(v) for v in range(model.n_variables)]
+    for e, row in enumerate(model.rows):
+        once = replace(found.differentiation, counts=tuple(int(k == e) for k in range(len(model.rows))))
+        held = {names[v] for v, _ in row}
+        cam = next((c for c in ("up", "down") if held == {f"{c}.s", f"{c}.phi"}), None)
+        assert {names[v] for v in _awkward(model, once)} == ({f"{cam}.phi", f"{cam}.w"} if cam else set()), (order, held)

@@ -14,7 +14,7 @@ from gearlib.flatten.flatten import flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.reduce.coefficients import at_start
 from gearlib.reduce.reduction import analyse
-from gearlib.reduce.redundancy import last_names, redundant_rows, without
+from gearlib.reduce.redundancy import _last_first, flows_beside, last_names, redundant_rows, without
 
 
 class Halving(gl.Component):
@@ -172,3 +172,53 @@ def test_equations_too_many_beside_a_loop_are_told_as_such() -> None:
     model = flatten(Over())
     with pytest.raises(BalanceError, match=r"over-determined: 2 equations for 1 variables, 1 too many"):
         analyse(model, model.parameters.defaults)
+
+
+def test_beside_equations_of_connections_are_no_flows() -> None:
+    """They belong to no component."""
+    model = side_by_side(one=Halving, two=Halving)
+    places = [(g, i) for g, i in model.places if model.owner(g, i) == "connection"]
+    assert places
+    assert flows_beside(model, places) == frozenset()
+    assert flows_beside(model, model.places) == {
+        int(model.representative[v]) for v in np.flatnonzero(model.flow[: model.auxiliary])
+    }
+
+
+@pytest.mark.parametrize(("ratios", "still"), [((2.0, 3.0), "slow"), ((20.0, 30.0), "fast")])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_one_of_the_shafts_that_are_forced_to_stand_still_is_named(
+    ratios: tuple[float, float], still: str, swapped: bool
+) -> None:
+    """The angle of the other is eliminated: the first by name, unless its factor is less than a tenth of the other's."""
+
+    class Loop(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b = (gp.IdealGear(ratio=ratio) for ratio in ratios[:: -1 if swapped else 1])
+            return [gl.connect(self.a.flange_a, self.b.flange_a), gl.connect(self.a.flange_b, self.b.flange_b)]
+
+    model = flatten(Loop())
+    side = {"fast": "flange_a", "slow": "flange_b"}
+    shafts = {int(model.representative[model.variable(f"a.{flange}.phi")]): shaft for shaft, flange in side.items()}
+    assert min(shafts) == 0
+    with pytest.raises(
+        LoopError, match=r"^the rigid loop through a, b cannot turn: its ratios force [ab]\.flange_[ab]\.phi to"
+    ) as told:
+        found_in(model)
+    name = str(told.value).partition("force ")[2].partition(" ")[0]
+    assert shafts[int(model.representative[model.variable(name)])] == still
+
+
+def test_flows_are_set_to_zero_from_the_last_name_on_but_no_partial_sums() -> None:
+    class Many(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body = [gp.Inertia(J=1.0) for _ in range(12)]
+            return [gl.connect(*(b.flange_a for b in self.body))]
+
+    model = flatten(Many())
+    assert model.auxiliary < model.n_variables
+    flows = sorted({int(v) for v in model.representative[model.flow & (model.sign != 0)]})
+    assert flows[-1] >= model.auxiliary
+    of = {n: int(model.representative[model.variable(f"body[{n}].flange_a.tau")]) for n in range(12)}
+    assert _last_first(model, flows, []) == [of[n] for n in reversed(range(12))]
+    assert _last_first(model, flows, [of[10], of[3]]) == [of[n] for n in (10, 3, 11, 9, 8, 7, 6, 5, 4, 2, 1, 0)]

@@ -127,3 +127,48 @@ def test_sums_of_what_is_no_angle_stay() -> None:
 
     model = flatten(Sums())
     assert with_sums_around_rings(model) is model
+
+
+class Written(gl.Component):
+    """A spring between the sum of two angles and zero, or between their difference and a given angle; its law is written in two ways."""
+
+    flange_a, flange_b = gp.Flange("left"), gp.Flange("right")
+    turned, twist, c = gl.Input("rad"), gl.Variable("rad"), gl.Parameter("N.m/rad", default=3.0)
+    way = gl.Structural("a", choices=("a", "b", "c", "d"))
+
+    def equations(self) -> list[gl.Eq]:
+        a, b, twist, turned = self.flange_a, self.flange_b, self.twist, self.turned
+        law = {
+            "a": gl.Eq(twist, a.phi + b.phi),
+            "b": gl.Eq(a.phi + b.phi, twist),
+            "c": gl.Eq(twist + turned, b.phi - a.phi),
+            "d": gl.Eq(b.phi - a.phi, twist - turned),
+        }[self.way]
+        side = 1 if self.way in "ab" else -1
+        return [law, gl.Eq(b.tau, self.c * twist), gl.Eq(a.tau, side * b.tau)]
+
+
+@pytest.mark.parametrize(
+    ("ways", "ring"), [("aa", True), ("bb", True), ("ab", True), ("cc", False), ("dd", False), ("cd", False)]
+)
+def test_a_ring_is_one_however_its_equations_are_written(ways: str, ring: bool) -> None:
+    """Two springs side by side have the same twist; with angles from outside there is no ring."""
+
+    class Pair(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.x, self.y = gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+            self.one, self.two = (Written(way=way) for way in ways)
+            return [
+                gl.connect(self.x.flange_a, self.one.flange_a, self.two.flange_a),
+                gl.connect(self.y.flange_a, self.one.flange_b, self.two.flange_b),
+            ]
+
+    before = flatten(Pair())
+    after = with_sums_around_rings(before)
+    assert (after is not before) == ring
+    if ring:
+        (old, _), (new, _) = rows_of(before, before.n_variables), rows_of(after, before.n_variables)
+        (row,) = [row for row in new if not (old == row).all(axis=1).any()]
+        twists = [int(before.representative[before.variable(f"{spring}.twist")]) for spring in ("one", "two")]
+        assert np.flatnonzero(row).tolist() == sorted(twists)
+        assert row[twists].tolist() in ([1.0, -1.0], [-1.0, 1.0])

@@ -69,3 +69,10 @@ def test_what_decides_at_events_is_reached_where_it_is_asked_for() -> None:
     assert reach(d, [(0, 1), u], dynamic=False, events=True) == ([(0, 1), a], {p})
     assert set(reach(d, [x], dynamic=True, events=True)[0]) == {(0, 1), a, (1, 1)}
     assert sinks(d, d.states, lambda node: True) == {x}
+
+
+def test_targets_that_are_given_are_told_by_their_variable() -> None:
+    """Not by how often they are differentiated."""
+    solved_by: dict[Node, Node] = {(0, 1): (0, 0), (2, 0): (1, 0), (2, 1): (1, 1)}
+    d = Dependence(((0, 0),), solved_by, lambda e, k: [[(0, 1), (1, 0)], [(2, k)]][e], frozenset({1}))
+    assert reach(d, [(1, 0), (0, 1), (2, 1), (1, 2)], dynamic=False) == ([(2, 1), (0, 1)], set())
