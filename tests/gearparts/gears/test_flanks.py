@@ -51,12 +51,3 @@ def test_without_backlash_force_and_deflection_are_proportional() -> None:
         assert right_side(mesh, "contact", **values) == 1
         assert right_side(mesh, "loss_power", **values) == 32.0
         assert powers(mesh, values | {"loss_power": 32.0, "f": 2.0, "e_rate": 0.25}) == (27.0, 32.0, 0.5)
-
-
-def test_a_stiffness_that_grows_adds_energy_to_what_is_deflected() -> None:
-    """At 1 - 0.3 sin(phase) per radian of the phase, which grows by 20 teeth times the speed."""
-    mesh = gp.DetailedExternalMesh(stiffness="sinusoidal", c_amplitude=0.3, **MESH)
-    values = {"c": 5.0, "c_amplitude": 0.3, "phase": -0.5, "c_phase": -1.0, "z_a": 20.0, "w_a": 2.0, "q": 3.0, "c_now": 4.0}
-    _, _, supplied = powers(mesh, values | {"loss_power": 0.0, "f": 7.0, "e_rate": 0.5})
-    slope = 5.0 * 0.3 * 0.9974949866040544  # sin(1.5)
-    assert supplied == pytest.approx(3.5 + slope * 40.0 * 9.0 / 2, rel=1e-14)
