@@ -12,6 +12,7 @@ import gearparts as gp
 from gearlib.errors import BindingError, BoundError
 from gearparts.gears.mesh_models import details_of
 from tests.gearparts.laws import powers, right_side
+from tests.gearparts.test_declared_numbers import parameters
 
 SIZES = {"r_a": 0.1, "r_b": 0.2, "c": 1e8, "d": 10.0}
 KINDS = [(gp.DetailedExternalMesh, 1), (gp.DetailedInternalMesh, -1)]
@@ -73,19 +74,23 @@ def test_a_damping_beyond_all_numbers_is_refused(J: float, r: float) -> None:
         gp.mesh_damping(0.05, 1e300, J, r, J, r)
 
 
+class Pair(gl.Component):
+    """A mesh whose damping follows from parameters."""
+
+    J = gl.Parameter("kg.m2", default=4.0)
+    c = gl.Parameter("N/m", default=10.0)
+
+    def assemble(self) -> list[Any]:
+        self.mesh = gp.ExternalMesh(r_a=3.0, r_b=4.0, c=self.c, d=gp.mesh_damping(0.05, self.c, self.J, 3.0, 16 * self.J, 4.0))
+        with pytest.raises(BoundError, match=r"mesh_damping: r_a is -3\.0"):
+            gp.mesh_damping(0.05, self.c, self.J, -3.0, self.J, 4.0)
+        return []
+
+
 def test_damping_of_parameters_is_an_expression_of_them() -> None:
-    class Pair(gl.Component):
-        J = gl.Parameter("kg.m2", default=4.0)
-        c = gl.Parameter("N/m", default=10.0)
-
-        def assemble(self) -> list[Any]:
-            self.mesh = gp.ExternalMesh(
-                r_a=3.0, r_b=4.0, c=self.c, d=gp.mesh_damping(0.05, self.c, self.J, 3.0, 16 * self.J, 4.0)
-            )
-            return []
-
-    pair = Pair()
-    assert powers(pair.mesh, {"c": 0.0, "q": 0.0, "d": 0.5, "v": 8.0, "f": 0.0, "e_rate": 0.0}) == (0.0, 32.0, 0.0)
+    """Beside which numbers are checked as ever."""
+    assert parameters(Pair())["mesh.d"] == pytest.approx(0.2, rel=1e-15)
+    assert parameters(Pair(J=1.0))["mesh.d"] == pytest.approx(0.1, rel=1e-15)
 
 
 @pytest.mark.parametrize("given", [(1.0,), ("ab", 1.0), ((3, 1.0),), (("b",),)])

@@ -100,3 +100,9 @@ def test_a_period_begins_with_one_pair_more_for_the_fraction_of_the_contact_rati
 def test_the_newest_pair_is_counted_on_beyond_its_interval() -> None:
     interval = ContactInterval(0.25, 1.0, 1)
     assert [float(interval.newest(2 * math.pi * at)) for at in (0.2, 1.05)] == pytest.approx([0.2, 1.05])
+
+
+def test_an_interval_holds_the_phases_between_its_ends() -> None:
+    interval = ContactInterval(0.2, 0.5, 1)
+    places = (-0.55, -0.45, 0.1, 0.19, 0.21, 0.35, 0.49, 0.51, 0.9, 3.3)
+    assert [at for at in places if interval.within(2 * math.pi * at)] == [-0.55, 0.21, 0.35, 0.49, 3.3]

@@ -80,6 +80,10 @@ def test_the_slope_of_a_law_of_the_library_is_that_of_its_value(terms: Any) -> N
         ({"stiffness_terms": ((1, 1.0 + 9e-10, 0.0),)}, None),
         ({"stiffness_terms": ((1, 1.0 + 1.1e-9, 0.0),)}, "-1.1e-09"),
         ({"stiffness_terms": ((1, 1.5, 0.3),)}, "-0.5"),
+        ({"stiffness_terms": ((1, 1.5, -1.0),)}, "-0.5"),  # in the second half of the period
+        ({"stiffness_terms": ((1, 1.001, np.pi / 64),)}, "-0.0009"),  # for a hundredth of the period
+        ({"stiffness_terms": ((1, 0.6, 0.0), (2, 0.5, 0.0))}, None),  # from 0.41 to 2.1
+        ({"stiffness_terms": ((1, -0.6, 0.0), (2, -0.5, 0.0))}, "-0.1"),
         ({"stiffness_terms": ((3, 2e7, 0.0),)}, "-2e+07"),
         ({"stiffness_terms": ((0.05, 1.5, 0.0),)}, "-0.5"),  # once in 20 teeth
         ({"stiffness_terms": ((1 / 37, 0.7, 1.0), (1 / 23, 0.7, 2.0))}, "-0.39"),
@@ -185,3 +189,12 @@ def test_a_whole_number_of_pairs_in_contact_is_as_stiff_all_the_time() -> None:
             r_a=0.1, r_b=0.2, c=1e8, d=0.0, stiffness="rectangular", contact_ratio=contact_ratio
         )  # fmt: skip
         assert {right_side(mesh, "c_now", phase=x, c=8.0) for x in (0.1, 2.0, 4.0, 6.2)} == {8.0}
+
+
+def test_a_mesh_has_the_law_of_its_choice_or_its_own() -> None:
+    mesh = {"r_a": 0.1, "r_b": 0.2, "c": 1e8, "d": 0.0}
+    assert isinstance(gp.DetailedExternalMesh(stiffness="sinusoidal", **mesh).law(), SinusoidalStiffness)
+    own = SquaredCosine(0.3)
+    assert gp.DetailedExternalMesh(stiffness_law=own, **mesh).law() is own
+    with pytest.raises(BindingError, match=r"^DetailedExternalMesh\.stiffness_law is 3\.0; expected an instance of a class"):
+        gp.DetailedExternalMesh(stiffness_law=3.0, **mesh).law()
