@@ -202,6 +202,7 @@ def test_tips_are_where_they_are_asked_for_or_end_at_the_point_or_at_the_base_ci
 def test_an_outline_is_a_whole_gear():
     form = ToothForm(23, 2e-3)
     outline = form.outline()
+    assert outline.shape == (2 * 23 * len(form.flank()[0]), 2)
     radii = np.hypot(*outline.T)
     assert radii.max() == pytest.approx(form.tip_radius)
     assert radii.min() == pytest.approx(form.root_radius)
@@ -251,3 +252,10 @@ def test_a_fillet_rises_from_the_root_on():
                 radii, _ = ToothForm(z, 1.0, x=float(x), rho=rho)._fillet(9)
                 assert len(radii) == 9
                 assert (np.diff(radii) > 0).all(), (z, x, rho)
+
+
+def test_teeth_of_a_ring_end_at_its_base_circle():
+    """However far the profile shift moves them, even their roots."""
+    form = ToothForm(20, 2e-3, ring=True, x=2.0)
+    assert form.root_radius < form.base_radius
+    assert form.flank()[0] == pytest.approx(np.full(9, form.base_radius), rel=1e-15)
