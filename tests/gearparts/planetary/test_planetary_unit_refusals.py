@@ -9,7 +9,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import BindingError
+from gearlib.errors import BindingError, BoundError
 from gearlib.flatten.flatten import flatten
 
 UNIT: dict[str, Any] = {"R_s": 0.5, "R_p": 1.0, "I_s": 1.0, "I_r": 1.0, "I_h": 1.0, "I_spin": 1.0, "I_orbit": 1.0}
@@ -150,3 +150,41 @@ def test_choices_make_the_class_of_the_table(choice: dict[str, str], model: type
 def test_an_unknown_choice_is_refused_with_those_that_there_are(choice: dict[str, str], said: str) -> None:
     with pytest.raises(BindingError, match=rf"^PlanetaryUnit: structural choice {said}$"):
         gp.PlanetaryUnit(**UNIT, **choice)
+
+
+@pytest.mark.parametrize("known", [("Z_s", "Z_p"), ("Z_s", "Z_r"), ("Z_p", "Z_r"), ("Z_s",), ("Z_p",), ("Z_r",), ()])
+def test_gears_are_drawn_where_all_numbers_of_teeth_are_known(known: tuple[str, ...]) -> None:
+    assert gp.PlanetaryUnit(**UNIT, level="ideal", **{name: TEETH[name] for name in known}).drawn_gears() is None
+    assert gp.PlanetaryUnit(**UNIT | TEETH | {"R_s": 0.0}, level="ideal").drawn_gears() is None
+
+
+@pytest.mark.parametrize(
+    ("choice", "forces"),
+    [
+        (IDEAL, ((), ())),
+        ({}, (("sun_mesh.f",), ("ring_mesh.f",))),
+        (SEPARATE, (("sun_meshes[0].f", "sun_meshes[1].f"), ("ring_meshes[0].f", "ring_meshes[1].f"))),
+        (PLANAR, (("planar.sun_mesh[0].f", "planar.sun_mesh[1].f"), ("planar.ring_mesh[0].f", "planar.ring_mesh[1].f"))),
+    ],
+)
+def test_drawn_gears_stand_at_the_planets_angles_and_show_the_forces_of_the_level(
+    choice: dict[str, str], forces: tuple[tuple[str, ...], tuple[str, ...]]
+) -> None:
+    unit = gp.PlanetaryUnit(**UNIT | TEETH | {"planets": 2}, **choice)
+    gears = unit.drawn_gears()
+    assert gears is not None
+    assert unit.mesh_forces() == forces
+    assert [w.place for w in gears.wheels[1:3]] == pytest.approx([0.0, 3.141592653589793])
+    assert [(w.pitch_radius, w.orbit) for w in gears.wheels] == [
+        (pytest.approx(r), pytest.approx(orbit)) for r, orbit in ((0.5, 0.0), (1.0, 1.5), (1.0, 1.5), (2.5, 0.0))
+    ]  # fmt: skip
+    assert [c.force for c in gears.contacts] == [
+        names[n if len(names) > 1 else 0] for names in forces if names for n in range(2)
+    ]  # fmt: skip
+
+
+def test_a_radius_below_zero_is_refused_as_such() -> None:
+    """Not by its ratio to other radii."""
+    for teeth in (TEETH, {}):
+        with pytest.raises(BoundError, match=r"R_s is -0\.5"):
+            flatten(gp.PlanetaryUnit(**UNIT | teeth | {"R_s": -0.5}, level="ideal"))
