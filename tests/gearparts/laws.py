@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
 import sympy
 
 import gearlib as gl
-from gearlib.language.component import equations_of
+from gearlib.language.component import energies_of, equations_of
 from gearlib.language.expressions import value_of
 
 
@@ -29,3 +30,22 @@ def right_side(part: gl.Component, left: str, **values: float) -> float:
     known = {s: values.get(s.name.replace("pre(", "pre_").removesuffix("()").removesuffix(")").replace(".", "__"), 0.0)
              for s in given.free_symbols}  # fmt: skip
     return float(given.xreplace({s: sympy.Float(value) for s, value in known.items()}))
+
+
+def number(expression: Any, values: Mapping[str, float]) -> float:
+    """An expression at values of all its symbols, by name, such as "w_a" or "der(flange_a.phi)"."""
+    expression = plain(expression)
+    return float(expression.xreplace({s: sympy.Float(values[s.name]) for s in expression.free_symbols}))
+
+
+def misfits(part: gl.Component, values: Mapping[str, float]) -> dict[str, float]:
+    """Those of a component's equations that do not hold where its symbols have some values, each by its left side."""
+    off = {str(e.left): number(e.residual, values) for e in equations_of(part) if isinstance(e, gl.Eq)}
+    return {left: by for left, by in off.items() if abs(by) > 1e-12 * max(1.0, *map(abs, values.values()))}
+
+
+def powers(part: gl.Component, values: Mapping[str, float]) -> tuple[float, float, float]:
+    """Energy that a component stores, power that it loses and power that is supplied to it, at values of its symbols."""
+    energy = energies_of(part)
+    assert energy is not None
+    return number(energy.stored, values), number(energy.heat, values), number(energy.supplied, values)

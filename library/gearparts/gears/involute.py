@@ -24,7 +24,8 @@ def involute_angle(value: float) -> float:
     >>> round(math.degrees(involute_angle(involute(0.4))), 12) == round(math.degrees(0.4), 12)
     True
     """
-    alpha = min(math.cbrt(3 * value), 1.5)  # tan(a) - a > a**3 / 3: Newton's method converges monotonically from above
+    # tan(a) - a is more than a**3 / 3 and than tan(a) - pi / 2: from above Newton's method converges monotonically
+    alpha = min(math.cbrt(3 * value), math.atan(value + math.pi / 2))
     for _ in range(60):
         step = (involute(alpha) - value) / math.tan(alpha) ** 2 if alpha else 0.0
         alpha -= step

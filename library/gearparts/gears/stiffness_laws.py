@@ -104,8 +104,7 @@ class TabulatedStiffness(StiffnessLaw):
 
     def _table(self, mesh: Any) -> Rows:
         rows = checked_period(f"{type(mesh).__name__}.stiffness_table", mesh.stiffness_table)
-        begin = rows[0][0]
-        _refuse_negative(mesh, "stiffness_table", period_spline(rows)(np.linspace(begin, begin + 2 * pi, SAMPLES)))
+        _refuse_negative(mesh, "stiffness_table", period_spline(rows)(np.linspace(0, 2 * pi, SAMPLES)))
         return rows
 
 

@@ -131,10 +131,8 @@ class ToothForm:
         return math.sqrt(max(float(self._cut(np.array([last]))[0][0]) ** 2 - self.base_radius**2, 0.0))
 
     def _fillet(self, points: int) -> tuple[Floats, Floats]:
-        """Radii and half angles of what the rack's rounded corner cuts, from the root on."""
-        radii, angles = self._cut(np.linspace(math.pi / 2, self.alpha, points))
-        rising = np.concatenate([[True], np.diff(np.maximum.accumulate(radii)) > 0])
-        return radii[rising], angles[rising]
+        """Radii, which rise, and half angles of what the rack's rounded corner cuts, from the root on."""
+        return self._cut(np.linspace(math.pi / 2, self.alpha, points))
 
     def _cut(self, beta: Floats) -> tuple[Floats, Floats]:
         """Radii and half angles of points that the rack's rounded corner cuts.

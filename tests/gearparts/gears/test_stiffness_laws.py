@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 import gearlib as gl
 import gearparts as gp
@@ -18,7 +20,7 @@ from gearlib.language.expressions import real_symbol
 from gearparts.gears.mesh_phase import ContactInterval
 from gearparts.gears.stiffness_laws import FourierStiffness, SinusoidalStiffness, StiffnessLaw
 from tests.gearparts.gears.test_mesh_models import R_A, R_B, Z_A, C, pair
-from tests.gearparts.laws import plain
+from tests.gearparts.laws import plain, powers, right_side
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,10 @@ def test_the_slope_of_a_law_of_the_library_is_that_of_its_value(terms: Any) -> N
         ({"stiffness_terms": ((1, 1.0 + 9e-10, 0.0),)}, None),
         ({"stiffness_terms": ((1, 1.0 + 1.1e-9, 0.0),)}, "-1.1e-09"),
         ({"stiffness_terms": ((1, 1.5, 0.3),)}, "-0.5"),
+        ({"stiffness_terms": ((1, 1.5, -1.0),)}, "-0.5"),  # in the second half of the period
+        ({"stiffness_terms": ((1, 1.001, np.pi / 64),)}, "-0.0009"),  # for a hundredth of the period
+        ({"stiffness_terms": ((1, 0.6, 0.0), (2, 0.5, 0.0))}, None),  # from 0.41 to 2.1
+        ({"stiffness_terms": ((1, -0.6, 0.0), (2, -0.5, 0.0))}, "-0.1"),
         ({"stiffness_terms": ((3, 2e7, 0.0),)}, "-2e+07"),
         ({"stiffness_terms": ((0.05, 1.5, 0.0),)}, "-0.5"),  # once in 20 teeth
         ({"stiffness_terms": ((1 / 37, 0.7, 1.0), (1 / 23, 0.7, 2.0))}, "-0.39"),
@@ -144,3 +150,51 @@ def test_the_newest_pair_has_come_as_far_as_the_phase(interval: tuple[float, flo
     for turn in (-3, 0, 5):
         for part in np.linspace(interval[0] - 0.05, interval[1] + 0.05, 7):
             assert float(contact.newest(2 * np.pi * (turn + float(part)))) == pytest.approx(part, abs=1e-12)
+
+
+ROWS = ((0.3, 0.8), (1.5, 1.1), (2.9, 1.3), (4.0, 1.0), (5.6, 0.8))
+SPLINE = CubicSpline([*(x for x, _ in ROWS), 0.3 + 2 * math.pi], [*(y for _, y in ROWS), 0.8], bc_type="periodic")
+TERMS = ((0.5, 0.15, 1.0), (1.0, 0.2, 0.3), (2.0, -0.1, -0.5))
+PATTERNS: dict[str, tuple[dict[str, Any], Any, Any]] = {  # choices, value over the mean, and slope, at a phase
+    "constant": ({}, lambda x: 1.0, lambda x: 0.0),
+    "sinusoidal": ({}, lambda x: 1 + 0.3 * math.cos(x), lambda x: -0.3 * math.sin(x)),
+    "fourier": (
+        {"stiffness_terms": TERMS},
+        lambda x: 1 + 0.2 * math.cos(x + 0.3) - 0.1 * math.cos(2 * x - 0.5) + 0.15 * math.cos(x / 2 + 1),
+        lambda x: -0.2 * math.sin(x + 0.3) + 0.2 * math.sin(2 * x - 0.5) - 0.075 * math.sin(x / 2 + 1),
+    ),
+    "table": ({"stiffness_table": ROWS}, lambda x: float(SPLINE(x)), lambda x: float(SPLINE(x, 1))),
+    "rectangular": ({"contact_ratio": 1.625}, lambda x: (2 if x / 2 / math.pi % 1 < 0.625 else 1) / 1.625, lambda x: 0.0),
+}
+
+
+@pytest.mark.parametrize("stiffness", PATTERNS)
+def test_stiffness_over_the_phase_and_what_its_change_supplies(stiffness: str) -> None:
+    """A phase of the stiffness is ahead of the mesh phase; a spring that stiffens at its deflection takes up energy."""
+    choices, value, slope = PATTERNS[stiffness]
+    mesh = gp.DetailedExternalMesh(r_a=0.1, r_b=0.2, c=1e8, d=0.0, stiffness=stiffness, **choices)
+    for phase in (-5.0, -0.2, 0.1, 1.7, 3.6, 4.4, 9.0):
+        values = {"phase": phase - 0.7, "c_phase": 0.7, "c": 8.0, "c_amplitude": 0.3}
+        inside = right_side(mesh, "phase_in_stiffness", **values)
+        assert stiffness != "table" or 0.3 <= inside <= 0.3 + 2 * math.pi
+        values["phase_in_stiffness"] = inside
+        assert right_side(mesh, "c_now", **values) == pytest.approx(8.0 * value(phase), rel=1e-12)
+        moving = {"z_a": 20.0, "w_a": -1.5, "q": 3.0, "c_now": 5.0, "f": 0.0, "e_rate": 0.0, "loss_power": 0.0}
+        assert powers(mesh, values | moving)[2] == pytest.approx(8.0 * slope(phase) * -30.0 * 9.0 / 2, abs=1e-11)
+
+
+def test_a_whole_number_of_pairs_in_contact_is_as_stiff_all_the_time() -> None:
+    for contact_ratio in (1.0, 2.0, 3.0):
+        mesh = gp.DetailedExternalMesh(
+            r_a=0.1, r_b=0.2, c=1e8, d=0.0, stiffness="rectangular", contact_ratio=contact_ratio
+        )  # fmt: skip
+        assert {right_side(mesh, "c_now", phase=x, c=8.0) for x in (0.1, 2.0, 4.0, 6.2)} == {8.0}
+
+
+def test_a_mesh_has_the_law_of_its_choice_or_its_own() -> None:
+    mesh = {"r_a": 0.1, "r_b": 0.2, "c": 1e8, "d": 0.0}
+    assert isinstance(gp.DetailedExternalMesh(stiffness="sinusoidal", **mesh).law(), SinusoidalStiffness)
+    own = SquaredCosine(0.3)
+    assert gp.DetailedExternalMesh(stiffness_law=own, **mesh).law() is own
+    with pytest.raises(BindingError, match=r"^DetailedExternalMesh\.stiffness_law is 3\.0; expected an instance of a class"):
+        gp.DetailedExternalMesh(stiffness_law=3.0, **mesh).law()

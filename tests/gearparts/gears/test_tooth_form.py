@@ -202,6 +202,7 @@ def test_tips_are_where_they_are_asked_for_or_end_at_the_point_or_at_the_base_ci
 def test_an_outline_is_a_whole_gear():
     form = ToothForm(23, 2e-3)
     outline = form.outline()
+    assert outline.shape == (2 * 23 * len(form.flank()[0]), 2)
     radii = np.hypot(*outline.T)
     assert radii.max() == pytest.approx(form.tip_radius)
     assert radii.min() == pytest.approx(form.root_radius)
@@ -224,3 +225,37 @@ def test_teeth_of_all_modules_are_alike(given):
         assert form.flank()[1] == pytest.approx(half, abs=1e-11)
         assert np.abs(form.outline() / m - unit.outline()).max() < 1e-10
         assert [form.tip_radius / m, form.root_radius / m] == pytest.approx([unit.tip_radius, unit.root_radius], rel=1e-11)
+
+
+def test_a_flank_is_cut_under_below_the_well_known_number_of_teeth():
+    """Where the straight flank of the rack, whose corner begins one module deep, ends behind the tangent point: z sin(alpha)**2 / 2."""
+    for z in (8, 12, 16):
+        limit = 1.0 - z * math.sin(math.pi / 9) ** 2 / 2  # the least profile shift
+        rho = 0.25 / (1 - math.sin(math.pi / 9))
+        assert ToothForm(z, 2e-3, x=limit + 1e-6, rho=rho).undercut == 0.0
+        assert 0 < ToothForm(z, 2e-3, x=limit - 0.02, rho=rho).undercut < ToothForm(z, 2e-3, x=limit - 0.1, rho=rho).undercut
+        assert ToothForm(z, 2e-3, x=limit - 0.1, rho=rho, ring=True).undercut == 0.0
+
+
+@pytest.mark.parametrize("given", [{"z": 20}, {"z": 9}, {"z": 40, "x": 0.4}, {"z": 30, "ring": True}, {"z": 12, "x": 0.9}])
+def test_no_point_of_a_flank_is_given_twice(given):
+    radii, half = ToothForm(m=1.0, **given).flank()
+    assert (np.diff(radii) > 0).all()
+    assert len(radii) == len(half) >= 9
+
+
+def test_a_fillet_rises_from_the_root_on():
+    """For few teeth and many, with any profile shift and corner."""
+    for z in (3, 5, 9, 20, 80):
+        for x in np.linspace(-1.0, 1.5, 11):
+            for rho in (0.1, 0.38, 0.7):
+                radii, _ = ToothForm(z, 1.0, x=float(x), rho=rho)._fillet(9)
+                assert len(radii) == 9
+                assert (np.diff(radii) > 0).all(), (z, x, rho)
+
+
+def test_teeth_of_a_ring_end_at_its_base_circle():
+    """However far the profile shift moves them, even their roots."""
+    form = ToothForm(20, 2e-3, ring=True, x=2.0)
+    assert form.root_radius < form.base_radius
+    assert form.flank()[0] == pytest.approx(np.full(9, form.base_radius), rel=1e-15)

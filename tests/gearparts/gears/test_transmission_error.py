@@ -24,7 +24,9 @@ def test_the_rate_of_the_error_is_its_derivative(
         inside = right_side(mesh, "phase_in_error", phase=phase)
         return right_side(mesh, left, phase=phase, phase_in_error=inside, **values)
 
-    for phase in (-7.3, 0.9):
+    for phase in (-7.3, 0.9, 6.5):
+        inside = right_side(mesh, "phase_in_error", phase=phase)
+        assert inside == (pytest.approx(0.5 + (phase - 0.5) % (2 * math.pi)) if rows else 0.0)
         expected = sum(a * math.sin(k * phase + p) for k, a, p in terms) + (float(curve(phase)) if curve else 0.0)
         assert at(phase, "e") == pytest.approx(expected, abs=1e-18)
         slope = (at(phase + 1e-5, "e") - at(phase - 1e-5, "e")) / 2e-5

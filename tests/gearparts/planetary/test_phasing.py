@@ -151,3 +151,19 @@ def test_phases_of_whole_periods_are_zero() -> None:
             assert 0.0 <= phase < 1 - 1e-6
             assert phase == 0.0 or phase > 1e-6
         assert phasing.teeth == (Z_s, Z_s + 2 * Z_p)
+
+
+@pytest.mark.parametrize("clockwise", [True, False])
+def test_phases_of_planets_at_given_angles(clockwise: bool) -> None:
+    """A quarter and 0.37 of a turn from the first: 20 and 80 teeth make 5 and 20, 7.4 and 29.6 periods."""
+    at = [1.0, 1.0 + math.pi / 2, 1.0 + 0.74 * math.pi]
+    phasing = gp.planet_phasing(20, 30, 80, 3, positions=at, clockwise=clockwise)
+    assert phasing.sun == pytest.approx((0.0, 0.0, 0.4 if clockwise else 0.6), abs=1e-12)
+    assert phasing.ring == pytest.approx((0.0, 0.0, 0.4 if clockwise else 0.6), abs=1e-12)
+
+
+def test_a_phase_that_rounding_leaves_beside_a_whole_period_is_zero() -> None:
+    for off, zero in ((1e-12, True), (-1e-12, True), (1e-9, False), (-1e-9, False)):
+        phasing = gp.planet_phasing(20, 30, 80, 2, positions=(0.0, math.pi / 2 + off))
+        assert (phasing.sun[1] == 0.0) == (phasing.ring[1] == 0.0) == zero, off
+        assert 0.0 <= phasing.sun[1] < 1.0

@@ -129,3 +129,24 @@ def test_shafts_that_share_a_node_are_connected() -> None:
         nodes = single_loop(kind).nodes
         assert nodes["I"][0] < min(x for n, (x, _) in nodes.items() if n != "I")
         assert nodes["O"][0] > max(x for n, (x, _) in nodes.items() if n != "O")
+
+
+def test_a_loop_is_drawn_as_a_rectangle_between_its_input_and_output() -> None:
+    """Units and nodes stand at its corners, a P unit in the middle of its lower side; I and O are equally far outside."""
+    corners = {"XP": ("X", "J_1", "J_0", None), "PX": ("J_0", "X", None, "J_1"), "XX": ("X_1", "J_1", "J_0", "X_2")}
+    for kind, (left, right, low_left, low_right) in corners.items():
+        diagram = single_loop(kind)
+        at = {unit.name: np.array(unit.position) for unit in diagram.units} | {n: np.array(p) for n, p in diagram.nodes.items()}
+        width, height = at[right][0] - at[left][0], (at[low_left or low_right] - at[left])[1]
+        assert (at[right] - at[left]).tolist() == [width, 0.0]
+        assert width > 2
+        assert height < -1
+        if low_left:
+            assert at[low_left].tolist() == (at[left] + [0.0, height]).tolist()
+        if low_right:
+            assert at[low_right].tolist() == (at[right] + [0.0, height]).tolist()
+        if "P" in at:
+            assert at["P"].tolist() == (at[left] + [width / 2, height]).tolist()
+        before, after = at[left] - at["I"], at["O"] - at["X_2" if kind == "XX" else right]
+        assert before.tolist() == pytest.approx(after.tolist(), rel=1e-12)
+        assert (before[0] > 1, before[1]) == (True, 0.0)

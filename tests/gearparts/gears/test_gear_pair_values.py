@@ -1,0 +1,84 @@
+"""What a gear pair hands to a mesh, and the bounds of what it accepts, each from both sides."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+import gearparts as gp
+from gearlib.errors import BoundError
+from gearlib.language.declarations import Offered
+
+GIVEN: dict[str, Any] = {"z_1": 25, "z_2": 70, "m_n": 2e-3, "width": 0.03, "x_1": 0.3, "x_2": -0.1}
+
+
+@pytest.mark.parametrize("internal", [False, True])
+def test_values_of_a_mesh_are_those_of_the_gear_on_its_first_flange(internal: bool) -> None:
+    """The pinion's, or the ring's; contact begins with the mate's tip."""
+    pair = gp.GearPair(**GIVEN, internal=internal)
+    values = pair.mesh_values()
+    first, second = (1, 0) if internal else (0, 1)
+    assert values == {
+        "r_a": pair.base_radii[first], "r_b": pair.base_radii[second], "z_a": (25.0, 70.0)[first],
+        "c": pair.mesh_stiffness * 0.03, "alpha": pair.alpha_wt, "contact_ratio": pair.contact_ratio,
+        "approach": pair.recess if internal else pair.approach,
+    }  # fmt: skip
+    assert pair.approach != pytest.approx(pair.recess, rel=0.01)
+    assert all(isinstance(value, Offered) for value in values.values())
+
+
+@pytest.mark.parametrize("internal", [False, True])
+def test_a_pair_without_profile_shift_works_at_its_reference_circles(internal: bool) -> None:
+    """By hand, of 25 and 70 teeth with a helix of 0.2 rad: the centre distance, path of contact and face overlap."""
+    pair = gp.GearPair(25, 70, 2e-3, 0.03, beta=0.2, internal=internal)
+    m_t, alpha_t = 2e-3 / math.cos(0.2), math.atan(math.tan(math.pi / 9) / math.cos(0.2))
+    assert pair.alpha_wt == pytest.approx(alpha_t, rel=1e-12)
+    assert pair.centre_distance == pytest.approx(m_t * (45 if internal else 95) / 2, rel=1e-12)
+    base = 25 * m_t / 2 * math.cos(alpha_t), 70 * m_t / 2 * math.cos(alpha_t)
+    assert pair.base_radii == pytest.approx(base, rel=1e-14)
+    assert pair.tip_radii == pytest.approx((25 * m_t / 2 + 2e-3, 70 * m_t / 2 + (-2e-3 if internal else 2e-3)), rel=1e-14)
+    recess = math.sqrt(pair.tip_radii[0] ** 2 - base[0] ** 2) - base[0] * math.tan(alpha_t)
+    approach = math.sqrt(pair.tip_radii[1] ** 2 - base[1] ** 2) - base[1] * math.tan(alpha_t)
+    pitch = math.pi * m_t * math.cos(alpha_t)
+    assert (pair.base_pitch, pair.recess) == pytest.approx((pitch, recess / pitch), rel=1e-11)
+    assert pair.approach == pytest.approx((-approach if internal else approach) / pitch, rel=1e-11)
+    assert pair.overlap_ratio == pytest.approx(0.03 * math.tan(0.2) / (math.pi * m_t), rel=1e-12)
+    per_tooth = 1 / ((1 - (math.sin(0.2) * math.cos(math.pi / 9)) ** 2) * math.cos(0.2))
+    assert pair.virtual_teeth == pytest.approx((25 * per_tooth, math.inf if internal else 70 * per_tooth), rel=1e-12)
+
+
+def test_numbers_that_are_too_large_are_refused_and_the_largest_are_not() -> None:
+    for name in ("m_n", "width"):
+        assert getattr(gp.GearPair(**GIVEN | {name: 1e100}), name) == 1e100
+    assert gp.GearPair(**GIVEN, line_load=1e300).single_stiffness == gp.GearPair(**GIVEN).single_stiffness
+    for line_load in (1.1e300, -math.inf, math.nan):
+        with pytest.raises(BoundError, match=r"^GearPair\.line_load is .*; expected a positive number$"):
+            gp.GearPair(**GIVEN, line_load=line_load)
+    for name in ("x_1", "x_2", "beta"):
+        with pytest.raises(BoundError, match=rf"^GearPair\.{name} is 1e\+150; expected a finite number$"):
+            gp.GearPair(**GIVEN | {name: 1e150})
+    with pytest.raises(BoundError, match=r"^GearPair\.alpha_n is 1\.57079\d* rad; expected an angle between 0 and pi/2$"):
+        gp.GearPair(**GIVEN, alpha_n=math.pi / 2)
+
+
+def test_a_pair_whose_teeth_are_too_short_to_meet_is_refused() -> None:
+    """Tips that stay inside the base circles, or a path of contact that ends before it begins."""
+    for given, outside in (({"x_1": -1.7}, True), ({"x_1": -1.8}, False), ({"x_2": 1.3, "internal": True}, False)):
+        tips, half = {"x_1": 0.0, "x_2": 0.0} | given, math.cos(math.pi / 9)
+        ring = 70 * (1 - half) / 2 - tips["x_2"] - 1  # tips beyond the base circle, over the module
+        assert (ring > 0 if "internal" in given else 25 * (1 - half) / 2 + tips["x_1"] + 1 > 0) == outside
+        with pytest.raises(BoundError, match=r"do not reach each other's base circles along the line of action"):
+            gp.GearPair(**GIVEN | {"x_1": 0.0, "x_2": 0.0} | given)  # type: ignore[operator]
+    assert gp.GearPair(**GIVEN | {"h_aP": 0.05}).contact_ratio > 0
+
+
+def test_efficiency_is_one_less_friction_times_the_loss_factor() -> None:
+    pair = gp.GearPair(**GIVEN)
+    assert [pair.efficiency(mu) for mu in (0.0, 0.06)] == [1.0, 1 - 0.06 * pair.loss_factor]
+    assert 0 < pair.efficiency(0.9999 / pair.loss_factor) < 2e-4
+    said = rf"^GearPair\.efficiency: mu is .*; expected a mean friction coefficient from 0 on, below {1 / pair.loss_factor:.3g}, at which"
+    for mu in (-1e-9, 1.0001 / pair.loss_factor, math.nan, "0.06"):
+        with pytest.raises(BoundError, match=said):
+            pair.efficiency(mu)  # type: ignore[arg-type]
