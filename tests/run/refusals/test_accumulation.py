@@ -68,6 +68,7 @@ SHRINKING = [0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6]  # by 1e-5 in five steps
         (SHRINKING, 0.99e-3, None),
         (SHRINKING[:-1], 1.0, None),  # only by 1e-4
         ([0.1, 5e-3, 2.5e-4, 1.25e-5, 6.25e-7], 1.0, None),  # by enough, but in four steps
+        ([0.1, 5e-3, 2.5e-4, 1.25e-5, 6.25e-7, 3e-8], 1.0, None),
         ([0.1, 0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6], 1.0, None),  # two longest ones: no shrinking from the first on
         ([0.02, 0.05, *SHRINKING], 1.0, 8),  # before the longest interval nothing matters
         ([0.1, 0.01, 1e-4, 1e-3, 1e-5, 1e-6], 1.0, None),  # not each shorter than the one before
