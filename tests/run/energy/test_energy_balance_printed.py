@@ -12,7 +12,7 @@ from gearlib.run.energy.energy_balance import EnergyBalance
 
 def made(**given: Any) -> EnergyBalance:
     """A balance of one second, in which nothing happens but what is given."""
-    nothing: dict[str, Any] = dict.fromkeys(("work", "stored", "heat", "jumps", "unaccounted", "residuals"), {})
+    nothing: dict[str, Any] = {kind: {} for kind in ("work", "stored", "heat", "jumps", "unaccounted", "residuals")}
     known = {"time": np.array([0.0, 1.0]), "returned": np.zeros(2), "unknown": (), "residual": np.zeros(2), "throughput": 0.0}
     return EnergyBalance(**{**nothing, **known, "quadrature": 0.0, "rtol": 1e-6, **given})
 
@@ -31,7 +31,9 @@ def over(*numbers: float) -> Any:
         (over(0, 1e-4), {}, {"a": over(1e8, -3e8)}, 0.0),
     ],
 )
-def test_the_largest_residual_is_beyond_the_rounding_of_what_is_stored(whole: Any, parts: Any, stored: Any, largest: float) -> None:
+def test_the_largest_residual_is_beyond_the_rounding_of_what_is_stored(
+    whole: Any, parts: Any, stored: Any, largest: float
+) -> None:
     found = made(residual=whole, residuals=parts, stored=stored)
     assert found.largest_residual == pytest.approx(largest, rel=1e-12)
 

@@ -109,9 +109,24 @@ def test_nothing_moves_fast() -> None:
         ({"a": 20.0, "b": 1.0}, {"p": -2.01e4}, 1.0, "; fastest of all goes a = 20, with der(a) = -20100 from Fast: der(a) = "),
         ({"a": 1.0, "b": 0.0}, {"q": 0.51e3}, 1.0, "; fastest of all goes b = 0, with der(b) = 1020 from Fast: der(b) = "),
         ({"a": 1.0, "b": 1.0}, {"p": 1.01e3}, 10.0, "; fastest of all goes a = 1, with der(a) = 1010 from Fast: der(a) = "),
-        ({"a": 1.0, "b": 1.0}, {"p": 2e4, "q": 1e3}, 1.0, "; fastest of all goes b = 1, with der(b) = 3000 from Fast: der(b) = "),
-        ({"a": 1.0, "b": 9.0}, {"p": 2e4, "q": 1.7e3}, 1.0, "; fastest of all goes b = 9, with der(b) = 18700 from Fast: der(b) = "),
-        ({"a": 1.0, "b": 9.0}, {"p": 2e4, "q": 1.6e3}, 1.0, "; fastest of all goes a = 1, with der(a) = 20000 from Fast: der(a) = "),
+        (
+            {"a": 1.0, "b": 1.0},
+            {"p": 2e4, "q": 1e3},
+            1.0,
+            "; fastest of all goes b = 1, with der(b) = 3000 from Fast: der(b) = ",
+        ),
+        (
+            {"a": 1.0, "b": 9.0},
+            {"p": 2e4, "q": 1.7e3},
+            1.0,
+            "; fastest of all goes b = 9, with der(b) = 18700 from Fast: der(b) = ",
+        ),
+        (
+            {"a": 1.0, "b": 9.0},
+            {"p": 2e4, "q": 1.6e3},
+            1.0,
+            "; fastest of all goes a = 1, with der(a) = 20000 from Fast: der(a) = ",
+        ),
     ],
 )
 def test_the_fastest_state(at: dict[str, float], numbers: dict[str, float], span: float, text: str) -> None:

@@ -193,7 +193,7 @@ class Follows(gl.Component):
 
 
 def step(level: Any = 0.0, at: float = 0.5) -> Any:
-    return gl.Piecewise((0, T < at), (level, True))
+    return gl.Piecewise((0, at > T), (level, True))
 
 
 @pytest.mark.parametrize(
@@ -229,7 +229,7 @@ def test_what_is_followed_is_examined_in_time(ref: Any, said: str | None) -> Non
 
 
 def test_parameters_and_the_interval_decide_anew() -> None:
-    translation = gl.compile(Follows(ref=lambda s: gl.Piecewise((s.a, T < s.b), (5.0, True))), outputs=["force"]).translation
+    translation = gl.compile(Follows(ref=lambda s: gl.Piecewise((s.a, s.b > T), (5.0, True))), outputs=["force"]).translation
     here = translation.scene
     program = here.computing(here.named("force")[0])
 

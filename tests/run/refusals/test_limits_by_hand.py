@@ -91,17 +91,37 @@ def test_a_start_that_is_refused(at: dict[str, float], text: str) -> None:
     ("rtol", "rate", "end", "text"),
     [
         (1e-6, -1.0, 1.0, None),
-        (1e-6, -1.0, 2.0, "x is -0.25 rad/s (speed of it), but it cannot be below 0 at t = 1.25 s; only a reinit, or motions that"),
-        (0.01, -1.0, 1.25, "x is -0.25 rad/s (speed of it), but it cannot be below 0 at t = 1.25 s; only a reinit, or motions that"),
+        (
+            1e-6,
+            -1.0,
+            2.0,
+            "x is -0.25 rad/s (speed of it), but it cannot be below 0 at t = 1.25 s; only a reinit, or motions that",
+        ),
+        (
+            0.01,
+            -1.0,
+            1.25,
+            "x is -0.25 rad/s (speed of it), but it cannot be below 0 at t = 1.25 s; only a reinit, or motions that",
+        ),
         (0.03, -1.0, 1.25, None),  # ten tolerances of a largest value of 1
         (0.024, -1.0, 1.25, "x is -0.25 rad/s"),
         (1e-6, 1.0, 2.0, None),
-        (1e-6, 4.0, 1.0, "opposite is -4 rad/s (its opposite), but it cannot be below -3 at t = 0.75 s; only a reinit, or motions"),
+        (
+            1e-6,
+            4.0,
+            1.0,
+            "opposite is -4 rad/s (its opposite), but it cannot be below -3 at t = 0.75 s; only a reinit, or motions",
+        ),
     ],
 )
 def test_how_far_below_a_run_may_come(method: str, rtol: float, rate: float, end: float, text: str | None) -> None:
     """The first sample that is too small is named: x = 1 + rate t, at every 0.25 s."""
-    asked: dict[str, Any] = {"times": np.arange(0.0, end + 0.1, 0.25), "method": method, "rtol": rtol, "parameters": {"rate": rate}}
+    asked: dict[str, Any] = {
+        "times": np.arange(0.0, end + 0.1, 0.25),
+        "method": method,
+        "rtol": rtol,
+        "parameters": {"rate": rate},
+    }
     if text is None:
         SYSTEM.simulate(end, **asked)
         return
@@ -114,9 +134,13 @@ def test_how_far_below_a_run_may_come(method: str, rtol: float, rate: float, end
 
 def test_what_follows_from_states_during_a_run() -> None:
     """gap = 2 - t, with a = 5 - t and b = 5: the first sample says so at the start, a later one by another error."""
-    with pytest.raises(SolverError, match=r"^gap is 1\.5 m \(between a and b\), but it cannot be below 2 at t = 0\.5 s; the equations"):
+    with pytest.raises(
+        SolverError, match=r"^gap is 1\.5 m \(between a and b\), but it cannot be below 2 at t = 0\.5 s; the equations"
+    ):
         SYSTEM.simulate(2.0, samples=5, parameters={"rate": 0.0, "drift": 1.0})
-    with pytest.raises(StartError, match=r"^gap is 1 m \(between a and b\), but it cannot be below 2 at t = 0 s; the equations"):
+    with pytest.raises(
+        StartError, match=r"^gap is 1 m \(between a and b\), but it cannot be below 2 at t = 0 s; the equations"
+    ):
         SYSTEM.simulate(2.0, samples=5, parameters={"shift": 1.0})
 
 
