@@ -207,10 +207,10 @@ def step(level: Any = 0.0, at: float = 0.5) -> Any:
         (lambda s: gl.Piecewise((s.a * (T - 0.5), T < 0.5), (2.0 * (T - 0.5), True)), None),
         (lambda s: gl.Piecewise((s.a * (T - 0.5) ** 2, T < 0.5), (s.b * (T - 0.5) ** 2, True)), None),
         # only values on the own side count, where each piece is small
-        (lambda s: gl.Piecewise((gl.exp(60 * (T - 0.5)), 0.5 > T), (1.5, True)), "has a jump at t = 0.5 s"),
-        (lambda s: gl.Piecewise((1.5, 0.5 > T), (gl.exp(60 * (0.5 - T)), True)), "has a jump at t = 0.5 s"),
-        (lambda s: gl.Piecewise((gl.exp(-600 * T), 0.5 > T), (0.5, True)), "has a jump at t = 0.5 s"),
-        (lambda s: gl.Piecewise((0.5, 0.5 > T), (gl.exp(600 * (T - 1)), True)), "has a jump at t = 0.5 s"),
+        (lambda s: gl.Piecewise((gl.exp(60 * (T - 0.5)), T < 0.5), (1.5, True)), "has a jump at t = 0.5 s"),
+        (lambda s: gl.Piecewise((1.5, T < 0.5), (gl.exp(60 * (0.5 - T)), True)), "has a jump at t = 0.5 s"),
+        (lambda s: gl.Piecewise((gl.exp(-600 * T), T < 0.5), (0.5, True)), "has a jump at t = 0.5 s"),
+        (lambda s: gl.Piecewise((0.5, T < 0.5), (gl.exp(600 * (T - 1)), True)), "has a jump at t = 0.5 s"),
         (lambda s: step(1.0, 1.5), None),  # after the end
         (lambda s: step(1.0, -0.5), None),  # before the start
         (lambda s: step(0.0, 0.25) + step(1.0, 0.75), "has a jump at t = 0.75 s"),
