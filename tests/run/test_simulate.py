@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import pickle
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
@@ -251,3 +253,20 @@ def test_a_result_repeats_its_run_with_the_same_steps() -> None:
     assert again.request.max_step == own.request.max_step == pytest.approx(0.02)  # type: ignore[attr-defined]
     repeated = replace(own.request, times=own.time)  # type: ignore[attr-defined]
     assert repeated.max_step == own.request.max_step  # type: ignore[attr-defined]
+
+
+def test_the_label_of_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The model, and the interval from the start of the run, which may be no sample."""
+    labels: list[str] = []
+
+    @contextmanager
+    def noted(progress: Any, label: str) -> Iterator[None]:
+        labels.append(label)
+        yield None
+
+    monkeypatch.setattr("gearlib.run.simulate.reporting", noted)
+    inputs = {"one.tau": 1.0, "two.tau": 0.0}
+    system().simulate(2.0, t_start=0.5, times=[1.0, 1.5, 2.0], inputs=inputs, progress=True)
+    assert labels == ["Bodies, 0.5 .. 2 s"]
+    system().simulate(2.0, samples=3, inputs=inputs, progress=False)
+    assert len(labels) == 1

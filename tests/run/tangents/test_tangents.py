@@ -124,3 +124,18 @@ def test_tangents_through_what_is_kept(method: str) -> None:
     assert result.sensitivity("y", "start(x)") == pytest.approx(middle, abs=1e-8)
     assert result.sensitivity("der(y)", "k") == pytest.approx(1.0 * (t >= 1) + 3.0 * (t >= 2), abs=1e-8)
     assert result.sensitivity("x", "k") == pytest.approx(t, abs=1e-8)
+
+
+def test_tangents_without_states() -> None:
+    """y = k (1 + n), where n counts the instants 0.5 and 1 s."""
+
+    class Counted(gl.Component):
+        k = gl.Parameter("any", default=2.0)
+        y, n = gl.Variable("any"), gl.Discrete()
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(self.y, self.k * (1 + self.n)), gl.When(gl.sample(0.5, 0.5), gl.Eq(self.n, gl.pre(self.n) + 1))]
+
+    result = gl.compile(Counted()).simulate(1.2, times=[0.0, 0.4, 0.7, 1.2], sensitivities=["k"])
+    assert result["y"].tolist() == [2.0, 2.0, 4.0, 6.0]
+    assert result.sensitivity("y", "k").tolist() == [1.0, 1.0, 2.0, 3.0]
