@@ -49,10 +49,10 @@ def walk(root: Component, anew: bool = True) -> Tree:
         if len(met) > known:
             first_of_kind.append((component, record))
         number_ = _add_instance(tree, component, record, path)
-        if interior.parts_of(component):
+        if parts := interior.parts_of(component):
             prefix = f"{path}." if path else ""
-            stack += [(part, prefix + name) for name, part in reversed(interior.parts_of(component).items())]
-        if connections or not record.local:
+            stack += [(part, prefix + name) for name, part in reversed(parts.items())]
+        if connections or parts or not record.local:  # a part may join signals by itself
             composites.append((component, number_, connections))
     for component, number_, connections in composites:
         _add_links(tree, component, number_, connections)

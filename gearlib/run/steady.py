@@ -325,7 +325,10 @@ def _found(search: Search) -> End:
 
 def continued(search: Search, x: Floats, stable: bool) -> End:
     """Pseudo-transient continuation; ``stable`` steps follow a diverging motion and do not turn back."""
-    f, gradient = search.rates(x)
+    try:
+        f, gradient = search.rates(x)
+    except SolverError:  # at the start values themselves
+        return End(x, False)
     fastest = max(search.largest(gradient), float(np.abs(search.stationary.T @ f).max(initial=0.0)), NEVER)
     step, stalled, jumps = 0.1 / fastest, 0, 0
     for _ in range(MOST_STEPS):

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 import sympy
 
-from gearlib.errors import NameLookupError
+from gearlib.errors import NameLookupError, SolverError
 from gearlib.flatten.energies import NOTHING, Audited, Formula, Term
-from gearlib.run.energy.audit import ENDS, GAUSS, KRONROD, NODES, balance
+from gearlib.run.energy.audit import ENDS, GAUSS, KRONROD, NODES, balance, explained
+from gearlib.run.energy.energy_balance import EnergyBalance
 
 T = np.linspace(0.0, 2.0, 5)
 
@@ -181,3 +182,55 @@ def test_exchange_at_the_speed_of_the_tolerance() -> None:
     assert found.unresolved == pytest.approx(3e-3)
     assert found.throughput == 0.0
     assert found.scale == pytest.approx(3e-3)
+
+
+def residual(size: float, scale: float = 1.0, quadrature: float = 0.0, rtol: float = 1e-6, **more: Any) -> EnergyBalance:
+    """A balance of which only the residual of the whole is known, and the energy that was exchanged."""
+    known: dict[str, Any] = {kind: {} for kind in ("work", "stored", "heat", "jumps", "unaccounted", "residuals")}
+    found = {"time": np.array([0.0, 1.0]), "returned": np.zeros(2), "unknown": (), "residual": np.array([0.0, size])}
+    return EnergyBalance(**{**known, **found, "throughput": scale, "quadrature": quadrature, "rtol": rtol, **more})
+
+
+@pytest.mark.parametrize(
+    ("size", "quadrature", "at_once"),
+    [(0.99e-4, 0.0, True), (1.01e-4, 0.0, False), (1.009e-2, 1e-3, True), (1.011e-2, 1e-3, False), (0.0, 0.0, True)],
+)
+@pytest.mark.parametrize(("exchanged", "at_rest"), [(1.0, 0.0), (100.0, 0.0), (0.25, 0.75)])
+def test_a_residual_that_the_tolerance_explains_at_once(
+    size: float, quadrature: float, at_once: bool, exchanged: float, at_rest: float
+) -> None:
+    """A hundred tolerances, and ten errors of the quadrature, of what was exchanged; without a second run."""
+    asked: list[float] = []
+    scale = exchanged + at_rest
+    found = residual(size * scale, exchanged, quadrature * scale, unresolved=at_rest)
+
+    def tighter(rtol: float) -> EnergyBalance:
+        asked.append(rtol)
+        return found
+
+    assert explained(found, tighter) == at_once
+    assert asked == ([] if at_once else [1e-8])
+
+
+@pytest.mark.parametrize(("share", "is_explained"), [(0.099, True), (0.101, False), (1.0, False), (0.0, True)])
+@pytest.mark.parametrize("size", [0.02, 3.0])
+def test_a_residual_that_shrinks_with_the_tolerance(share: float, is_explained: bool, size: float) -> None:
+    """To a tenth; what a tolerance of a tenth of that explains is small enough where more is exchanged."""
+    assert explained(residual(size), lambda rtol: residual(share * size)) == is_explained
+    assert explained(residual(1.0), lambda rtol: residual(9.0, 1e6))
+    assert not explained(residual(1.0), lambda rtol: residual(11.0, 1e6))
+
+
+def test_what_cannot_be_explained_or_told() -> None:
+    """The tolerance of the second run is 1e-12 at least; one that fails explains nothing; an unknown power says nothing."""
+    asked: list[float] = []
+
+    def fails(rtol: float) -> EnergyBalance:
+        asked.append(rtol)
+        raise SolverError("too tight")
+
+    assert not explained(residual(1.0, rtol=1e-11), fails)
+    assert not explained(residual(1.0, rtol=1e-3), fails)
+    assert asked == [1e-12, 1e-5]
+    assert explained(residual(1.0, unknown=("wire",)), fails)
+    assert len(asked) == 2

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import gearlib as gl
-from gearlib.run.methods.closed_form import FEW_CORNERS, exponential, too_many_corners
+from gearlib.run.methods.closed_form import FEW_CORNERS, exponential, exponential_solution, too_many_corners
 from tests.run.methods.test_native_problem import plain, run
 from tests.run.test_linear_form import train
+from tests.trains import Chain
 
 
 def with_corners(corners: int, **more: Any) -> Any:
@@ -72,3 +73,20 @@ def test_a_stepper_is_kept_for_the_same_times_and_tolerance() -> None:
     again = exponential(replace(own, rtol=1e-9))
     assert exponential(replace(own, rtol=1e-9, times=own.times * 2.0)) is not again
     assert exponential(run(plain())) == "the equations are not linear with constant coefficients"
+
+
+@pytest.mark.parametrize("times", [(0.0, 0.6, 0.8, 1.0), (0.0, 1.0)])
+def test_conditions_on_time_hold_at_the_samples(times: Any) -> None:
+    """The pulse of the train ends at 0.7 s; a scene without conditions has no discrete state."""
+    own = run(train(), times=times)
+    stepper = exponential(own)
+    assert not isinstance(stepper, str)
+    found = exponential_solution(own, stepper, "asked for")
+    assert found.stats["why"] == "asked for"
+    assert found.discrete.shape == (len(times), own.scene.n_discrete)
+    assert sorted(map(tuple, found.discrete.T.tolist())) == [tuple(float(t < 0.7) for t in times)]
+    whole = gl.compile(Chain()).translation
+    still = run(whole)
+    steps = exponential(still)
+    assert not isinstance(steps, str)
+    assert exponential_solution(still, steps, "asked for").discrete.shape == (2, 0)

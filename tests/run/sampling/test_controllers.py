@@ -90,6 +90,20 @@ def test_inputs_that_controllers_and_delays_set() -> None:
     assert controllers_of(made(gp.Inertia(J=1.0)), (), ()) == read_by_controllers(made(gp.Inertia(J=1.0))) == ()
 
 
+def test_a_controller_is_joined_to_its_signals_in_a_model_without_connections() -> None:
+    """der(y) is -2 y at the last instant: 1, 1/2, 1/4."""
+
+    class Alone(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.store = gp.blocks.Integrator(start={"y": 1.0})
+            self.law = gl.Sampled(lambda t, y: -2.0 * y[0], 0.25, inputs=[self.store.y], outputs=[self.store.u])
+            return []
+
+    system = gl.compile(Alone(), outputs=["store.y"])
+    assert system.translation.open_inputs == ()
+    assert system.simulate(0.5, samples=3)["store.y"] == pytest.approx([1.0, 0.5, 0.25])
+
+
 def test_a_delay_by_itself_is_the_whole_model() -> None:
     """Its history is kept as that of a part; and it is refused by the name of its class."""
     system = gl.compile(gp.blocks.FixedDelay(delay_time=0.25), outputs=["y"])

@@ -57,8 +57,10 @@ def test_the_whole_history_from_a_time_on() -> None:
 
 
 @pytest.mark.parametrize(
-    ("step", "turn", "bends"), [(0.0, 0.0, 0), (1e-9, 0.0, 0), (1e-6, 0.0, 1), (0.0, 1e-4, 0), (0.0, 0.1, 1), (-1e-6, 0.0, 1)]
-)
+    ("step", "turn", "bends"),
+    [(0.0, 0.0, 0), (1e-9, 0.0, 0), (1e-6, 0.0, 1), (0.0, 1e-4, 0), (0.0, 0.1, 1), (-1e-6, 0.0, 1),
+     (0.9e-8, 0.0, 0), (1.1e-8, 0.0, 1), (0.0, 1.99e-3, 0), (0.0, 2.01e-3, 1), (0.0, -1.99e-3, 0), (0.0, -2.01e-3, 1)],
+)  # fmt: skip
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_jumps_and_kinks_are_seen_relative_to_the_signal(step: float, turn: float, bends: int, size: float) -> None:
     """A jump by more than 1e-8 of the largest value, or a change of the slope by more than 1e-3 of it over the table."""

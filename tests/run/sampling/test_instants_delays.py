@@ -1,0 +1,110 @@
+"""Runs with delays, and what goes on from them: starts that follow from themselves, histories that are carried on, and jumps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ArgumentError, StartError
+
+B = gp.blocks
+
+
+class Loop(gl.Component):
+    """What is late is k times itself and 3: y = k y(t - delay) + 3; and an integral of it."""
+
+    k = gl.Parameter("1", default=0.5)
+    T = gl.Parameter("s", "delay", default=0.5)
+    shift = gl.Parameter("1", default=3.0)
+
+    def assemble(self) -> list[Any]:
+        self.late, self.gain = B.FixedDelay(delay_time=self.T), B.Gain(k=self.k)
+        self.sum, self.store = B.Add(u2=self.shift), B.Integrator(start={"y": 0.0})
+        return [
+            gl.connect(self.late.y, self.gain.u), gl.connect(self.gain.y, self.sum.u1), gl.connect(self.sum.y, self.late.u),
+            gl.connect(self.sum.y, self.store.u),
+        ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def loop() -> gl.System:
+    return gl.compile(Loop())
+
+
+@pytest.mark.parametrize("k", [0.5, -0.5, 0.6, 0.0])
+def test_a_start_that_follows_from_itself_settles(loop: gl.System, k: float) -> None:
+    """The delay gives at first what it takes: y = k y + 3, which stays so."""
+    found = loop.simulate(1.25, samples=6, parameters={"k": k}, method="rk")
+    assert found["late.y"] == pytest.approx(np.full(6, 3.0 / (1.0 - k)), rel=1e-9)
+    assert found["store.y"] == pytest.approx(3.0 / (1.0 - k) * found.time, rel=1e-6)
+
+
+@pytest.mark.parametrize("k", [-1.0, 0.65, 1.0, 2.0])
+def test_a_start_that_does_not_settle_is_refused(loop: gl.System, k: float) -> None:
+    """In sixty passes."""
+    with pytest.raises(
+        StartError, match=r"^the signal of late at the start follows from itself: the delay gives at first what it"
+    ):
+        loop.simulate(1.0, samples=3, parameters={"k": k})
+
+
+def echoes(t: Any, k: float, T: float, jumps: dict[float, float]) -> Any:
+    """y after the constant 3 / (1 - k), with the shift set to other values at some times."""
+
+    def at(t: float) -> float:
+        if t < 0.0:
+            return 3.0 / (1.0 - k)
+        shift = [3.0, *(value for time, value in jumps.items() if time <= t + 1e-12)][-1]
+        return k * at(t - T + 1e-13) + shift
+
+    return np.array([at(x) for x in t])
+
+
+def test_a_run_that_goes_on_with_another_shift(loop: gl.System) -> None:
+    """The history is that of the run before it; each delay later a jump comes back."""
+    first = loop.simulate(1.0, samples=3, method="rk")
+    t = np.array([1.0, 1.2, 1.4, 1.6, 1.9, 2.1, 2.4, 2.75])
+    second = loop.simulate(2.75, times=t, start=first, parameters={"shift": 4.0}, method="rk")
+    assert second["sum.y"] == pytest.approx(echoes(t, 0.5, 0.5, {1.0: 4.0}), rel=1e-6)
+    third = loop.simulate(3.4, times=[2.76, 3.1, 3.3], start=second, parameters={"shift": 3.5}, method="rk")
+    assert third["sum.y"] == pytest.approx(echoes([2.76, 3.1, 3.3], 0.5, 0.5, {1.0: 4.0, 2.75: 3.5}), rel=1e-6)
+    integral = 6.0 * 1.0 + 7.0 * 0.5 + 7.5 * 0.5 + 7.75 * 0.5 + 7.875 * 0.25
+    assert second["store.y"][-1] == pytest.approx(integral, rel=1e-6)
+    assert second.stats["pieces"] == 4
+    assert second.stats["why"].endswith("; cut at the instants of late")
+
+
+def test_a_longer_delay_needs_the_signal_of_a_run_that_began(loop: gl.System) -> None:
+    """It was constant before; a run that itself went on has forgotten what was before its delay."""
+    first = loop.simulate(1.0, samples=3, method="rk")
+    second = loop.simulate(2.0, times=[1.1, 1.6, 1.9], start=first, parameters={"shift": 4.0, "T": 0.75}, method="rk")
+    assert second["sum.y"] == pytest.approx([7.0, 7.0, 7.5], rel=1e-6)
+    short = loop.simulate(2.6, times=[2.1, 2.2, 2.4, 2.6], start=second, parameters={"T": 0.25}, method="rk")
+    assert short["sum.y"] == pytest.approx([7.75, 7.75, 7.875, 7.9375], rel=1e-6)
+    said = r"^the delay of late becomes 0\.8 s, and the run that goes on, itself one that went on, has kept its signal for 0\.75 s;"
+    with pytest.raises(ArgumentError, match=said):
+        loop.simulate(3.0, start=second, parameters={"T": 0.8})
+
+
+def test_two_delays_of_one_signal() -> None:
+    """A ramp of 2 t, whose both copies come later, each by its own time."""
+
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.ramp = B.Integrator(u=2.0, start={"y": 0.0})
+            self.one, self.other = B.FixedDelay(delay_time=0.3), B.FixedDelay(delay_time=0.7)
+            return [gl.connect(self.ramp.y, self.one.u), gl.connect(self.ramp.y, self.other.u)]
+
+    t = np.array([0.0, 0.2, 0.3, 0.6, 0.8, 1.5])
+    found = gl.compile(Two()).simulate(1.5, times=t, method="rk")
+    assert found["one.y"] == pytest.approx(2.0 * np.maximum(t - 0.3, 0.0), abs=1e-9)
+    assert found["other.y"] == pytest.approx(2.0 * np.maximum(t - 0.7, 0.0), abs=1e-9)
+    assert found.stats["pieces"] == 5
+    with pytest.raises(
+        ArgumentError, match=r"^method='exact' does not know the history of one; use method='auto', 'rk' or 'ida'$"
+    ):
+        gl.compile(Two()).simulate(1.5, method="exact")
