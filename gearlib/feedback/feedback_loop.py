@@ -150,8 +150,7 @@ class Loop:
         distances = np.geomspace(BESIDE, 0.5, 40)
         marks = []
         for w in (*self.open_poles.on_axis, *self.closed_poles.on_axis):
-            if w > 0:
-                marks += [w * (1 - distances), w * (1 + distances)]
+            marks += [w * (1 - distances), w * (1 + distances)]
         return [m[(m > start) & (m < end)] for m in marks]
 
 

@@ -122,6 +122,13 @@ def test_a_loop_is_chosen_by_names_or_numbers(chosen: Any) -> None:
     assert (loop.b.tolist(), loop.c.tolist(), loop.d) == ([-4.0], [4.0], -6.0)
 
 
+def test_the_gain_of_a_loop_is_said_with_the_unit_that_makes_it_a_number(paper: gl.System) -> None:
+    """But for signals of the same unit, and for models that have no units."""
+    assert as_loop(paper, ("tau_in", "w_out"), gain=2.5).gain == "2.5 N·m per rad/s"
+    assert as_loop(paper, ("tau_in", "train.x_unit.ring.tau"), gain=2.5).gain == "2.5"
+    assert as_loop(two(), ("a", "x"), gain=2.5).gain == ""
+
+
 @pytest.mark.parametrize(
     ("chosen", "kind", "message"),
     [

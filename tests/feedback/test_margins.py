@@ -11,8 +11,8 @@ import pytest
 import gearlib as gl
 from gearlib.feedback.feedback_loop import Loop, as_loop
 from gearlib.feedback.gain_range import gains_in_words, stable_gains
-from gearlib.feedback.margins import GainCrossing, Margins, PhaseCrossing, margins
-from gearlib.feedback.stability_sensitivity import stability_sensitivity
+from gearlib.feedback.margins import GainCrossing, Margins, PhaseCrossing, _least, _roots, margins
+from gearlib.feedback.stability_sensitivity import _margins, stability_sensitivity
 from gearlib.linear.linear_model import Matrices
 from gearlib.linear.poles import poles
 
@@ -280,3 +280,49 @@ def test_gains_of_a_loop_without_damping(a: float, b: float, v: float, w: float)
     borders = [g for ends in report.stable_gains for g in ends if 0 < g < np.inf]
     assert borders == pytest.approx(expected, rel=1e-6)
     assert found.gain_margin == (pytest.approx(min(expected, key=lambda g: abs(np.log(g))), rel=1e-6) if expected else np.inf)
+
+
+def test_between_two_modes_of_opposite_sign_the_curve_turns_back() -> None:
+    """``1 / (1 - x) - 1 / (4 - x)`` over x = w^2 is largest between the poles, -4/3 at x = 2.5, and nowhere else negative."""
+    numerator, denominator = np.array([3.0]), [1, 0, 5, 0, 4]
+    (crossing,) = margins(as_loop(control.tf(numerator, denominator))).phase_crossings
+    assert (crossing.omega, crossing.gain_margin) == (pytest.approx(np.sqrt(2.5), rel=1e-6), pytest.approx(0.75, rel=1e-12))
+    (start,) = margins(as_loop(control.tf(-numerator, denominator))).phase_crossings  # from -3/4 down to the first pole
+    assert (start.omega, start.gain_margin) == (0.0, pytest.approx(4 / 3))
+
+
+def test_the_least_value_between_two_frequencies() -> None:
+    for w in (1e-6, 2.0, 1e9):
+        value, at = _least(lambda x, w=w: (x / w - 1) ** 2 + 3.0, (0.4 * w, 3 * w))
+        assert (value, at) == (pytest.approx(3.0), pytest.approx(w, rel=1e-7))
+
+
+def test_roots_are_sign_changes_but_no_jumps() -> None:
+    """Samples that are zero are roots; a function that rounds otherwise at a point has its root at the nearer end."""
+    grid = np.array([1.0, 1.5, 2.0, 3.0, 4.0])
+
+    def values(f: Any) -> list[float]:
+        with np.errstate(divide="ignore"):
+            return _roots(grid, np.array([f(x) for x in grid]), f)
+
+    assert values(lambda x: (x - np.sqrt(2.0)) * (x - 3.5)) == pytest.approx([np.sqrt(2.0), 3.5], rel=1e-14)
+    assert values(lambda x: (x - 2.0) * (x - 3.5)) == [2.0, pytest.approx(3.5)]
+    assert values(lambda x: 1.0 + x) == []
+    assert values(lambda x: 1.0 / np.float64(x - 1.25)) == []  # a pole, which halving meets
+    assert values(lambda x: 1.0 / np.float64(x - 2.0)) == []
+    assert _roots(np.array([1.0, 2.0]), np.array([-1e-20, 1.0]), lambda x: 1e-20 if x < 1.5 else 1.0) == [1.0]
+    assert _roots(np.array([1.0, 2.0]), np.array([-1.0, 1e-20]), lambda x: -1.0 if x < 1.5 else -1e-20) == [2.0]
+
+
+@pytest.mark.parametrize("d", [-3.0, -1.0, -0.2, 0.5])
+def test_how_margins_at_infinite_frequency_move_with_the_feedthrough(d: float) -> None:
+    """The gain margin is -1 / d; the distance from the point is the size of 1 + d, which has no derivative at -1."""
+    parts = np.array([[-1.0]]), np.array([[1.0]]), np.array([[0.5]]), np.array([[d]])
+    loop = Loop(parts[0], parts[1][:, 0], parts[2][0], d, "u", "y")
+    zero = np.zeros((1, 1))
+    change = Matrices(zero, zero, zero, np.array([[2.0]]))
+    own = Margins((PhaseCrossing(INFINITE, -1 / d),) if d < 0 else (), (), abs(1 + d), INFINITE, False)
+    gain, phase, delay, modulus = _margins(Matrices(*parts), change, loop, own)
+    assert gain == pytest.approx(2.0 / d**2 if d < 0 else np.nan, nan_ok=True)
+    assert np.isnan([phase, delay]).all()
+    assert modulus == pytest.approx(2.0 * np.sign(1 + d) if d != -1 else np.nan, nan_ok=True)
