@@ -21,6 +21,7 @@ from scipy.interpolate import CubicSpline
 
 import gearlib as gl
 from gearlib.errors import ArgumentError, BoundError, FileError, GearlibError, GearlibWarning, WorkerError
+from gearlib.many_runs import execution
 from gearlib.many_runs.execution import execute
 from gearlib.many_runs.identity import of_function, of_functions, of_model, of_values
 from gearlib.many_runs.runs import Runs
@@ -140,6 +141,36 @@ def test_tasks_hold_an_eighth_of_the_runs_at_most() -> None:
     assert sum(executor.sizes) in (97, 98)
     assert executor.sizes[0] == 13
     assert len(executor.sizes) == 8
+
+
+@pytest.mark.parametrize(
+    ("first", "each", "here", "size"),
+    [
+        (0.001, 0.001, 1, 13),  # an eighth
+        (0.009, 0.009, 1, 13),
+        (0.03, 0.03, 2, 9),  # a quarter of a second
+        (5.0, 0.06, 2, 5),  # the first one compiles
+        (5.0, 1e-9, 2, 13),
+        (1.0, 1.0, 2, 1),
+    ],
+)
+def test_tasks_last_a_quarter_of_a_second(
+    monkeypatch: pytest.MonkeyPatch, first: float, each: float, here: int, size: int
+) -> None:
+    """By the time of one run, or of the second one where the first was slow."""
+    now = [0.0]
+
+    class Slow(Doubling):
+        def row(self, given: Any) -> Row:
+            now[0] += each if self.asked else first
+            return super().row(given)
+
+    monkeypatch.setattr(execution, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+    executor = AtOnce()
+    execute(Slow(), "Model", as_samples({"x": np.arange(100.0)}), executor=executor)
+    assert sum(executor.sizes) == 100 - here
+    assert set(executor.sizes[:-1]) <= {size}
+    assert executor.sizes[0] == min(size, 100 - here)
 
 
 def test_a_file_of_another_sweep_is_refused(tmp_path: Path) -> None:
