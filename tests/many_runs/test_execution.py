@@ -261,6 +261,28 @@ def test_an_executor_or_threads_but_not_both() -> None:
 
 
 @pytest.mark.parametrize(
+    ("executor", "threads", "said"),
+    [
+        (None, 0, "threads is 0; expected a whole number, 1 or more"),
+        (None, 1.5, "threads is 1.5; expected a whole number, 1 or more"),
+        (3, None, "executor is 3; expected a concurrent.futures.Executor, such as ProcessPoolExecutor() or, of dask, "
+         "client.get_executor()"),
+        (AtOnce(), 2, "give an executor or threads, not both"),
+        (AtOnce(), 0, "threads is 0; expected a whole number, 1 or more"),
+        (AtOnce(), None, ""),
+        (None, 1, ""),
+    ],
+)  # fmt: skip
+def test_who_carries_runs_out(executor: Any, threads: Any, said: str) -> None:
+    if not said:
+        execution.check_executor(executor, threads)
+        return
+    with pytest.raises(ArgumentError) as refused:
+        execution.check_executor(executor, threads)
+    assert str(refused.value) == said
+
+
+@pytest.mark.parametrize(
     ("said", "told"),
     [
         ("it slips by {0} at t = {0}e-05 s", ["it slips by 0.0 at t = 0.0e-05 s (in 3 runs)"]),
