@@ -10,7 +10,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import BoundError, GearlibWarning
+from gearlib.errors import BoundError, GearlibWarning, InputWarning
 from gearlib.many_runs import side_by_side
 from tests.many_runs.models import Drive
 
@@ -45,6 +45,15 @@ def test_runs_are_those_of_simulate(drive: gl.System, method: str, torque: Any) 
         )  # fmt: skip
         for name in ("load.w", "shaft.tau"):
             assert close(runs[name][k], single[name])
+
+
+@pytest.mark.parametrize("method", ["exact", "rk5"])
+def test_inputs_that_are_not_given_are_zero(drive: gl.System, method: str) -> None:
+    with pytest.warns(InputWarning, match="0 in all runs of this sweep"):
+        runs = drive.sweep({"J": J}, 1.0, samples=5, method=method)
+    zero = drive.sweep({"J": J}, 1.0, samples=5, method=method, inputs={"torque.tau": 0.0})
+    assert runs["load.w"].tobytes() == zero["load.w"].tobytes()
+    assert (np.diff(runs["load.w"][:, [0, -1]], axis=1) < 0).all()  # the brake slows the load
 
 
 @pytest.mark.parametrize("times", [[0.02], [0.0, 0.001, 0.0013, 0.05], np.linspace(0.0, 0.05, 300)])

@@ -8,8 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+import gearlib as gl
 from gearlib.errors import ArgumentError, SolverError
-from gearlib.periodic.first_motion import _check_periodic, _refuse_undetermined, _solved
+from gearlib.periodic import first_motion
+from gearlib.periodic.first_motion import Forced, _check_periodic, _refuse_undetermined, _solved
+from tests.periodic.test_first_motion import forced, response
+from tests.periodic.test_fourier_balance import Turning
 
 
 @pytest.mark.parametrize(
@@ -117,3 +121,70 @@ def test_states_are_compared_in_their_nominal_values() -> None:
         balance.driven(3.0).scene.nominal = np.array(nominal)
         with pytest.raises(SolverError, match=f"the mean of {name} is undetermined"):
             _refuse_undetermined(balance, np.zeros(2), 3.0)
+
+
+def test_a_run_is_made_only_where_newtons_method_finds_no_motion_from_the_start_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And where no phase turns; of a run, the last motion is that of the response."""
+    made: list[float] = []
+    settled, solved = Forced._settled, first_motion._solved
+
+    def watched(*given: Any) -> Any:
+        made.append(given[2])
+        return settled(*given)
+
+    monkeypatch.setattr(Forced, "_settled", watched)
+    task = forced(F=lambda phase, w: np.cos(phase))
+    scene = task.scene(["x"])
+    plain = task.first(scene, 0.7, 16, None)
+    assert made == []
+    calls: list[Any] = []
+
+    def fails_first(*given: Any) -> Any:
+        calls.append(given[1].copy())
+        return None if len(calls) == 1 else solved(*given)
+
+    monkeypatch.setattr(first_motion, "_solved", fails_first)
+    found = task.first(scene, 0.7, 16, None)
+    assert made == [0.7]
+    begun, c = found.balance.coefficients(found.z), plain.balance.coefficients(plain.z)
+    assert begun == pytest.approx(c, abs=1e-9)
+    x = scene.state_names.index("x")
+    after = (calls[1].reshape(5, -1) * np.maximum(scene.nominal, 1e-300))[:, x]  # where Newton's method begins after the run
+    assert after[1:3] == pytest.approx([response(0.7).real, -response(0.7).imag], rel=1e-4)
+    assert np.abs(after[[0, 3, 4]]).max() < 1e-3
+    monkeypatch.setattr(first_motion, "_solved", lambda *given: None)
+    turning = Forced(gl.compile(Turning()).translation, None, {}, {}, 2, {"p": 1.0})
+    with pytest.raises(SolverError, match="no periodic motion was found at 2 rad/s"):
+        turning.first(turning.scene(["v"]), 2.0, 16, None)
+    assert made == [0.7]
+
+
+class Aside(gl.Component):
+    """A forced oscillator in small units, beside it something that is at rest, and something that follows it at a distance."""
+
+    F = gl.Input("1")
+    x, v = gl.Variable("1", nominal=1e-3), gl.Variable("1", nominal=1e-2)
+    z = gl.Variable("1", nominal=1e-4)
+    y = gl.Variable("1", nominal=1e5)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), self.F - 0.1 * self.v - self.x),
+            gl.Eq(gl.der(self.z), -self.z),
+            gl.Eq(gl.der(self.y), 1e-3 * self.x - self.y),
+        ]
+
+
+@pytest.mark.parametrize("size", [1e-5, 1.0, 1e5])
+def test_states_are_scaled_by_their_vibration_or_as_others_are_in_nominal_values(size: float) -> None:
+    task = Forced(gl.compile(Aside()).translation, None, {}, {"F": lambda phase, w: size * np.cos(phase)}, 2, {})
+    scene = task.scene(["x", "z", "y"])
+    found = task.first(scene, 0.7, 16, None)
+    spread = np.abs(found.balance.coefficients(found.z)[1:]).max(axis=0)
+    scale = dict(zip(scene.state_names, found.balance.scale.tolist(), strict=True))
+    own = dict(zip(scene.state_names, spread.tolist(), strict=True))
+    wave = size / (1 - 0.49 + 0.07j)
+    assert own["x"] == pytest.approx(max(abs(wave.real), abs(wave.imag)))
+    assert [scale[n] for n in "xvy"] == pytest.approx([own[n] for n in "xvy"], rel=1e-9)
+    assert scale["z"] == pytest.approx(1e-4 * max(own["x"] / 1e-3, own["v"] / 1e-2, own["y"] / 1e5))
