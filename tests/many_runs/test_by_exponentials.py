@@ -33,7 +33,14 @@ def close(found: Any, wanted: Any, digits: float = 1e-11) -> bool:
 
 
 @pytest.mark.parametrize("method", ["auto", "exact"])
-@pytest.mark.parametrize("torque", [3.0, gl.Table([0.0, 0.31, 0.4, 1.0], [0.0, 4.0, -2.0, 1.0])])
+@pytest.mark.parametrize(
+    "torque",
+    [
+        3.0,
+        gl.Table([0.0, 0.31, 0.4, 1.0], [0.0, 4.0, -2.0, 1.0]),
+        gl.Table([0.0, 0.05, 0.2], [0.0, 5.0, 0.0], outside="periodic"),
+    ],
+)
 def test_runs_are_those_of_simulate(drive: gl.System, method: str, torque: Any) -> None:
     varied = {"J": J, "shaft.c": 100.0 * J[::-1], "start(load.w)": -J}
     runs = drive.sweep(varied, 1.0, samples=21, method=method, inputs={"torque.tau": torque})

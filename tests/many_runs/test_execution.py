@@ -227,6 +227,22 @@ def test_progress_ends_with_the_part_that_was_done() -> None:
     assert told[-1][0] == 0.25
 
 
+def test_progress_is_told_when_it_is_due() -> None:
+    """By the runs that are done, those of an earlier sweep as well."""
+    told: list[float] = []
+    gathering: Any = SimpleNamespace(before=3, samples=range(8))
+    running = execution._Execution(gathering, lambda part, seconds: told.append(part))
+    due = iter([False, True, False, True])
+    running._ticker = SimpleNamespace(due=lambda: next(due))  # type: ignore[assignment]
+    for count in (1, 2, 0, 2):
+        running.received(count)
+    assert told == [6 / 8, 1.0]
+    silent = execution._Execution(gathering, None)
+    silent.received(2)
+    silent.report()
+    assert silent._received == 5
+
+
 def test_more_than_the_memory_holds_is_refused_before_it_is_allocated() -> None:
     machine = f"{physical_memory() / 1e9:.3g}"
     with pytest.raises(
