@@ -54,6 +54,17 @@ def test_runs_are_those_of_simulate(drive: gl.System, method: str, torque: Any) 
             assert close(runs[name][k], single[name])
 
 
+@pytest.mark.parametrize("start", [{"load.w": 3.0}, "steady"])
+@pytest.mark.parametrize("method", ["exact", "rk5"])
+def test_runs_begin_where_all_are_told_to(drive: gl.System, method: str, start: Any) -> None:
+    options: dict[str, Any] = {"samples": 5, "method": method, "start": start, "inputs": {"torque.tau": 3.0}}
+    runs = drive.sweep({"J": J, "brake.d": 0.1 * J}, 1.0, **options)
+    for k in (0, 10):
+        single = drive.simulate(1.0, parameters={"J": J[k], "brake.d": 0.1 * J[k]}, **options)
+        assert runs["load.w"][k] == pytest.approx(single["load.w"], rel=1e-5)
+        assert runs["load.w"][k][0] == pytest.approx(3.0 if start != "steady" else 30.0 / J[k], rel=1e-9)
+
+
 @pytest.mark.parametrize("method", ["exact", "rk5"])
 def test_inputs_that_are_not_given_are_zero(drive: gl.System, method: str) -> None:
     with pytest.warns(InputWarning, match="0 in all runs of this sweep"):

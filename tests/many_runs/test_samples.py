@@ -273,6 +273,8 @@ def test_each_run_follows_its_nearest_neighbour_in_parts_of_the_ranges() -> None
     pairs = nearest_first(samples, np.array([0, 1, 3]))
     assert pairs == [(0, -1), (3, 0), (1, 3)]
     assert nearest_first(samples, np.array([], int)) == []
+    square = as_samples(gl.grid(a=[0.0, 1.0], b=[0.0, 1.0]))
+    assert nearest_first(square, np.arange(4)) == [(0, -1), (1, 0), (2, 0), (3, 1)]  # of two as near the earlier one
     rng = np.random.default_rng(2)
     cloud = as_samples({"a": rng.uniform(size=30), "b": 1e9 * rng.uniform(size=30)})
     found = nearest_first(cloud, np.arange(30))

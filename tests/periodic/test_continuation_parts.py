@@ -123,13 +123,20 @@ def test_no_point_is_sought_at_a_frequency_that_is_not_positive() -> None:
 
 
 def test_the_last_point_lies_at_the_border() -> None:
-    task = _Continuation(circle, -0.8, 0.0, 0)
-    point, beyond = at(-0.8, 0.25), at(-np.sqrt(0.96), 1.25)
+    """On a circle, whatever the other unknowns are."""
+
+    def beside(z: Floats, w: float) -> tuple[Floats, Floats, Floats]:
+        rest, by_z, by_w = circle(z[:1], w)
+        return np.append(rest, z[1] - 1.25), np.array([[by_z[0, 0], 0.0], [0.0, 1.0]]), np.append(by_w, 0.0)
+
+    task = _Continuation(beside, -0.8, 0.0, 0)
+    point, beyond = at(-0.8, 1.25, 0.25), at(-np.sqrt(0.96), 1.25, 1.25)
     for border in (0.5, 1.0):
         found = task.at_border(point, beyond, border)
         assert found is not None
         assert found.y[-1] == border
-        assert found.y[0] == pytest.approx(-np.sqrt(1 - (0.8 * (1 - border)) ** 2), rel=1e-12)
+        assert found.y[:2] == pytest.approx([-np.sqrt(1 - (0.8 * (1 - border)) ** 2), 1.25], rel=1e-12)
+        assert found.iterations <= 4
 
 
 @pytest.mark.parametrize("kind", ["even", "uneven"])
