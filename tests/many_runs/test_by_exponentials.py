@@ -66,6 +66,15 @@ def test_runs_begin_where_all_are_told_to(drive: gl.System, method: str, start: 
 
 
 @pytest.mark.parametrize("method", ["exact", "rk5"])
+def test_start_values_alone_may_vary(drive: gl.System, method: str) -> None:
+    options: dict[str, Any] = {"samples": 5, "method": method, "inputs": {"torque.tau": 3.0}}
+    runs = drive.sweep({"start(load.w)": J}, 1.0, **options)
+    assert runs["load.w"][:, 0].tolist() == J.tolist()
+    single = drive.simulate(1.0, start={"load.w": J[7]}, **options)
+    assert runs["load.w"][7] == pytest.approx(single["load.w"], rel=1e-5)
+
+
+@pytest.mark.parametrize("method", ["exact", "rk5"])
 def test_inputs_that_are_not_given_are_zero(drive: gl.System, method: str) -> None:
     with pytest.warns(InputWarning, match="0 in all runs of this sweep"):
         runs = drive.sweep({"J": J}, 1.0, samples=5, method=method)

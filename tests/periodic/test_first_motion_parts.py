@@ -132,6 +132,9 @@ def test_a_run_is_made_only_where_newtons_method_finds_no_motion_from_the_start_
         made.append(given[2])
         return settled(*given)
 
+    asked: list[Any] = []
+    run = first_motion.run
+    monkeypatch.setattr(first_motion, "run", lambda translation, request: asked.append(request) or run(translation, request))
     monkeypatch.setattr(Forced, "_settled", watched)
     task = forced(F=lambda phase, w: np.cos(phase))
     scene = task.scene(["x"])
@@ -146,6 +149,7 @@ def test_a_run_is_made_only_where_newtons_method_finds_no_motion_from_the_start_
     monkeypatch.setattr(first_motion, "_solved", fails_first)
     found = task.first(scene, 0.7, 16, None)
     assert made == [0.7]
+    assert asked[0].times == pytest.approx(np.append(0.0, (100 + np.arange(16) / 16) * 2 * np.pi / 0.7), rel=1e-12)
     begun, c = found.balance.coefficients(found.z), plain.balance.coefficients(plain.z)
     assert begun == pytest.approx(c, abs=1e-9)
     x = scene.state_names.index("x")

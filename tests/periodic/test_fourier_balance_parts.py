@@ -150,6 +150,33 @@ def test_a_train_that_is_held_has_no_rigid_motion() -> None:
     assert found.means.tolist().count(2.0) == 2
 
 
+class Integrals(gl.Component):
+    """An oscillator, the integral of its speed, and that of its square, on which nothing depends."""
+
+    F = gl.Input("1")
+    x, v = gl.Variable("1", start=0.5), gl.Variable("1")
+    p, q = gl.Variable("1", start=3.0), gl.Variable("1", start=4.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), self.F - 0.1 * self.v - self.x),
+            gl.Eq(gl.der(self.p), self.v),
+            gl.Eq(gl.der(self.q), self.v**2),
+        ]
+
+
+def test_integrals_on_which_nothing_depends_may_grow() -> None:
+    """Both are free and idle; no combination needs to balance."""
+    task = Forced(gl.compile(Integrals()).translation, None, {}, {"F": lambda phase, w: np.cos(phase)}, 1, {})
+    scene = task.scene(["x", "p", "q"])
+    integral = np.diag([float(name in ("p", "q")) for name in scene.state_names])
+    found = rigid_motions(task.driven(scene)(0.7), np.ones(4), np.ones(4), np.ones(4))
+    assert (found.sums.shape, found.rows.shape, found.kept.shape) == ((4, 0), (0, 4), (4, 0))
+    assert found.free @ found.free.T == pytest.approx(integral, abs=1e-9)
+    assert found.idle @ found.idle.T == pytest.approx(integral, abs=1e-9)
+
+
 def test_directions_in_which_a_train_turns_are_those_that_are_not_given_as_turning() -> None:
     _, at, driven = rigid(0.0)
     none, given = np.empty((4, 0)), np.eye(4)[:, [at["x"]]]
