@@ -123,8 +123,16 @@ def test_states_are_compared_in_their_nominal_values() -> None:
             _refuse_undetermined(balance, np.zeros(2), 3.0)
 
 
-def test_a_run_is_made_only_where_newtons_method_finds_no_motion_from_the_start_values(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And where no phase turns; of a run, the last motion is that of the response."""
+def test_no_run_is_made_where_newtons_method_finds_a_motion_from_the_start_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Any] = []
+    monkeypatch.setattr(Forced, "_settled", lambda *given: made.append(given))
+    task = forced(F=lambda phase, w: np.cos(phase))
+    task.first(task.scene(["x"]), 0.7, 16, None)
+    assert made == []
+
+
+def test_a_run_is_made_where_newtons_method_finds_no_motion_from_the_start_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no phase turns; of a run, the last motion is that of the response."""
     made: list[float] = []
     settled, solved = Forced._settled, first_motion._solved
 

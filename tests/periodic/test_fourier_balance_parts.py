@@ -202,3 +202,36 @@ def test_mean_rates_that_nothing_balances_vanish(off: float) -> None:
         SolverError, match=rf"^there is no periodic motion at 0\.7 rad/s: u changes by {rate[1]:.3g} per second"
     ):
         equations._check(first, mean, 0.7)
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.1])
+def test_free_states_grow_by_their_mean_rate(scale: float) -> None:
+    """The angle of a train that turns at two radians per second while it vibrates; what is held does not grow."""
+    for held, grows in ((0.0, 1.0), (5.0, 0.0)):
+        found, at, driven = rigid(held, lambda at: scale * np.ones(4))
+        equations = HarmonicEquations(lambda omega, driven=driven: driven, 1, 16, scale * np.ones(4), found, True)
+        c = np.zeros((3, 4))
+        c[0, [at["v"], at["u"]]], c[1, at["v"]], c[2, at["u"]] = 2.0, 0.7, -0.4
+        expected = np.zeros(4)
+        expected[at["x"]] = grows * 2.0 / 0.7
+        assert equations.growth(equations.unknowns(c), 0.7) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_combination_that_stays_takes_the_place_of_its_equation() -> None:
+    """``v + 4 u`` at its start, whatever the rates are; the angle at its own."""
+    found, at, driven = rigid(0.0)
+    equations = HarmonicEquations(lambda omega: driven, 1, 16, np.ones(4), found, True)
+    c = np.zeros((3, 4))
+    c[0, at["v"]], c[0, at["u"]], c[0, at["x"]] = 2.5, 2.1, 0.3
+    momentum, angle = np.zeros(4), np.eye(4)[at["x"]]
+    momentum[at["v"]], momentum[at["u"]] = 1.0, 4.0
+    momentum /= np.sqrt(17.0)
+    rest, by_z, by_w = equations.equations(equations.unknowns(c), 0.7)
+    off = c[0] - found.means
+    assert abs(momentum @ rest[:4]) == pytest.approx(abs(momentum @ off))
+    assert abs(angle @ rest[:4]) == pytest.approx(0.3)
+    assert np.abs(momentum @ by_z[:4, :4]) == pytest.approx(np.abs(momentum))
+    assert np.abs(angle @ by_z[:4, :4]) == pytest.approx(angle)
+    for row in (momentum, angle):
+        assert row @ by_z[:4, 4:] == pytest.approx(np.zeros(8), abs=1e-12)
+        assert row @ by_w[:4] == pytest.approx(0.0, abs=1e-9)
