@@ -256,3 +256,25 @@ def test_a_nichols_plot_shows_the_images_of_the_point_that_are_near(
     assert (found, levels) == (points, [0.0] * len(points))
     x, _ = data(ax, "L(jω)")
     assert ax.get_xlim() == pytest.approx((min(*x, *points) - 25, max(*x, *points) + 25))
+
+
+@pytest.mark.parametrize(
+    ("numerator", "denominator"),
+    [
+        ([1.0], [1, 0]),
+        ([-1.0], [1, 1]),
+        ([1.0], [1, 0, 0]),
+        ([1, 0], [1, 1]),
+        ([-1.0], [1, 0, 0]),
+        ([2.0], np.poly([-1.0] * 7)),
+    ],
+)
+def test_phases_are_those_of_the_response_but_for_whole_turns(numerator: Any, denominator: Any) -> None:
+    model = control.tf(numerator, denominator)
+    _, phase = gl.bode_plot(model)
+    f, angle = (np.asarray(part, float) for part in phase.lines[0].get_data())
+    expected = as_loop(model).response(2j * np.pi * f)
+    assert np.exp(1j * np.radians(angle)) == pytest.approx(expected / np.abs(expected), abs=1e-9)
+    assert -270 <= angle[0] <= 90
+    x, _ = data(gl.nichols_plot(model), "L(jω)")
+    assert x == pytest.approx(angle.tolist())

@@ -326,3 +326,9 @@ def test_how_margins_at_infinite_frequency_move_with_the_feedthrough(d: float) -
     assert gain == pytest.approx(2.0 / d**2 if d < 0 else np.nan, nan_ok=True)
     assert np.isnan([phase, delay]).all()
     assert modulus == pytest.approx(2.0 * np.sign(1 + d) if d != -1 else np.nan, nan_ok=True)
+
+
+def test_a_loop_that_sees_nothing_has_no_margin_but_its_distance() -> None:
+    found = margins(Loop(np.diag([-1.0, -3.0]), np.ones(2), np.zeros(2), 0.0, "u", "y"))
+    assert (found.phase_crossings, found.gain_crossings) == ((), ())
+    assert (found.modulus_margin, found.gain_margin, found.phase_margin) == (1.0, INFINITE, INFINITE)
