@@ -11,7 +11,7 @@ import pytest
 import gearlib as gl
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.periodic import first_motion
-from gearlib.periodic.first_motion import Forced, _check_periodic, _refuse_undetermined, _solved
+from gearlib.periodic.first_motion import Forced, _check_periodic, _refuse_undetermined, _rescaled, _solved
 from tests.periodic.test_first_motion import forced, response
 from tests.periodic.test_fourier_balance import Turning
 
@@ -200,3 +200,10 @@ def test_states_are_scaled_by_their_vibration_or_as_others_are_in_nominal_values
     assert own["x"] == pytest.approx(max(abs(wave.real), abs(wave.imag)))
     assert [scale[n] for n in "xvy"] == pytest.approx([own[n] for n in "xvy"], rel=1e-9)
     assert scale["z"] == pytest.approx(1e-4 * max(own["x"] / 1e-3, own["v"] / 1e-2, own["y"] / 1e5))
+
+
+@pytest.mark.parametrize("mean", [0.0, 3.0])
+def test_a_forcing_that_moves_nothing_is_refused(mean: float) -> None:
+    balance: Any = SimpleNamespace(coefficients=lambda z: np.array([[mean, 1.0], [0.0, 0.0], [0.0, 0.0]]))
+    with pytest.raises(SolverError, match=r"^the forcing moves nothing: no state vibrates at the first frequency$"):
+        _rescaled(balance, np.zeros(6), None, np.ones(2))  # type: ignore[arg-type]
