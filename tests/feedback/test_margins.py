@@ -285,10 +285,20 @@ def test_gains_of_a_loop_without_damping(a: float, b: float, v: float, w: float)
 def test_between_two_modes_of_opposite_sign_the_curve_turns_back() -> None:
     """``1 / (1 - x) - 1 / (4 - x)`` over x = w^2 is largest between the poles, -4/3 at x = 2.5, and nowhere else negative."""
     numerator, denominator = np.array([3.0]), [1, 0, 5, 0, 4]
-    (crossing,) = margins(as_loop(control.tf(numerator, denominator))).phase_crossings
-    assert (crossing.omega, crossing.gain_margin) == (pytest.approx(np.sqrt(2.5), rel=1e-6), pytest.approx(0.75, rel=1e-12))
-    (start,) = margins(as_loop(control.tf(-numerator, denominator))).phase_crossings  # from -3/4 down to the first pole
-    assert (start.omega, start.gain_margin) == (0.0, pytest.approx(4 / 3))
+    found = margins(as_loop(control.tf(numerator, denominator))).phase_crossings
+    assert [(c.omega, c.gain_margin) for c in found] == [
+        (pytest.approx(np.sqrt(2.5), rel=1e-6), pytest.approx(0.75, rel=1e-12))
+    ]
+    found = margins(as_loop(control.tf(-numerator, denominator))).phase_crossings
+    assert [(c.omega, c.gain_margin) for c in found] == [(0.0, pytest.approx(4 / 3))]  # from -3/4 down to the first pole
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_crossings_of_an_integrating_loop_in_any_unit_of_time(unit: float) -> None:
+    """``4 / (s (s + 1)^2)`` meets the axis at 1, with a factor of a half; beside its pole at zero it is large."""
+    loop = as_loop(control.tf([4.0], [1, 2, 1, 0]))
+    found = margins(Loop(unit * loop.A, unit * loop.b, loop.c, 0.0, "u", "y"))
+    assert [(c.omega / unit, c.gain_margin) for c in found.phase_crossings] == [(pytest.approx(1.0), pytest.approx(0.5))]
 
 
 def test_the_least_value_between_two_frequencies() -> None:
@@ -332,3 +342,24 @@ def test_a_loop_that_sees_nothing_has_no_margin_but_its_distance() -> None:
     found = margins(Loop(np.diag([-1.0, -3.0]), np.ones(2), np.zeros(2), 0.0, "u", "y"))
     assert (found.phase_crossings, found.gain_crossings) == ((), ())
     assert (found.modulus_margin, found.gain_margin, found.phase_margin) == (1.0, INFINITE, INFINITE)
+
+
+@pytest.mark.parametrize(("p", "k"), [(1.0, 20.0), (0.5, 3.0), (3.0, 100.0)])
+def test_how_margins_of_three_lags_move_with_their_pole(p: float, k: float) -> None:
+    """Of ``k / (s + p)^3``: the gain margin is 8 p^3 / k, at a frequency that moves as well."""
+
+    def of(p: float) -> tuple[float, float, float]:
+        w = np.sqrt(k ** (2 / 3) - p**2)
+        phase = np.pi - 3 * np.arctan(w / p)
+        return 8 * p**3 / k, np.degrees(phase), (phase % (2 * np.pi)) / w
+
+    A = np.diag([-p] * 3) + np.diag([1.0, 1.0], 1)
+    b, c = np.array([[0.0], [0.0], [1.0]]), np.array([[k, 0.0, 0.0]])
+    loop = Loop(A, b[:, 0], c[0], 0.0, "u", "y")
+    zero = np.zeros((1, 1))
+    change = Matrices(-np.eye(3), 0 * b, 0 * c, zero)
+    own = margins(loop)
+    assert (own.gain_margin, own.phase_margin, own.delay_margin) == pytest.approx(of(p))
+    h = 1e-6
+    expected = (np.array(of(p + h)) - of(p - h)) / (2 * h)
+    assert _margins(Matrices(A, b, c, zero), change, loop, own)[:3] == pytest.approx(expected, rel=1e-6)

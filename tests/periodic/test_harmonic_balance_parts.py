@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import gearlib as gl
 from gearlib.errors import ArgumentError
 from gearlib.periodic.harmonic_balance import _check_numbers, _Watch
 
@@ -70,3 +71,25 @@ def test_numbers_of_a_branch(changes: dict[str, Any], said: str) -> None:
     with pytest.raises(ArgumentError) as refused:
         _check_numbers(**GOOD | changes)
     assert str(refused.value) == said
+
+
+class Driven(gl.Component):
+    """An oscillator, and what is proportional to the frequency that drives it."""
+
+    w = gl.Parameter("rad/s", default=1.0)
+    x, v, y = gl.Variable("1"), gl.Variable("1"), gl.Variable("1/s")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), gl.cos(self.w * gl.time) - 0.1 * self.v - self.x),
+            gl.Eq(self.y, self.w * self.x + self.w),
+        ]
+
+
+def test_outputs_know_the_frequency_of_their_point() -> None:
+    found = gl.harmonic_balance(gl.compile(Driven()), 0.5, 0.6, frequency="w", harmonics=1, outputs=["x", "y"], step=0.4)
+    assert len(found) > 2
+    assert found.amplitude("x") == pytest.approx(1 / np.abs(1 - found.omega**2 + 0.1j * found.omega))
+    assert found.amplitude("y") == pytest.approx(found.omega * found.amplitude("x"))
+    assert found.mean("y") == pytest.approx(found.omega)
