@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gearlib.periodic.continuation import _BranchPoint, _Continuation
+from gearlib.periodic.continuation import _BranchPoint, _Continuation, follow
 from tests.periodic.test_continuation import circle
 
 Floats = np.ndarray
@@ -159,3 +159,12 @@ def test_a_fold_is_found_between_two_points(kind: str, length: float) -> None:
     assert task.place(found.y) == pytest.approx(1.0, abs=1e-9)
     assert found.y[0] == pytest.approx(0.0, abs=1e-5)
     assert abs(found.tangent[-1]) < 1e-6 * abs(point.tangent[-1] - beyond.tangent[-1])
+
+
+def test_points_are_shown_with_all_their_unknowns() -> None:
+    shown: list[tuple[list[float], float]] = []
+    path = follow(plane, np.array([6.0, 2.0]), 2.0, 3.0, 0.2, 100, accept=lambda z, w: not shown.append((z.tolist(), w)))
+    assert path.complete
+    assert [z for z, _ in shown] == path.z[1:].tolist()
+    assert [w for _, w in shown] == path.w[1:].tolist()
+    assert path.z == pytest.approx(path.w[:, None] * [3.0, 1.0], rel=1e-9)

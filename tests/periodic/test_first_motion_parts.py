@@ -158,6 +158,7 @@ def test_a_run_is_made_where_newtons_method_finds_no_motion_from_the_start_value
     found = task.first(scene, 0.7, 16, None)
     assert made == [0.7]
     assert asked[0].times == pytest.approx(np.append(0.0, (100 + np.arange(16) / 16) * 2 * np.pi / 0.7), rel=1e-12)
+    assert asked[0].progress is False
     begun, c = found.balance.coefficients(found.z), plain.balance.coefficients(plain.z)
     assert begun == pytest.approx(c, abs=1e-9)
     x = scene.state_names.index("x")
