@@ -66,6 +66,10 @@ def test_an_eigenvalue_that_is_ill_conditioned_is_known_less_well() -> None:
     basis = turned(0.6, 1.0)
     coupled = basis @ np.array([[1.0 + 1e-10, 1.0], [0.0, 1.0 - 1e-3]]) @ basis.T
     assert sorted(np.abs(_eigenvalues(coupled))) == [pytest.approx(1.0 - 1e-3), 1.0]
+    for size in (1 + 0.5e-9, 1 - 0.5e-9):  # beside one of a thousand
+        large = np.diag([0.0, 0.0, 1e3])
+        large[:2, :2] = turned(0.7, size)
+        assert sorted(np.abs(_eigenvalues(large))) == pytest.approx([1.0, 1.0, 1e3], rel=1e-15)
     apart = np.array([[1.0 + 1e-10, 0.0, 0.0], [0.0, 1.0 - 1e-3, 0.0], [0.0, 0.0, 0.5]])
     assert sorted(np.abs(_eigenvalues(apart)))[2] == pytest.approx(1.0 + 1e-10, rel=1e-14)
     assert _eigenvalues(np.empty((0, 0))).shape == (0,)

@@ -177,6 +177,25 @@ def test_integrals_on_which_nothing_depends_may_grow() -> None:
     assert found.idle @ found.idle.T == pytest.approx(integral, abs=1e-9)
 
 
+class Parted(gl.Component):
+    """A body that a spring holds in one half of each period."""
+
+    w = gl.Parameter("rad/s", default=1.0)
+    late = gl.Parameter("rad", default=0.0)
+    x, v = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        spring = gl.Piecewise((self.x, gl.sin(self.w * gl.time - self.late) > 0), (0, True))
+        return [gl.Eq(gl.der(self.x), self.v), gl.Eq(gl.der(self.v), gl.cos(self.w * gl.time) - spring)]
+
+
+@pytest.mark.parametrize("late", [0.0, np.pi / 2, np.pi, 3 * np.pi / 2])
+def test_what_holds_a_train_in_some_part_of_the_period_holds_it(late: float) -> None:
+    task = Forced(gl.compile(Parted()).translation, "w", {"late": late}, {}, 1, {})
+    found = rigid_motions(task.driven(task.scene(["x"]))(0.7), np.zeros(2), np.ones(2), np.ones(2))
+    assert [part.size for part in (found.sums, found.rows, found.free, found.idle)] == [0] * 4
+
+
 def test_directions_in_which_a_train_turns_are_those_that_are_not_given_as_turning() -> None:
     _, at, driven = rigid(0.0)
     none, given = np.empty((4, 0)), np.eye(4)[:, [at["x"]]]
