@@ -60,6 +60,8 @@ GOOD: dict[str, Any] = {"start": 1.0, "end": 2.0, "harmonics": None, "step": 0.0
         ({"end": 1.1e50}, "end is 1.1e+50; expected a frequency from 1e-50 to 1e+50 rad/s"),
         ({"step": 0.0}, "step is 0.0; expected a number above 0, up to 1"),
         ({"step": 1.01}, "step is 1.01; expected a number above 0, up to 1"),
+        *(({name: np.nan}, f"{name} is nan; expected a finite number") for name in ("start", "end", "step", "accuracy")),
+        *(({name: "1"}, f"{name} is '1'; expected a finite number") for name in ("start", "end", "step", "accuracy")),
         ({"harmonics": 0}, "harmonics is 0; expected a whole number, 1 or more"),
         ({"points": 1}, "points is 1; expected a whole number, 2 or more"),
     ],
