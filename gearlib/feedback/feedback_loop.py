@@ -140,19 +140,11 @@ class Loop:
         """Angular frequencies (rad/s) that resolve the loop's behaviour: dense near poles and zeros."""
         low, high = self.scale
         start, end = low / 10**decades, high * 10**decades
-        marks = np.unique(np.concatenate([np.geomspace(start, end, 200), *self._marks(start, end)]))
+        marks = np.geomspace(start, end, 200)
         features = np.concatenate([self.critical, self.zeros])
         features = features[np.abs(features) > 0]
         points = refine(marks, lambda x: 1j * x, features, step)
         return points[~np.isin(points, self.open_poles.on_axis)]
-
-    def _marks(self, start: float, end: float) -> list[Floats]:
-        distances = np.geomspace(BESIDE, 0.5, 40)
-        marks = []
-        for w in (*self.open_poles.on_axis, *self.closed_poles.on_axis):
-            if w > 0:
-                marks += [w * (1 - distances), w * (1 + distances)]
-        return [m[(m > start) & (m < end)] for m in marks]
 
 
 def refine(marks: Floats, path: Any, features: Complexes, step: float) -> Floats:
@@ -166,7 +158,7 @@ def refine(marks: Floats, path: Any, features: Complexes, step: float) -> Floats
         s = path(middles)
         length = np.abs(path(marks[1:]) - path(marks[:-1]))
         distance = np.abs(s[:, None] - features[None, :]) - length[:, None] / 2
-        turn = (length[:, None] / np.maximum(distance, 1e-300)).sum(axis=1)
+        turn = (length[:, None] / np.maximum(distance, 1e-9 * length[:, None] + 1e-300)).sum(axis=1)
         wide = (turn > step) & (length > 1e-9 * np.abs(s))
         if not wide.any() or len(marks) > 400_000:
             break

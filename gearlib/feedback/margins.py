@@ -156,7 +156,7 @@ def _crossings_between(loop: Loop, omega: Floats, curve: Complexes) -> list[Phas
     found = []
     # The tangent of the phase is well scaled even where L changes by orders of magnitude.
     ratio = curve.imag / np.maximum(np.abs(curve), 1e-300)
-    clear = np.abs(ratio) >= 1e-12  # elsewhere rounding decides the sign
+    clear = (np.abs(ratio) >= 1e-12) & (np.abs(curve.imag) > loop.rounding(1j * omega))  # elsewhere rounding decides the sign
     omega, ratio = omega[clear], ratio[clear]
     on_axis = loop.open_poles.values.real == 0
     jumps, reach = loop.open_poles.values.imag[on_axis], loop.open_poles.tolerances[on_axis]

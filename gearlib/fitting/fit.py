@@ -257,8 +257,9 @@ def _sizes(series: Sequence[MeasuredSeries], given: Mapping[str, float]) -> tupl
 
 def _spread(numbers: Floats) -> float:
     """Standard deviation, or the size of numbers that are all the same."""
-    spread, largest = float(np.std(numbers)), float(np.abs(numbers).max())
-    return spread if spread > CONSTANT * largest else largest or 1.0
+    largest = float(np.abs(numbers).max()) or 1.0
+    spread = float(np.std(numbers / largest))  # whose squares do not overflow
+    return spread * largest if spread > CONSTANT else largest
 
 
 def _result(

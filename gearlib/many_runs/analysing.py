@@ -94,8 +94,7 @@ class Analysing(Work):
             return values, {name: self.dimensions(name) for name in values}
         branches = followed(samples, values[EIGENVALUES], values[SHAPES])
         size = np.abs(branches.eigenvalues)
-        damping = np.divide(0.0 - branches.eigenvalues.real, size, out=np.zeros_like(size), where=size > 0)
-        damping = np.where(np.isnan(size), np.nan, damping)
+        damping = (0.0 - branches.eigenvalues.real) / size  # NaN where a branch has no mode
         found = size / (2 * np.pi), damping, branches.eigenvalues, branches.numbers
         return dict(zip(OF_MODES, found, strict=True)), dict.fromkeys(OF_MODES, ("mode",))
 

@@ -143,7 +143,7 @@ class _Continuation:
         return r, np.column_stack([by_z, (self.end - self.start) * by_w])
 
     def size(self, y: Floats, largest: float = 0.0) -> float:
-        return max(float(np.linalg.norm(y[self.skipped : -1])), LEAST * largest, 1e-300)
+        return max(float(np.linalg.norm(y[self.skipped : -1])), LEAST * largest, 1e-100)
 
     def inner(self, a: Floats, b: Floats, point: _BranchPoint) -> float:
         """Inner product that measures arclength near a point."""

@@ -48,6 +48,15 @@ def test_zeros_count_and_scale_with_the_unit_of_time(k: float) -> None:
     assert max(apart.min(axis=0).max(), apart.min(axis=1).max()) < 1e-7
 
 
+@pytest.mark.parametrize("unit", [1e-25, 1e25])
+@pytest.mark.parametrize("d", [0.0, 0.5])
+def test_zeros_do_not_depend_on_the_units_of_the_signals(unit: float, d: float) -> None:
+    one = random_loop(6, 3, d)
+    for b, c in ((unit, 1.0), (1.0, unit), (unit, 1 / unit)):
+        other = replace(one, b=one.b * b, c=one.c * c, d=one.d * b * c)
+        assert np.poly(other.zeros) == pytest.approx(np.poly(one.zeros), rel=1e-9)
+
+
 def test_rounding_is_that_of_the_terms_which_cancel() -> None:
     """Of 1e8 / (s + 1) - 1e8 / (s + 1): a hundred units in the last place of either."""
     loop = Loop(-np.eye(2) + np.array([[0, 1e-3], [0, 0]]), np.array([1.0, 1.0]), np.array([1e8, -1e8]), 0.5, "u", "y")
@@ -92,6 +101,14 @@ def test_a_path_is_refined_until_nothing_turns_by_more_than_a_step() -> None:
     assert refine(np.array([0.0, 1.0]), lambda x: 1j * x, np.array([-100.0 + 0j]), 0.5).tolist() == [0.0, 1.0]
 
 
+@pytest.mark.parametrize("unit", [1e-200, 1e-9, 1e9, 1e150])
+def test_a_path_is_refined_alike_in_any_unit(unit: float) -> None:
+    features = np.array([-0.01 + 1j, 3j])
+    found = refine(np.array([0.0, 2.0, 5.0]), lambda x: 1j * x, features, 0.5)
+    other = refine(unit * np.array([0.0, 2.0, 5.0]), lambda x: 1j * x, unit * features, 0.5)
+    assert other == pytest.approx(unit * found, rel=1e-6)
+
+
 def two() -> control.StateSpace:
     return control.ss(
         [[-1.0]], [[1.0, 2.0]], [[3.0], [4.0], [5.0]], np.arange(6.0).reshape(3, 2), inputs=["a", "b"], outputs=["x", "y", "z"]
@@ -103,6 +120,13 @@ def test_a_loop_is_chosen_by_names_or_numbers(chosen: Any) -> None:
     loop = as_loop(two(), chosen, gain=-2.0)
     assert (loop.input, loop.output, loop.gain) == ("b", "y", "")
     assert (loop.b.tolist(), loop.c.tolist(), loop.d) == ([-4.0], [4.0], -6.0)
+
+
+def test_the_gain_of_a_loop_is_said_with_the_unit_that_makes_it_a_number(paper: gl.System) -> None:
+    """But for signals of the same unit, and for models that have no units."""
+    assert as_loop(paper, ("tau_in", "w_out"), gain=2.5).gain == "2.5 N·m per rad/s"
+    assert as_loop(paper, ("tau_in", "train.x_unit.ring.tau"), gain=2.5).gain == "2.5"
+    assert as_loop(two(), ("a", "x"), gain=2.5).gain == ""
 
 
 @pytest.mark.parametrize(

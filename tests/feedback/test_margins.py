@@ -11,8 +11,8 @@ import pytest
 import gearlib as gl
 from gearlib.feedback.feedback_loop import Loop, as_loop
 from gearlib.feedback.gain_range import gains_in_words, stable_gains
-from gearlib.feedback.margins import GainCrossing, Margins, PhaseCrossing, margins
-from gearlib.feedback.stability_sensitivity import stability_sensitivity
+from gearlib.feedback.margins import GainCrossing, Margins, PhaseCrossing, _least, _roots, margins
+from gearlib.feedback.stability_sensitivity import _margins, stability_sensitivity
 from gearlib.linear.linear_model import Matrices
 from gearlib.linear.poles import poles
 
@@ -163,7 +163,7 @@ MODELS = {
 
 
 @pytest.mark.parametrize("name", MODELS)
-@pytest.mark.parametrize("k", [1e-9, 1e10])
+@pytest.mark.parametrize("k", [1e-30, 1e-9, 1e10, 1e30])
 def test_crossings_of_the_axis_stay_and_their_margins_divide_by_the_gain(name: str, k: float) -> None:
     one, other = (as_loop(MODELS[name], gain=gain) for gain in (1.0, k))
     found, wanted = margins(other), margins(one)
@@ -175,7 +175,8 @@ def test_crossings_of_the_axis_stay_and_their_margins_divide_by_the_gain(name: s
     scaled, own = (np.ravel(r) for r in ranges)
     assert (scaled * k).tolist() == pytest.approx(own.tolist(), rel=1e-8)
     for crossing in found.gain_crossings:
-        assert abs(other.response(1j * crossing.omega)) == pytest.approx(1.0, rel=1e-9)
+        s = 1j * crossing.omega
+        assert abs(other.response(s)) == pytest.approx(1.0, abs=1e-9 + float(other.rounding(s)))
 
 
 # ---------------------------------------------------------------- how margins move
@@ -279,3 +280,86 @@ def test_gains_of_a_loop_without_damping(a: float, b: float, v: float, w: float)
     borders = [g for ends in report.stable_gains for g in ends if 0 < g < np.inf]
     assert borders == pytest.approx(expected, rel=1e-6)
     assert found.gain_margin == (pytest.approx(min(expected, key=lambda g: abs(np.log(g))), rel=1e-6) if expected else np.inf)
+
+
+def test_between_two_modes_of_opposite_sign_the_curve_turns_back() -> None:
+    """``1 / (1 - x) - 1 / (4 - x)`` over x = w^2 is largest between the poles, -4/3 at x = 2.5, and nowhere else negative."""
+    numerator, denominator = np.array([3.0]), [1, 0, 5, 0, 4]
+    found = margins(as_loop(control.tf(numerator, denominator))).phase_crossings
+    assert [(c.omega, c.gain_margin) for c in found] == [
+        (pytest.approx(np.sqrt(2.5), rel=1e-6), pytest.approx(0.75, rel=1e-12))
+    ]
+    found = margins(as_loop(control.tf(-numerator, denominator))).phase_crossings
+    assert [(c.omega, c.gain_margin) for c in found] == [(0.0, pytest.approx(4 / 3))]  # from -3/4 down to the first pole
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_crossings_of_an_integrating_loop_in_any_unit_of_time(unit: float) -> None:
+    """``4 / (s (s + 1)^2)`` meets the axis at 1, with a factor of a half; beside its pole at zero it is large."""
+    loop = as_loop(control.tf([4.0], [1, 2, 1, 0]))
+    found = margins(Loop(unit * loop.A, unit * loop.b, loop.c, 0.0, "u", "y"))
+    assert [(c.omega / unit, c.gain_margin) for c in found.phase_crossings] == [(pytest.approx(1.0), pytest.approx(0.5))]
+
+
+def test_the_least_value_between_two_frequencies() -> None:
+    for w in (1e-6, 2.0, 1e9):
+        value, at = _least(lambda x, w=w: (x / w - 1) ** 2 + 3.0, (0.4 * w, 3 * w))
+        assert (value, at) == (pytest.approx(3.0), pytest.approx(w, rel=1e-7))
+
+
+def test_roots_are_sign_changes_but_no_jumps() -> None:
+    """Samples that are zero are roots; a function that rounds otherwise at a point has its root at the nearer end."""
+    grid = np.array([1.0, 1.5, 2.0, 3.0, 4.0])
+
+    def values(f: Any) -> list[float]:
+        with np.errstate(divide="ignore"):
+            return _roots(grid, np.array([f(x) for x in grid]), f)
+
+    assert values(lambda x: (x - np.sqrt(2.0)) * (x - 3.5)) == pytest.approx([np.sqrt(2.0), 3.5], rel=1e-14)
+    assert values(lambda x: (x - 2.0) * (x - 3.5)) == [2.0, pytest.approx(3.5)]
+    assert values(lambda x: 1.0 + x) == []
+    assert values(lambda x: 1.0 / np.float64(x - 1.25)) == []  # a pole, which halving meets
+    assert values(lambda x: 1.0 / np.float64(x - 2.0)) == []
+    assert _roots(np.array([1.0, 2.0]), np.array([-1e-20, 1.0]), lambda x: 1e-20 if x < 1.5 else 1.0) == [1.0]
+    assert _roots(np.array([1.0, 2.0]), np.array([-1.0, 1e-20]), lambda x: -1.0 if x < 1.5 else -1e-20) == [2.0]
+
+
+@pytest.mark.parametrize("d", [-3.0, -1.0, -0.2, 0.5])
+def test_how_margins_at_infinite_frequency_move_with_the_feedthrough(d: float) -> None:
+    """The gain margin is -1 / d; the distance from the point is the size of 1 + d, which has no derivative at -1."""
+    parts = np.array([[-1.0]]), np.array([[1.0]]), np.array([[0.5]]), np.array([[d]])
+    loop = Loop(parts[0], parts[1][:, 0], parts[2][0], d, "u", "y")
+    zero = np.zeros((1, 1))
+    change = Matrices(zero, zero, zero, np.array([[2.0]]))
+    own = Margins((PhaseCrossing(INFINITE, -1 / d),) if d < 0 else (), (), abs(1 + d), INFINITE, False)
+    gain, phase, delay, modulus = _margins(Matrices(*parts), change, loop, own)
+    assert gain == pytest.approx(2.0 / d**2 if d < 0 else np.nan, nan_ok=True)
+    assert np.isnan([phase, delay]).all()
+    assert modulus == pytest.approx(2.0 * np.sign(1 + d) if d != -1 else np.nan, nan_ok=True)
+
+
+def test_a_loop_that_sees_nothing_has_no_margin_but_its_distance() -> None:
+    found = margins(Loop(np.diag([-1.0, -3.0]), np.ones(2), np.zeros(2), 0.0, "u", "y"))
+    assert (found.phase_crossings, found.gain_crossings) == ((), ())
+    assert (found.modulus_margin, found.gain_margin, found.phase_margin) == (1.0, INFINITE, INFINITE)
+
+
+@pytest.mark.parametrize(("p", "k"), [(1.0, 20.0), (0.5, 3.0), (3.0, 100.0)])
+def test_how_margins_of_three_lags_move_with_their_pole(p: float, k: float) -> None:
+    """Of ``k / (s + p)^3``: the gain margin is 8 p^3 / k, at a frequency that moves as well."""
+
+    def of(p: float) -> tuple[float, float, float]:
+        w = np.sqrt(k ** (2 / 3) - p**2)
+        phase = np.pi - 3 * np.arctan(w / p)
+        return 8 * p**3 / k, np.degrees(phase), (phase % (2 * np.pi)) / w
+
+    A = np.diag([-p] * 3) + np.diag([1.0, 1.0], 1)
+    b, c = np.array([[0.0], [0.0], [1.0]]), np.array([[k, 0.0, 0.0]])
+    loop = Loop(A, b[:, 0], c[0], 0.0, "u", "y")
+    zero = np.zeros((1, 1))
+    change = Matrices(-np.eye(3), 0 * b, 0 * c, zero)
+    own = margins(loop)
+    assert (own.gain_margin, own.phase_margin, own.delay_margin) == pytest.approx(of(p))
+    h = 1e-6
+    expected = (np.array(of(p + h)) - of(p - h)) / (2 * h)
+    assert _margins(Matrices(A, b, c, zero), change, loop, own)[:3] == pytest.approx(expected, rel=1e-6)

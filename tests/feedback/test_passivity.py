@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError
+from gearlib.feedback.passivity import Passivity, _doubt, _quadratic, _scaled, _undeclared
 from gearparts.trains import zhou_cui_2022 as zc
 
 
@@ -188,3 +190,89 @@ def test_rounding_of_gear_ratios_gains_no_energy() -> None:
     proof = gl.passivity(gl.compile(Undamped()))
     assert proof.holds
     assert not proof.W.any()
+
+
+# ---------------------------------------------------------------- the parts of the proof
+
+
+@pytest.mark.parametrize(
+    ("names", "numbers", "formula", "matrix"),
+    [
+        ("k a b", {"k": 2.0}, lambda k, a, b: k * a**2 + 3 * a * b - b**2, [[2.0, 1.5], [1.5, -1.0]]),
+        ("a k b", {"k": 2.0}, lambda a, k, b: 1e-30 * (k * a**2 + 3 * a * b), [[2e-30, 1.5e-30], [1.5e-30, 0.0]]),
+        ("a b c", {}, lambda a, b, c: 1e30 * (a - 2 * b + 3 * c) ** 2, 1e30 * np.outer([1, -2, 3], [1, -2, 3])),
+        ("a", {}, lambda a: 5.0 * a * a, [[5.0]]),
+        ("a", {}, lambda a: 0.0, [[0.0]]),
+        ("k", {"k": 2.0}, lambda k: k - 2.0, np.zeros((0, 0))),
+        ("k", {"k": 3.0}, lambda k: k - 2.0, None),
+        ("a", {}, lambda a: a, None),
+        ("a", {}, lambda a: a**2 + 1e-3, None),
+        ("a", {}, lambda a: a**2 + 1e-6 * a**4, None),
+        ("a b", {}, lambda a, b: a**2 * b**2, None),
+        ("a b", {}, lambda a, b: a**2 + abs(b) * b, None),
+    ],
+)
+def test_the_matrix_of_an_energy(names: str, numbers: dict[str, float], formula: Callable[..., float], matrix: Any) -> None:
+    found = _quadratic(SimpleNamespace(names=tuple(names.split()), function=formula), numbers)  # type: ignore[arg-type]
+    if matrix is None:
+        assert found is None
+    else:
+        assert found is not None
+        assert found.shape == np.shape(matrix)
+        assert found == pytest.approx(np.array(matrix), rel=1e-12)
+
+
+def test_a_form_in_states_that_store_half_a_joule_each() -> None:
+    """States without an energy of their own keep their unit."""
+    form = np.arange(9.0).reshape(3, 3)
+    found = _scaled(form, np.array([[4.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 9.0]]))
+    assert found == pytest.approx(np.array([[0, 1 / 2, 2 / 6], [3 / 2, 4, 5 / 3], [6 / 6, 7 / 3, 8 / 9]]))
+    assert _scaled(form, -np.eye(3)) == pytest.approx(form)
+
+
+GAINED, NEGATIVE = (
+    "there is a motion that gains energy without an input",
+    "a component declares a stored energy that is negative",
+)
+
+
+@pytest.mark.parametrize(
+    ("Q", "W", "said"),
+    [
+        (np.eye(2), np.zeros((2, 2)), ""),
+        (np.eye(2), np.diag([1.0, -5e-10]), ""),
+        (np.eye(2), np.diag([1.0, -2e-9]), GAINED),
+        (np.eye(2), np.diag([1e-20, -2e-29]), GAINED),
+        (np.diag([1e12, 1e-12]), np.diag([1e12, -5e-13]), GAINED),  # half of what the second state stores
+        (np.diag([1e12, 1e-12]), np.diag([1e12, 5e-13]), ""),
+        (np.array([[1.0, 1 + 5e-10], [1 + 5e-10, 1.0]]), np.zeros((2, 2)), ""),
+        (np.array([[1.0, 1 + 2e-9], [1 + 2e-9, 1.0]]), np.zeros((2, 2)), NEGATIVE),
+        (-np.eye(1), -np.eye(1), NEGATIVE),
+        (np.zeros((0, 0)), np.zeros((0, 0)), ""),
+    ],
+)
+def test_what_speaks_against_a_proof(Q: Any, W: Any, said: str) -> None:
+    """Both forms are positive semidefinite but for rounding, in units of what each state stores."""
+    assert _doubt(Q, W) == said
+
+
+def test_ranks_do_not_depend_on_the_units_of_the_states() -> None:
+    proof = Passivity(("a", "b", "c"), np.diag([1e14, 1e-14, 0.0]), np.diag([0.0, 1e-16, 0.0]))
+    assert str(proof).endswith(" alone (3 states, rank of Q 2, of W 1)")
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, ""),
+        ({"stored": None}, ""),
+        ({"unknown": True}, "a.b (Kind) does not declare what it stores and loses"),
+        ({"declares": False}, "a.b (Kind) does not declare what it stores and loses"),
+        ({"stored": SimpleNamespace(names=("x", "time"))}, "the energy of a.b (Kind) changes with time"),
+        ({"stored": SimpleNamespace(names=("x", "switch"))}, "the energy of a.b (Kind) changes with time"),
+    ],
+)
+def test_components_whose_energy_is_not_known(changes: dict[str, Any], said: str) -> None:
+    part = {"path": "a.b", "kind": "Kind", "unknown": False, "declares": True, "stored": SimpleNamespace(names=("x",))}
+    model: Any = SimpleNamespace(model=SimpleNamespace(discretes=("switch",)))
+    assert _undeclared(model, [SimpleNamespace(**part), SimpleNamespace(**part | changes)]) == said

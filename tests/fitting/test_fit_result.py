@@ -137,6 +137,15 @@ def test_a_bound_is_reached_within_a_millionth(value: float, held: bool) -> None
     assert ("at its bound" in str(found)) == held
 
 
+@pytest.mark.parametrize(("error", "held"), [(0.05, False), (0.2, True), (np.inf, False), (np.nan, False)])
+def test_a_value_that_tends_to_zero_is_at_its_bound_within_a_millionth_of_its_error(error: float, held: bool) -> None:
+    """One that the data does not determine has no error that counts."""
+    found = fitted(
+        numbers=np.array([1e-7, 1.6]), bounds=np.array([[0.0, 1.0], [0.01, 10.0]]), covariance=np.diag([error**2, 0.04])
+    )
+    assert found.at_bounds == (("shaft.c",) if held else ())
+
+
 def test_series_are_drawn_below_each_other() -> None:
     """Complex ones by their size over logarithmic scales; few values as marks; six at most."""
     axes = fitted().plot()
@@ -184,6 +193,27 @@ def test_a_direction_is_determined_where_it_moves_the_data_by_more_than_the_nois
     estimated = seen([[10.0, 0.0], [0.0, 3.0], [0.0, 0.0], [0.0, 0.0]], [0, 0, 3.0, 3.0], ("a", "b"), known=False)
     assert estimated.noise == 3.0
     assert estimated.determined.tolist() == [True, False]
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_rounding_is_relative_to_the_largest_influence(unit: float) -> None:
+    for size, count in ((1.1e-8, 2), (0.9e-8, 1), (0.0, 1)):
+        found = seen(unit * np.array([[1.0, 0.0], [0.0, size]]), [0.0, 0.0], ("a", "b"), known=False)
+        assert found.determined.tolist() == [True, count == 2]
+        assert found.singular_values == pytest.approx([unit, unit * size])
+
+
+@pytest.mark.parametrize(
+    ("residuals", "noise"),
+    [([3.0, 4.0], np.nan), ([3.0, 4.0, 0.0], 5.0), ([3.0, 4.0, 0.0, 12.0], 13.0 / np.sqrt(2.0)), ([0.0] * 3, 0.0)],
+)
+def test_noise_is_estimated_from_the_numbers_that_are_left_over(residuals: list[float], noise: float) -> None:
+    slopes = np.zeros((len(residuals), 2))
+    slopes[0, 0], slopes[1, 1] = 1e3, 2e3
+    found = seen(slopes, residuals, ("a", "b"), known=False)
+    assert found.noise == pytest.approx(noise, nan_ok=True)
+    assert np.sqrt(np.diag(found.covariance)) == pytest.approx([noise / 1e3, noise / 2e3], nan_ok=True)
+    assert found.complete
 
 
 def test_without_noise_all_but_rounding_is_determined() -> None:

@@ -21,6 +21,7 @@ from scipy.interpolate import CubicSpline
 
 import gearlib as gl
 from gearlib.errors import ArgumentError, BoundError, FileError, GearlibError, GearlibWarning, WorkerError
+from gearlib.many_runs import execution
 from gearlib.many_runs.execution import execute
 from gearlib.many_runs.identity import of_function, of_functions, of_model, of_values
 from gearlib.many_runs.runs import Runs
@@ -142,6 +143,36 @@ def test_tasks_hold_an_eighth_of_the_runs_at_most() -> None:
     assert len(executor.sizes) == 8
 
 
+@pytest.mark.parametrize(
+    ("first", "each", "here", "size"),
+    [
+        (0.001, 0.001, 1, 13),  # an eighth
+        (0.009, 0.009, 1, 13),
+        (0.03, 0.03, 2, 9),  # a quarter of a second
+        (5.0, 0.06, 2, 5),  # the first one compiles
+        (5.0, 1e-9, 2, 13),
+        (1.0, 1.0, 2, 1),
+    ],
+)
+def test_tasks_last_a_quarter_of_a_second(
+    monkeypatch: pytest.MonkeyPatch, first: float, each: float, here: int, size: int
+) -> None:
+    """By the time of one run, or of the second one where the first was slow."""
+    now = [0.0]
+
+    class Slow(Doubling):
+        def row(self, given: Any) -> Row:
+            now[0] += each if self.asked else first
+            return super().row(given)
+
+    monkeypatch.setattr(execution, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+    executor = AtOnce()
+    execute(Slow(), "Model", as_samples({"x": np.arange(100.0)}), executor=executor)
+    assert sum(executor.sizes) == 100 - here
+    assert set(executor.sizes[:-1]) <= {size}
+    assert executor.sizes[0] == min(size, 100 - here)
+
+
 def test_a_file_of_another_sweep_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "runs.zarr"
     execute(Doubling(), "Model", as_samples({"x": X, "k": 1.0}), to=path)
@@ -196,6 +227,22 @@ def test_progress_ends_with_the_part_that_was_done() -> None:
     assert told[-1][0] == 0.25
 
 
+def test_progress_is_told_when_it_is_due() -> None:
+    """By the runs that are done, those of an earlier sweep as well."""
+    told: list[float] = []
+    gathering: Any = SimpleNamespace(before=3, samples=range(8))
+    running = execution._Execution(gathering, lambda part, seconds: told.append(part))
+    due = iter([False, True, False, True])
+    running._ticker = SimpleNamespace(due=lambda: next(due))  # type: ignore[assignment]
+    for count in (1, 2, 0, 2):
+        running.received(count)
+    assert told == [6 / 8, 1.0]
+    silent = execution._Execution(gathering, None)
+    silent.received(2)
+    silent.report()
+    assert silent._received == 5
+
+
 def test_more_than_the_memory_holds_is_refused_before_it_is_allocated() -> None:
     machine = f"{physical_memory() / 1e9:.3g}"
     with pytest.raises(
@@ -227,6 +274,28 @@ def test_a_lost_task_is_named(tmp_path: Path) -> None:
 def test_an_executor_or_threads_but_not_both() -> None:
     with ThreadPoolExecutor(1) as pool, pytest.raises(ArgumentError, match="give an executor or threads, not both"):
         execute(Doubling(), "Model", as_samples({"x": X}), executor=pool, threads=1)
+
+
+@pytest.mark.parametrize(
+    ("executor", "threads", "said"),
+    [
+        (None, 0, "threads is 0; expected a whole number, 1 or more"),
+        (None, 1.5, "threads is 1.5; expected a whole number, 1 or more"),
+        (3, None, "executor is 3; expected a concurrent.futures.Executor, such as ProcessPoolExecutor() or, of dask, "
+         "client.get_executor()"),
+        (AtOnce(), 2, "give an executor or threads, not both"),
+        (AtOnce(), 0, "threads is 0; expected a whole number, 1 or more"),
+        (AtOnce(), None, ""),
+        (None, 1, ""),
+    ],
+)  # fmt: skip
+def test_who_carries_runs_out(executor: Any, threads: Any, said: str) -> None:
+    if not said:
+        execution.check_executor(executor, threads)
+        return
+    with pytest.raises(ArgumentError) as refused:
+        execution.check_executor(executor, threads)
+    assert str(refused.value) == said
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,15 @@ def test_the_mean_force_at_the_mean_deflection_is_the_preload(preload: float, am
         assert abs(mean) == pytest.approx(abs(preload) / 50.0 + 0.2, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("c", "b", "preload"), [(1e8, 1e-4, 1000.0), (1e8, 1e-4, -1000.0), (1e-3, 10.0, 5.0), (1e-8, 0.0, 1e8)]
+)
+def test_in_contact_the_mean_deflection_is_that_of_the_preload_at_any_stiffness(c: float, b: float, preload: float) -> None:
+    rest = abs(preload) / c + b / 2
+    for amplitude in (1e-3 * abs(preload) / c, 0.9 * abs(preload) / c):
+        assert mean_deflection(amplitude, preload, c=c, b=b) == pytest.approx(np.sign(preload) * rest, rel=1e-12)
+
+
 def test_without_preload_it_vibrates_about_the_middle_of_the_gap() -> None:
     assert mean_deflection(0.9, 0.0, **SPRING) == 0.0
     gap = gl.equivalent_stiffness([[0.1, 0.2], [0.3, 1e4]], **SPRING)

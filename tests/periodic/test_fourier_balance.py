@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import gearlib as gl
+from gearlib.errors import SolverError
 from gearlib.periodic.first_motion import First, Forced
 from gearlib.periodic.fourier_balance import HarmonicEquations, Rigid
 from tests.periodic.models import driven, motion
@@ -166,3 +167,20 @@ def test_a_growing_phase_counts_by_its_growth_over_its_scale(turns: float, omega
     if turns > 0:
         assert rest == pytest.approx(np.zeros(c.shape), abs=1e-12)
         assert max(equations.error(equations.unknowns(c), omega)) < 1e-6
+
+
+class Free(gl.Component):
+    """A body that nothing holds."""
+
+    F = gl.Input("1")
+    x, w, y = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.w), gl.Eq(2 * gl.der(self.w), self.F), gl.Eq(gl.der(self.y), self.w - self.y)]
+
+
+@pytest.mark.parametrize("mean", [3.0, -3.0])
+def test_a_mean_force_that_nothing_holds_is_told_with_what_it_does(mean: float) -> None:
+    said = rf"^there is no periodic motion at 5 rad/s: w changes by {mean / 2:g} per second on average, and nothing in the train can hold"
+    with pytest.raises(SolverError, match=said):
+        gl.harmonic_balance(gl.compile(Free()), 5.0, 6.0, inputs={"F": lambda phase, w: mean + np.cos(phase)}, outputs=["y"])

@@ -56,6 +56,20 @@ def test_a_motion_is_stable_while_all_multipliers_are_inside_the_unit_circle() -
     assert rigid.stable.all()
 
 
+@pytest.mark.parametrize(("size", "stable"), [(1 - 2e-15, True), (1 - 1e-15, False), (1.0, False), (1 + 2e-15, False)])
+def test_a_multiplier_on_the_unit_circle_but_for_rounding_is_not_inside(size: float, stable: bool) -> None:
+    """As those of trains without damping, whose motions are neither stable nor unstable."""
+    found = response(multipliers=np.tile([0.5, 0.6 * size + 0.8j * size, np.nan], (5, 1)))
+    sizes = np.abs(found.multipliers[:, 1])
+    assert found.stable.tolist() == (sizes < 1 - 1e-15).tolist()
+    found = response(multipliers=np.full((5, 1), -size, complex))
+    assert found.stable.tolist() == [stable] * 5
+    ax = found.plot(ax=plt.figure().add_subplot())
+    labels = {t.get_text() for t in ax.get_legend().get_texts()} - {"fold"}
+    assert labels == {"stable" if stable else "unstable" if size > 1 else "marginal"}
+    plt.close("all")
+
+
 @pytest.mark.parametrize("wrong", [0, 3, 1.5, "1"])
 def test_harmonics_count_from_one(wrong: Any) -> None:
     with pytest.raises(ArgumentError, match=rf"harmonic is {wrong!r}; expected a whole number from 1 to 2$"):

@@ -12,6 +12,7 @@ import pytest
 import gearlib as gl
 from gearlib.errors import ArgumentError
 from gearlib.files.contents import Record
+from gearlib.periodic import order_analysis
 from gearlib.stored_result import StoredResult
 
 UNITS = {"signal": "N.m", "angle": "rad", "speed": "rad/s", "back": "rad"}
@@ -253,3 +254,26 @@ def test_waves_are_not_seen_in_a_few_samples() -> None:
     for interval in ({"t_start": 0.99}, {"t_end": 0.05}, {"t_start": 2.0}):
         with pytest.raises(ArgumentError, match=r"the interval holds \d samples; it takes 8 to see waves"):
             run.check_sampling("y", **interval)
+
+
+def finer(angle: Any, begin: float = 0.0, revolutions: int = 1) -> int:
+    """Of a block that begins at an angle, with eight samples in each revolution at least."""
+    return order_analysis._finer(np.asarray(angle, float), np.diff(angle), begin, revolutions, 8)
+
+
+def test_a_block_is_resampled_as_finely_as_its_slowest_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of other blocks do not count; where the shaft almost stands still, the number of samples limits the points."""
+    step = 2 * np.pi / 8
+    even = step * np.arange(25.0)  # three revolutions
+    assert [finer(even, begin) for begin in (0.0, 2 * np.pi, 4 * np.pi)] == [1, 1, 1]
+    third = np.sort(np.concatenate([even, even[9] + step / 3 * np.array([1, 2])]))  # in the second one
+    assert [finer(third, begin) for begin in (0.0, 2 * np.pi, 4 * np.pi)] == [1, 3, 1]
+    assert [finer(third, begin, 2) for begin in (0.0, 2 * np.pi)] == [3, 3]
+    still = np.sort(np.append(even, even[9] + 1e-9))
+    assert finer(still, 2 * np.pi) == 32 * 9 / 8
+    assert finer(still, 0.0) == 1
+    assert finer(still, 0.0, 2) == np.ceil(32 * 17 / 16)
+    monkeypatch.setattr(order_analysis, "MANY", 100)
+    assert finer(still, 2 * np.pi) == np.ceil(100 / 8)
+    monkeypatch.setattr(order_analysis, "MANY", 10)  # a block with that many samples of its own has four points for each
+    assert finer(still, 2 * np.pi) == np.ceil(4 * 9 / 8)

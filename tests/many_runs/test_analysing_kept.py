@@ -10,8 +10,9 @@ import pytest
 
 import gearlib as gl
 from gearlib.errors import ArgumentError
-from gearlib.many_runs.analysing import kept
+from gearlib.many_runs.analysing import Analysing, kept
 from gearlib.many_runs.reductions import final, peak
+from gearlib.many_runs.samples import as_samples
 
 
 def test_of_a_stability_report_the_growth_and_the_least_damping() -> None:
@@ -94,3 +95,59 @@ def test_reductions_of_histories() -> None:
     for made in (final, peak):
         with pytest.raises(ArgumentError, match=r"name is 3; expected a name, such as 'load\.w'"):
             made(3)  # type: ignore[arg-type]
+
+
+def test_modes_that_are_followed_have_frequencies_damping_and_numbers() -> None:
+    """Of eigenvalues that are written down: a pair, one without damping, one that is missing; shapes are not shown."""
+    work = Analysing(gl.modes, None, {}, {})  # type: ignore[arg-type]
+    samples, nothing = as_samples({"a": [0.0, 1.0]}), np.nan + 0j
+    values = np.array([[-3 + 4j, 0 + 12j], [-0.5 + 12j, nothing]])
+    shapes = np.array([np.eye(2), np.eye(2)[:, ::-1]], complex)
+    shapes[1, :, 1] = nothing
+    found, axes = work.finished(samples, {"eigenvalues": values, "shapes": shapes})
+    assert list(found) == ["frequencies", "damping", "eigenvalues", "number"]
+    assert axes == dict.fromkeys(found, ("mode",))
+    np.testing.assert_allclose(2 * np.pi * found["frequencies"], [[5.0, 12.0], [np.nan, np.hypot(0.5, 12.0)]])
+    np.testing.assert_allclose(found["damping"], [[0.6, 0.0], [np.nan, 0.5 / np.hypot(0.5, 12.0)]])
+    np.testing.assert_array_equal(found["eigenvalues"], [[-3 + 4j, 12j], [nothing, -0.5 + 12j]])
+    np.testing.assert_array_equal(found["number"], [[0, 1], [np.nan, 0]])
+    assert work.presented(["eigenvalues", "shapes"]) == tuple(found)
+    assert work.presented(["growth"]) == ["growth"]
+    plain = {"growth": np.zeros(2), "power": np.zeros((2, 3))}
+    assert work.finished(samples, plain) == (plain, {"growth": (), "power": ("flange",)})
+    assert work.reshapes
+    assert not Analysing(gl.modes, None, {}, {"n": len}).reshapes  # type: ignore[arg-type]
+
+
+def test_units_and_axes_of_what_an_analysis_gives(chain: Any) -> None:
+    """Those of results by their kind, of variables by their own; a function of the user's has none."""
+    system = chain(n=2, grounded=True)
+    work, own = (Analysing(gl.modes, system, {}, reduce) for reduce in ({}, {"growth": len, "body[0].w": len}))
+    assert [work.unit(n) for n in ("growth", "frequencies", "body[0].w", "torque.tau", "whatever")] == [
+        "1/s",
+        "Hz",
+        "rad/s",
+        "N.m",
+        "",
+    ]
+    assert [own.unit(n) for n in ("growth", "body[0].w")] == ["", ""]
+    assert (work.varied_unit("d"), work.varied_unit("whatever")) == (system.translation.parameter_units["d"], "")
+    assert work.dimensions("response") == ("output", "input", "omega")
+    assert (work.dimensions("growth"), own.dimensions("response")) == ((), ())
+
+
+def test_an_analysis_is_given_what_varies_beside_what_all_runs_share() -> None:
+    asked: list[Any] = []
+
+    def analysis(system: Any, parameters: Any, depth: int) -> Any:
+        asked.append((parameters, depth))
+        if parameters["a"] < 0:
+            raise ZeroDivisionError("no inverse")
+        return 1.0
+
+    work = Analysing(analysis, None, {"depth": 3, "parameters": {"b": 2.0, "a": 9.0}}, {"twice": lambda x: 2 * x})  # type: ignore[arg-type]
+    assert work.row({"a": 1.0}).values == {"twice": 2.0}
+    assert asked == [({"a": 1.0, "b": 2.0}, 3)]
+    with pytest.raises(ArgumentError, match=r"^analysis raised ZeroDivisionError: no inverse$"):
+        work.row({"a": -1.0})
+    assert Analysing(lambda system, parameters: parameters, None, {}, {"n": len}).row({"a": 1.0}).values == {"n": 1}  # type: ignore[arg-type]

@@ -1,0 +1,86 @@
+"""What `stability` hands on: the poles it finds in a model of any kind, what it computes later, and for which loop."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+
+import gearlib as gl
+from gearlib.errors import ArgumentError
+from gearlib.feedback import stability as module
+from gearlib.feedback.stability import stability
+
+TRANSFER = control.tf([3.0], [1, 3.0, 2.0])
+
+
+def test_poles_of_a_model_of_any_kind(chain: Any) -> None:
+    """With and without a loop; of a System those of its linear model."""
+    system = chain(n=2, grounded=True)
+    linear = system.linearize(["torque.tau"], ["body[0].w"], parameters={"d": 0.5})
+    expected = np.sort_complex(np.linalg.eigvals(linear.A))
+    loop = ("torque.tau", "body[0].w")
+    for report in (
+        stability(system, parameters={"d": 0.5}), stability(system, loop, parameters={"d": 0.5}), stability(linear),
+        stability(linear, loop), stability(control.ss(linear.A, linear.B, linear.C, linear.D)),
+    ):  # fmt: skip
+        assert np.sort_complex(report.eigenvalues) == pytest.approx(expected, rel=1e-9)
+    for report in (stability(TRANSFER), stability(TRANSFER, (0, 0)), stability(control.ss(TRANSFER))):
+        assert np.sort_complex(report.eigenvalues) == pytest.approx([-2.0, -1.0])
+        assert report.verdict == "stable"
+        assert report.damping.tolist() == [1.0, 1.0]
+    assert stability(TRANSFER).loop is None
+    named = control.tf([3.0], [1, 3.0, 2.0], name="lag")
+    assert stability(named).name == "lag"
+    assert stability(system).name == system.name
+
+
+def test_a_loop_has_the_gain_that_is_given() -> None:
+    report = stability(TRANSFER, (0, 0), gain=-0.5)
+    assert report.loop is not None
+    assert np.sort_complex(report.loop.closed_poles.values) == pytest.approx(np.sort_complex(np.roots([1.0, 3.0, 0.5])))
+    assert report.loop.margins is report.loop.margins
+    assert report.loop.verdict == report.loop.nyquist.verdict == "stable"
+    unstable = stability(TRANSFER, (0, 0), gain=-1.0)
+    assert unstable.loop is not None
+    assert unstable.loop.verdict == "unstable"
+    assert unstable.verdict == "stable"
+    assert stability(TRANSFER, gain=1.0).loop is None
+    with pytest.raises(ArgumentError, match=r"^gain is 1\.5, but no loop is closed"):
+        stability(TRANSFER, gain=1.5)
+
+
+@pytest.mark.parametrize("spare", [0, -1])
+def test_words_and_certificate_are_those_of_systems_that_are_not_too_large(
+    chain: Any, monkeypatch: pytest.MonkeyPatch, spare: int
+) -> None:
+    system = chain(n=2)
+    monkeypatch.setattr(module, "MOST_DENSE", len(system.states) + spare)
+    report = stability(system, parameters={"d": 1.0})
+    if spare:
+        assert (report.passivity, report.conditions, report.at_zero) == (None, (), "")
+    else:
+        assert report.passivity is not None
+        assert report.passivity.holds
+        assert report.at_zero == "the train turns freely"
+
+
+def test_what_is_computed_later_is_that_of_the_parameters_that_were_given(chain: Any) -> None:
+    """Not of those that the mapping holds by then."""
+    system, given = chain(n=2, grounded=True), {"d": 0.5}
+    for loop in (None, ("torque.tau", "body[0].w")):
+        report = stability(system, loop, parameters=given)
+        given["d"] = 7.0
+        found = report.sensitivity("d")
+        given["d"] = 0.5
+        assert (found.parameter, found.value) == ("d", 0.5)
+        h = 1e-5
+        ahead, back = (stability(system, parameters={"d": 0.5 + s}).eigenvalues for s in (h, -h))
+        assert found.eigenvalues == pytest.approx((ahead - back) / (2 * h), rel=1e-5, abs=1e-7)
+        assert (len(found.closed_eigenvalues) > 0) == (loop is not None)
+        assert report.passivity is not None
+        assert float(np.trace(report.passivity.W)) == pytest.approx(
+            float(np.trace(gl.passivity(system, parameters={"d": 0.5}).W))
+        )

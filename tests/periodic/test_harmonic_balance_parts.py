@@ -1,0 +1,97 @@
+"""Who accepts a point of a branch, and the numbers that a branch is asked for with."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+from gearlib.errors import ArgumentError
+from gearlib.periodic.harmonic_balance import _check_numbers, _Watch
+
+
+def watch(accuracy: float, errors: dict[float, float], seen: Any = None) -> _Watch:
+    balance: Any = SimpleNamespace(error=lambda z, omega: (np.nan, errors[omega]))
+    return _Watch(balance, accuracy, seen)
+
+
+def test_a_point_is_accepted_while_its_error_is_within_the_accuracy() -> None:
+    """The worst so far is remembered with its frequency; what is not a number is worse than anything."""
+    found = watch(0.1, {1.0: 0.02, 2.0: 0.1, 3.0: 0.05, 4.0: 0.11, 5.0: 0.07, 6.0: np.nan})
+    told = []
+    for omega in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0):
+        accepted = found(np.zeros(1), omega)
+        told.append((accepted, found.worst, found.where))
+    assert told[:5] == [(True, 0.02, 1.0), (True, 0.1, 2.0), (True, 0.1, 2.0), (False, 0.11, 4.0), (True, 0.11, 4.0)]
+    assert told[5][0] is False
+    assert np.isnan(told[5][1])
+    assert told[5][2] == 6.0
+    assert (watch(0.1, {}).worst, watch(0.1, {}).where) == (0.0, 0.0)
+
+
+def test_given_harmonics_are_accepted_as_they_are_and_progress_is_told() -> None:
+    told: list[float] = []
+    found = watch(np.inf, {}, told.append)
+    assert all(found(np.zeros(1), omega) for omega in (1.0, 3.0))
+    assert told == [1.0, 3.0]
+    assert (found.worst, found.where) == (0.0, 0.0)
+
+
+GOOD: dict[str, Any] = {"start": 1.0, "end": 2.0, "harmonics": None, "step": 0.02, "points": 2, "accuracy": 5e-3}
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, ""),
+        ({"start": 2.0, "end": 1.0}, ""),
+        ({"start": 1e-50, "end": 1e50}, ""),
+        ({"step": 1.0, "harmonics": 1, "accuracy": 0.99}, ""),
+        ({"accuracy": 0.0}, "accuracy is 0.0; expected an error over the vibration, above 0 and below 1"),
+        ({"accuracy": 1.0}, "accuracy is 1.0; expected an error over the vibration, above 0 and below 1"),
+        ({"start": 0.0}, "start and end are 0.0 and 2.0; expected two different positive frequencies, rad/s"),
+        ({"end": 0.0}, "start and end are 1.0 and 0.0; expected two different positive frequencies, rad/s"),
+        ({"end": -2.0}, "start and end are 1.0 and -2.0; expected two different positive frequencies, rad/s"),
+        ({"end": 1.0}, "start and end are 1.0 and 1.0; expected two different positive frequencies, rad/s"),
+        ({"start": 0.9e-50}, "start is 9e-51; expected a frequency from 1e-50 to 1e+50 rad/s"),
+        ({"end": 1.1e50}, "end is 1.1e+50; expected a frequency from 1e-50 to 1e+50 rad/s"),
+        ({"step": 0.0}, "step is 0.0; expected a number above 0, up to 1"),
+        ({"step": 1.01}, "step is 1.01; expected a number above 0, up to 1"),
+        *(({name: np.nan}, f"{name} is nan; expected a finite number") for name in ("start", "end", "step", "accuracy")),
+        *(({name: "1"}, f"{name} is '1'; expected a finite number") for name in ("start", "end", "step", "accuracy")),
+        ({"harmonics": 0}, "harmonics is 0; expected a whole number, 1 or more"),
+        ({"points": 1}, "points is 1; expected a whole number, 2 or more"),
+    ],
+)
+def test_numbers_of_a_branch(changes: dict[str, Any], said: str) -> None:
+    if not said:
+        _check_numbers(**GOOD | changes)
+        return
+    with pytest.raises(ArgumentError) as refused:
+        _check_numbers(**GOOD | changes)
+    assert str(refused.value) == said
+
+
+class Driven(gl.Component):
+    """An oscillator, and what is proportional to the frequency that drives it."""
+
+    w = gl.Parameter("rad/s", default=1.0)
+    x, v, y = gl.Variable("1"), gl.Variable("1"), gl.Variable("1/s")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), gl.cos(self.w * gl.time) - 0.1 * self.v - self.x),
+            gl.Eq(self.y, self.w * self.x + self.w),
+        ]
+
+
+def test_outputs_know_the_frequency_of_their_point() -> None:
+    found = gl.harmonic_balance(gl.compile(Driven()), 0.5, 0.6, frequency="w", harmonics=1, outputs=["x", "y"], step=0.4)
+    assert len(found) > 2
+    assert found.amplitude("x") == pytest.approx(1 / np.abs(1 - found.omega**2 + 0.1j * found.omega))
+    assert found.amplitude("y") == pytest.approx(found.omega * found.amplitude("x"))
+    assert found.mean("y") == pytest.approx(found.omega)
