@@ -111,6 +111,8 @@ def defect(s: IdaRecord, t: float, y: int, dy: int, r: int) -> int:
         refuse(s, t, f, 0)
         return -1
     if status > 0 or not all_finite(f, n):
+        if not all_finite(floats_at(y), n):  # IDA's iteration went astray after an earlier refusal
+            return 1
         return refuse(s, t, f, n)
     target, rate, d, order = floats_at(r), floats_at(dy), floats_at(s.differential), ints_at(s.order)
     if s.implicit != 0:
