@@ -161,5 +161,5 @@ class NativeIda(IdaStepper):
 
     def close(self) -> None:
         if self.solver is not None:
-            self.solver.close()
+            self.solver.close(self.record.factorised != 0)
             self.solver = None

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gearlib.errors import GearlibError
+from gearlib.errors import GearlibError, SolverError
 from gearlib.solvers.drive.driver import integrate
 from gearlib.solvers.ida.ida import ida
 from gearlib.solvers.problem import Problem
@@ -219,6 +219,17 @@ def test_both_roads_take_the_same_steps_to_the_same_events(case: str) -> None:
         if not isinstance(value, str | list):
             expected = pytest.approx(value, rel=share if counted else near, abs=0.0 if counted else 1e-3 * near)
         assert other[name] == expected, name
+
+
+@pytest.mark.parametrize("kind", ["dense", "band", "sparse"])
+@pytest.mark.parametrize("native", [True, False])
+def test_a_run_that_fails_before_its_first_factorisation_ends_with_a_word(native: bool, kind: str) -> None:
+    """And so does one that is closed before it begins."""
+    own = with_jacobian(problem(lambda *_: -1, [0.0, 1.0, 2.0]), np.ones((3, 3)), lambda *_: np.eye(3))
+    for _ in range(3):
+        driver(own, T, ida(native, kind)).close()
+        with pytest.raises(SolverError, match=r"^the right-hand side could not be evaluated at t=0; integrated until t=0$"):
+            integrate(driver(own, T, ida(native, kind)))
 
 
 @pytest.mark.parametrize("may_leave", [False, True])
