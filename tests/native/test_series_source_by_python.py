@@ -23,7 +23,10 @@ MORE: dict[str, tuple[Any, Any]] = {
 
 @pytest.mark.parametrize("kind", [*FUNCTIONS, *MORE])
 def test_every_function_has_the_coefficients_of_its_solution(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From x = 1.3 at t = 0.8 on, x = t + 0.5, so that y is an integral over time."""
+    """Of a sum, a product, a root, a power, a tangent, an exponential, a pair of sines, an angle: from x = 1.3 at t = 0.8 on, x = t + 0.5.
+
+    So y is an integral over time.
+    """
     monkeypatch.setitem(FUNCTIONS, kind, (FUNCTIONS | MORE)[kind])
     translation = gl.compile(driven((kind,))).translation
     scene = translation.scene
