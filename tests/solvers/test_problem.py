@@ -53,7 +53,16 @@ def test_looks_at_event_functions_cost_something_where_there_are_some() -> None:
 
 @pytest.mark.parametrize(
     ("t0", "t1", "origin"),
-    [(0.0, 1.0, 0.0), (1.9, 2.9, 0.0), (2.0, 3.0, 2.0), (-2.0, -1.0, -2.0), (-1.0, 0.0, 0.0), (5.0, 5.0, 5.0)],
+    [
+        (0.0, 1.0, 0.0),
+        (1.9, 2.9, 0.0),
+        (2.0, 3.0, 2.0),
+        (-2.0, -1.0, -2.0),
+        (-1.0, 0.0, 0.0),
+        (3.0, 7.0, 0.0),
+        (0.3, 0.4, 0.3),
+        (5.0, 5.0, 5.0),
+    ],
 )
 def test_a_late_run_counts_from_its_start(t0: float, t1: float, origin: float) -> None:
     """Where it begins two of its lengths away from zero or farther."""

@@ -178,7 +178,7 @@ class Driver:
         record.update = problem.update.address if problem.update is not None else 0
         record.interval = 0 if problem.interval is None else record.data + 8 * problem.interval
         record.origin, record.t, record.burst_start = origin, first - origin, first - origin
-        record.window = max(1e-9 * (last - float(times[0])), 1e6 * 2.2e-16 * max(abs(first - origin), abs(last - origin)))
+        record.window = 1e-9 * (last - float(times[0]))
         self.fired = whole[places["fired"]].view(np.int32)[:n_roots]
         self.times = self._lasting["times"]  # these and the stops count from the record's origin
         stepper.attach(self, lambda name: whole[places[name]])

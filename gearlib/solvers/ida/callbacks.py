@@ -111,6 +111,8 @@ def defect(s: IdaRecord, t: float, y: int, dy: int, r: int) -> int:
         refuse(s, t, f, 0)
         return -1
     if status > 0 or not all_finite(f, n):
+        if not all_finite(floats_at(y), n):  # IDA's iteration went astray after an earlier refusal
+            return 1
         return refuse(s, t, f, n)
     target, rate, d, order = floats_at(r), floats_at(dy), floats_at(s.differential), ints_at(s.order)
     if s.implicit != 0:
@@ -152,6 +154,7 @@ def jacobian_values(s: IdaRecord, t: float, y: int, dy: int) -> int:
 @native
 def fill_matrix(s: IdaRecord, of_states: float, of_rates: float) -> None:
     """Fill a cleared matrix: of_rates dF/dx' + dF/dx, with the columns of differential unknowns in the latter scaled by ``of_states``."""
+    s.factorised = 1
     values, matrix = floats_at(s.values), floats_at(s.matrix)
     position, diagonal, part = ints_at(s.position), ints_at(s.diagonal), ints_at(s.part)
     sign = 1.0 if s.implicit != 0 else -1.0

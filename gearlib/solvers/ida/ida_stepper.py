@@ -149,7 +149,8 @@ class IdaStepper(Stepper):
 
     def leaves(self, code: int) -> bool:
         near = self.bad_time is not None and self.bad_time >= self.driver.t - 1e-6 * self.record.span
-        return code in (RHS_FAILED, -8, -9, -12) or (code in (-3, -4, STALLED) and near)
+        refused = code == -6 and self.record.refused == self.record.patience  # by the Jacobian at last
+        return code in (RHS_FAILED, -8, -9, -12) or refused or (code in (-3, -4, STALLED) and near)
 
     def failure(self, code: int) -> GearlibError:
         when = f"at t={self.driver.t:.9g}"

@@ -115,7 +115,7 @@ def _make(problem: Problem, kind: str | None) -> MatrixPlan:
     if kind == "sparse":
         return _sparse(n, rows, columns, differential)
     rows, columns, diagonal = place[rows], place[columns], place[differential]
-    stored = min(n - 1, upper + lower)  # pivoting widens the upper band
+    stored = upper + lower  # pivoting widens the upper band
     height = stored + lower + 1
     position = columns * height + rows - columns + stored
     return MatrixPlan("band", order, upper, lower, position, diagonal * height + stored, rows, columns)

@@ -107,7 +107,7 @@ class NativeIda(IdaStepper):
             self._point(pattern_source=rows, starts_source=starts)
         else:
             record.matrix = solver.use_band(matrix.upper, matrix.lower) if matrix.kind == "band" else solver.use_dense()
-            height = min(n - 1, matrix.upper + matrix.lower) + matrix.lower + 1 if matrix.kind == "band" else n
+            height = matrix.upper + 2 * matrix.lower + 1 if matrix.kind == "band" else n
             record.n_matrix = n * height
         directions = np.repeat(np.array([0, 1], np.int32), n_roots)  # the second half: functions that turn away from zero
         solver.attach(None if problem.jac is None else found["jacobian"], found["roots"], directions)
@@ -161,5 +161,5 @@ class NativeIda(IdaStepper):
 
     def close(self) -> None:
         if self.solver is not None:
-            self.solver.close()
+            self.solver.close(self.record.factorised != 0)
             self.solver = None

@@ -175,7 +175,9 @@ class SundaeIda(IdaStepper, PythonStepper):
         self.record.n_rhs += 1
         status = self.rhs(t, self._natural(y, dy), self.f)
         wrong = np.flatnonzero(~np.isfinite(self.f))
-        if status != 0 or len(wrong):
+        if (status != 0 or len(wrong)) and np.isfinite(
+            y
+        ).all():  # else an earlier refusal, by which IDA's iteration went astray
             self._refuse(t, int(wrong[0]) if len(wrong) and status >= 0 else -1)
         return status or int(len(wrong) > 0)
 

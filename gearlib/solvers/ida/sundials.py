@@ -204,6 +204,7 @@ class Solver:
         self._arrays: list[Floats] = []  # memory used by IDA's vectors
         self._vectors: list[int] = []
         self.mem = self.matrix = self.linear_solver = 0
+        self.sparse = False
         self._context = ctypes.c_void_p()
         self._check(sundials.SUNContext_Create(0, ctypes.byref(self._context)))
         self._silence()
@@ -257,7 +258,7 @@ class Solver:
 
     def use_sparse(self, nonzeros: int) -> tuple[int, int, int]:
         """Use a matrix in compressed sparse columns, factorised by SuperLU; returns the addresses of values, rows and column starts."""
-        lib = self.sundials
+        lib, self.sparse = self.sundials, True
         self.matrix = self._check(lib.SUNSparseMatrix(self.n, self.n, nonzeros, _CSC, self._context))
         self.linear_solver = self._check(lib.SUNLinSol_SuperLUMT(self.yy, self.matrix, 1, self._context))
         values, rows = lib.SUNSparseMatrix_Data(self.matrix), lib.SUNSparseMatrix_IndexValues(self.matrix)
@@ -292,12 +293,12 @@ class Solver:
             return -1
         return int(np.argmax(np.nan_to_num(np.abs(errors * weights))))
 
-    def close(self) -> None:
-        """Free all resources."""
+    def close(self, factorised: bool = True) -> None:
+        """Free all resources; SuperLU's solver only if a factorisation was begun, without which SUNDIALS frees what was never made."""
         lib = self.sundials
         if self.mem:
             lib.IDAFree(ctypes.byref(ctypes.c_void_p(self.mem)))
-        if self.linear_solver:
+        if self.linear_solver and (factorised or not self.sparse):
             lib.SUNLinSolFree(self.linear_solver)
         if self.matrix:
             lib.SUNMatDestroy(self.matrix)

@@ -69,6 +69,7 @@ class IdaRecord(DriveRecord):
     # integers
     nnz: int
     n_matrix: int  # size of the iteration matrix's storage
+    factorised: int  # whether a factorisation was begun
     implicit: int  # whether the model computes F(t, x, x')
     n_diagonal: int
     n_pattern: int

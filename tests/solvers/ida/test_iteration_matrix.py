@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -9,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gearlib.solvers.ida.iteration_matrix import MatrixPlan, columns_of, plan, reverse_cuthill_mckee
+from gearlib.solvers.ida.iteration_matrix import MatrixPlan, _cheapest, columns_of, plan, reverse_cuthill_mckee
+from gearlib.solvers.ida.sundials import Solver, load
 from gearlib.solvers.problem import Problem
 from tests.run.python_problem import problem
 
@@ -40,7 +42,7 @@ def chain(n: int, width: int = 1) -> np.ndarray:
 
 def stored(found: MatrixPlan, n: int, entries: np.ndarray, diagonal: float) -> np.ndarray:
     """The matrix that SUNDIALS reads from the storage: in IDA's order."""
-    height = {"dense": n, "band": min(n - 1, found.upper + found.lower) + found.lower + 1, "sparse": 0}[found.kind]
+    height = {"dense": n, "band": found.upper + 2 * found.lower + 1, "sparse": 0}[found.kind]
     size = len(found.pattern[1]) if found.pattern else n * height
     data = np.zeros(size)
     np.add.at(data, found.position, entries)
@@ -51,7 +53,7 @@ def stored(found: MatrixPlan, n: int, entries: np.ndarray, diagonal: float) -> n
             row, column = int(found.pattern[1][at]), int(np.searchsorted(found.pattern[0], at, side="right")) - 1
         else:
             column, row = divmod(at, height)
-            row += 0 if found.kind == "dense" else column - min(n - 1, found.upper + found.lower)
+            row += 0 if found.kind == "dense" else column - found.upper - found.lower
         if value:
             matrix[row, column] = value
     return matrix
@@ -106,6 +108,46 @@ def test_the_cheapest_storage_is_taken() -> None:
     bare = problem(lambda t, x, dx, data: 0, np.zeros(400))
     assert plan(bare).kind == "dense"
     assert plan(bare).part.tolist() == []
+
+
+def test_costs_of_storages_are_compared() -> None:
+    """A solution in each step, a factorisation in every twentieth: of full matrices, bands and nonzeros; bands win a draw."""
+    for n, lower, upper in ((20, 3, 1), (40, 7, 2), (40, 2, 7), (60, 0, 0), (120, 20, 30)):
+        dense, band = n**2 + n**3 / 3 / 20, n * (2 * lower + upper) + n * lower * (lower + upper) / 20
+        found = _cheapest(n, 10**9, lower, upper, True)
+        assert found == ("band" if band <= dense else "dense")
+        assert _cheapest(n, 10**9, lower, upper, False) == found
+    for n in (200, 300):
+        dearest = n**2 + n**3 // 60
+        for nonzeros in ((dearest - 50_000) // 80 - 1, (dearest - 50_000) // 80 + 2):
+            sparse = 50_000 + 80 * nonzeros < dearest
+            assert _cheapest(n, nonzeros, n - 1, n - 1, True) == ("sparse" if sparse else "dense")
+    assert _cheapest(400, 10_000, 180, 180, True) == "sparse"
+    assert _cheapest(400, 10_000, 180, 180, False) == "dense"
+    for lower in range(12, 24):  # where a band of 40 becomes dearer than a full matrix
+        band, dense = 40 * (3 * lower + lower**2 / 10), 1600 + 64000 / 60
+        assert _cheapest(40, 10**9, lower, lower, True) == ("band" if band < dense else "dense")
+    for upper in range(20, 80):
+        band = 40 * (6 + upper + 3 * (3 + upper) / 20)
+        assert _cheapest(40, 10**9, 3, upper, True) == ("band" if band < 1600 + 64000 / 60 else "dense")
+
+
+@pytest.mark.parametrize(("upper", "lower"), [(1, 1), (1, 2), (2, 1), (2, 2), (0, 2)])
+def test_bands_have_sundials_length_of_a_column(upper: int, lower: int) -> None:
+    """However wide they are: the address of an entry is that of its column and its distance from the diagonal."""
+    n = 3
+    solver = Solver(load(), np.zeros(n), np.zeros(n))
+    solver.use_band(upper, lower)
+    lib = next(lib for lib in load().libraries if hasattr(lib, "SUNBandMatrix_LDim"))
+    lib.SUNBandMatrix_LDim.argtypes, lib.SUNBandMatrix_LDim.restype = [ctypes.c_void_p], ctypes.c_int64
+    length = lib.SUNBandMatrix_LDim(solver.matrix)
+    solver.close()
+    i = np.arange(n)
+    found = plan(with_pattern((i - i[:, None] <= upper) & (i[:, None] - i <= lower)), "band")
+    assert (found.kind, found.upper, found.lower) == ("band", upper, lower)
+    first = {int(c): int(p - (r - c)) for p, r, c in zip(found.position, found.rows, found.columns, strict=True)}
+    assert [first[k] - first[0] for k in range(n)] == [0, length, 2 * length]
+    assert found.diagonal.tolist() == [first[k] for k in range(n)]
 
 
 def test_a_plan_is_made_once_for_each_request() -> None:

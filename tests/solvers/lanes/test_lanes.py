@@ -131,3 +131,40 @@ def test_a_run_of_too_many_steps_fails_alone() -> None:
     assert runs.steps[1] in (200, 201)
     assert (runs.steps[[0, 2]] < 200).all()
     assert np.allclose(runs.out[[0, 2], 1, 0], np.sin(2.0 * omega[[0, 2]]), atol=1e-6)
+
+
+@pytest.mark.parametrize("begin", [0.0, 1.0, 40.0])
+def test_numbers_of_runs_lie_one_behind_the_other(begin: float) -> None:
+    """A vector of lanes for each state, stage, number and column, in whole cache lines; times count from a late start."""
+    n, m, number = 3, 2, LANES + 1
+    times = begin + np.array([0.0, 0.1, 4.0])
+    rng = np.random.default_rng(4)
+    starts, numbers = rng.normal(size=(number, n)), rng.normal(size=(number, m))
+    corners, pieces = begin + np.arange(1.0, 3.0)[None].repeat(number, 0), rng.normal(size=(number, 3, 1))
+    longest = np.linspace(0.1, 0.9, number)
+    given = LaneProblem(
+        SimpleNamespace(address=5), starts, numbers, times, np.array([2, 0]), np.full(n, 1e-3), 1e-4, longest, corners, pieces, 99.0
+    )  # fmt: skip
+    runs = LaneRuns(given)
+    record, arrays = runs.record, runs._arrays
+    sizes = {"x": n, "k": 7 * n, "y": n, "x_new": n, "data": m, "kept": 2}
+    at = record.x
+    assert at % 64 == 0
+    for name, size in sizes.items():
+        assert (getattr(record, name), arrays[name].size) == (at, LANES * size)
+        at += 8 * LANES * size
+    assert sorted(getattr(record, name) for name in ("t", "h", "stop", "steps", "run", "corner", "fresh"))[0] >= at
+    origin = begin if begin == 40.0 else 0.0
+    assert (record.origin, record.end) == (origin, begin + 4.0 - origin)
+    assert arrays["times"].tolist() == (times - origin).tolist()
+    assert arrays["corners"].tolist() == (corners - origin).tolist()
+    assert arrays["longest"].tolist() == np.minimum(0.4, longest).tolist()
+    assert arrays["x"].reshape(n, LANES).tolist() == starts[0][:, None].repeat(LANES, 1).tolist()
+    assert arrays["data"].reshape(m, LANES).tolist() == numbers[0][:, None].repeat(LANES, 1).tolist()
+    assert (record.rhs, record.n, record.n_numbers, record.n_times, record.n_columns) == (5, n, m, 3, 2)
+    assert (record.n_corners, record.n_pieces, record.cornered, record.n_runs) == (2, 1, 1, number)
+    assert (record.most_steps, record.rtol, runs.done) == (99.0, 1e-4, 0)
+    assert runs.out.shape == (number, 3, 2)
+    one = LaneRuns(LaneProblem(given.rhs, starts, numbers, times, np.arange(n), np.ones(n), 1e-4))
+    assert (one.record.cornered, one.record.n_corners, one.record.n_pieces) == (0, 0, 0)
+    assert one._arrays["longest"].tolist() == pytest.approx([0.4] * number)

@@ -1,0 +1,249 @@
+"""Both roads to IDA decide alike: the same evaluations, events, samples and failures, whatever the model does."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gearlib.errors import GearlibError, SolverError
+from gearlib.solvers.drive.driver import integrate
+from gearlib.solvers.ida.ida import ida
+from gearlib.solvers.problem import Problem
+from tests.run.python_problem import driver, native, problem
+
+
+def with_jacobian(
+    own: Problem, pattern: Any, jac: Callable[[float, Any, Any], Any], failing: Callable[[float, int], int] | None = None
+) -> Problem:
+    """A problem whose Jacobian has entries where a pattern is not zero; ``failing`` says what its call number returns."""
+    pattern = np.asarray(pattern)
+    columns, rows = np.nonzero(pattern.T)
+    calls = [0]
+
+    def entries(t: float, x: Any, out: Any, data: Any) -> int:
+        calls[0] += 1
+        J = np.asarray(jac(t, x, data), float)
+        for k, (i, j) in enumerate(zip(rows, columns, strict=True)):
+            out[k] = J[i, j]
+        return failing(t, calls[0]) if failing else 0
+
+    starts = np.searchsorted(columns, np.arange(pattern.shape[1] + 1))
+    return replace(own, jac=native(entries), jac_indptr=starts, jac_indices=rows)
+
+
+def stiff(analytic: bool = True, late: float = 0.0, **more: Any) -> Problem:
+    """A fast state follows a pendulum, whose angle crosses 0.4 in both directions, and whose speed touches levels; a clock ticks."""
+
+    def rhs(t: float, x: Any, dx: Any, data: Any) -> None:
+        dx[0], dx[1] = x[1], -25.0 * math.sin(x[0]) + data[0]
+        dx[2] = -300.0 * (x[2] - x[0] * math.cos(3.0 * (t - late)))
+
+    def roots(t: float, x: Any, g: Any, data: Any) -> None:
+        g[0], g[1], g[2] = x[0] - 0.4, x[1] - 2.49, 0.5 - x[2]
+
+    def update(t: float, x: Any, fired: Any, data: Any) -> int:
+        if fired[0] > 0 and data[1] < 2.0:
+            data[0], data[1], x[1] = data[0] + 0.5, data[1] + 1.0, 0.9 * x[1]
+            return 2
+        return 0
+
+    def jac(t: float, x: Any, data: Any) -> Any:
+        return [[0, 1, 0], [-25.0 * math.cos(x[0]), 0, 0], [300.0 * math.cos(3.0 * (t - late)), 0, -300.0]]
+
+    given = {
+        "roots": roots,
+        "n_roots": 3,
+        "update": update,
+        "discrete": slice(0, 2),
+        "time_events": late + np.array([0.33]),
+    } | more
+    own = problem(rhs, [0.5, 0.0, 0.0], **given)
+    return with_jacobian(own, [[0, 1, 0], [1, 0, 0], [1, 0, 1]], jac) if analytic else own
+
+
+def chained(kind: str = "") -> Problem:
+    """Twelve masses in a row, numbered in no order, the last one driven; one crosses its place at rest again and again."""
+    n, order = 24, np.random.default_rng(2).permutation(24)
+    place = np.argsort(order)
+    A = np.zeros((n, n))
+    for k in range(12):
+        A[k * 2, k * 2 + 1] = 1.0
+        A[k * 2 + 1, k * 2], A[k * 2 + 1, k * 2 + 1] = -800.0, -3.0
+        for other in {max(k - 1, 0), min(k + 1, 11)}:
+            A[k * 2 + 1, other * 2] += 400.0
+    A = A[np.ix_(order, order)]
+
+    def rhs(t: float, x: Any, dx: Any, data: Any) -> None:
+        y = A @ [x[i] for i in range(n)]
+        y[place[23]] += 50.0 * math.sin(30.0 * t)
+        for i in range(n):
+            dx[i] = y[i]
+
+    own = problem(rhs, np.zeros(n), roots=lambda t, x, g, data: g.__setitem__(0, x[place[18]] - 1e-3), n_roots=1)
+    return with_jacobian(own, A != 0.0, lambda t, x, data: A)
+
+
+def constrained(analytic: bool = True, shift: float = 1.0, failing: Callable[[float, int], int] | None = None) -> Problem:
+    """y + y**3 / 10 = shift + x + sin 5 t, which drives x' = -2 x - y; where y rises through 1.2, it jumps once."""
+
+    def rhs(t: float, x: Any, dx: Any, data: Any) -> None:
+        dx[0] = -2.0 * x[0] - x[1]
+        dx[1] = shift + x[0] + math.sin(5.0 * t) - data[0] - x[1] - 0.1 * x[1] ** 3
+
+    def roots(t: float, x: Any, g: Any, data: Any) -> None:
+        g[0] = x[1] - 1.2
+
+    def update(t: float, x: Any, fired: Any, data: Any) -> int:
+        if fired[0] > 0 and data[0] == 0.0:
+            data[0] = 0.7
+            return 1
+        return 0
+
+    own = problem(rhs, [0.0, 0.2], roots=roots, n_roots=1, update=update, discrete=slice(0, 1))
+    own = replace(own, differential=np.array([True, False]))
+    if not analytic:
+        return own
+    return with_jacobian(own, [[1, 1], [1, 1]], lambda t, x, data: [[-2, -1], [1, -1 - 0.3 * x[1] ** 2]], failing)
+
+
+def implicit(events: bool = True) -> Problem:
+    """F(t, x, x') = 0: a bead with a mass that grows, x' = v, (1 + x**2) v' = u - v, and u = -9 x + cos 2 t, an algebraic unknown."""
+
+    def residual(t: float, x: Any, F: Any, data: Any) -> None:
+        F[0] = x[3] - x[1]
+        F[1] = (1.0 + x[0] ** 2) * x[4] - x[2] + x[1]
+        F[2] = x[2] + (9.0 + data[0]) * x[0] - math.cos(2.0 * t)
+
+    def jac(t: float, x: Any, data: Any) -> Any:
+        return [
+            [0, -1, 0, 1, 0, 0], [2 * x[0] * x[4], 1, -1, 0, 1 + x[0] ** 2, 0], [9 + data[0], 0, 1, 0, 0, 0],
+        ]  # fmt: skip
+
+    def update(t: float, x: Any, fired: Any, data: Any) -> int:
+        if fired[0] < 0 and data[0] == 0.0:
+            data[0] = 2.0
+            return 1
+        return 0
+
+    more: dict[str, Any] = (
+        {"roots": lambda t, x, g, data: g.__setitem__(0, x[0] + 0.05), "n_roots": 1, "update": update} if events else {}
+    )
+    own = replace(
+        problem(residual, [0.3, 0.0, 0.0], discrete=slice(0, 1), **more),
+        implicit=True,
+        differential=np.array([True, True, False]),
+    )
+    return with_jacobian(own, [[0, 1, 0, 1, 0, 0], [1, 1, 1, 0, 1, 0], [1, 0, 1, 0, 0, 0]], jac)
+
+
+def refusing(how: str, may_leave: bool = False) -> Problem:
+    """x' = 1 + x, y' = -50 (y - x): beyond x = 0.5 it cannot be evaluated, in one way or another, until its rate is set to -1 at 0.45."""
+
+    def rhs(t: float, x: Any, dx: Any, data: Any) -> int:
+        dx[0], dx[1] = 1.0 + x[0], -50.0 * (x[1] - x[0])
+        if x[0] > 0.5:
+            dx[1] = math.nan if how == "nan" else dx[1]
+            return {"stop": -1, "smaller": 1}.get(how, 0)
+        return 0
+
+    def failing(t: float, call: int) -> int:
+        return {"jac stops": -1, "jac smaller": 1}.get(how, 0) if t > 0.3 and call % 2 else 0
+
+    def jac(t: float, x: Any, data: Any) -> Any:
+        return [[1.0, 0.0], [50.0 if how != "jac nan" or t < 0.3 else math.nan, -50.0]]
+
+    return with_jacobian(replace(problem(rhs, [0.0, 1.0]), may_leave=may_leave), [[1, 0], [1, 1]], jac, failing)
+
+
+FREE = np.array([1e-6, 1e-6, 1e3])  # only one road leaves algebraic unknowns out of the error test
+T = np.linspace(0.0, 2.0, 9)
+CASES: dict[str, tuple[Callable[[], Problem], Any, dict[str, Any]]] = {
+    "events": (stiff, T, {}),
+    "difference quotients": (lambda: stiff(False), T, {"rtol": 1e-4}),
+    "late": (lambda: stiff(late=500.0), 500.0 + T, {}),
+    "short steps": (lambda: stiff(longest_step=0.004), T[:3], {}),
+    "tolerances of states": (stiff, T, {"atol": np.array([1e-5, 1e-7, 1e-3])}),
+    "band": (stiff, T, {"linear_solver": "band"}),
+    "chain": (chained, T[:3], {}),
+    "sparse chain": (chained, T[:3], {"linear_solver": "sparse"}),
+    "algebraic": (constrained, T, {}),
+    "algebraic, wrong at first": (lambda: constrained(shift=-30.0), T, {}),
+    "algebraic, by differences": (lambda: constrained(False), T, {}),
+    "algebraic, sparse": (constrained, T, {"linear_solver": "sparse"}),
+    "algebraic, no matrix": (lambda: constrained(failing=lambda t, call: 1), T, {}),
+    "implicit": (implicit, T, {"atol": FREE}),
+    "implicit, sparse": (implicit, T, {"linear_solver": "sparse", "atol": FREE}),
+    "implicit, wide band": (implicit, T, {"linear_solver": "band", "atol": FREE}),
+    "implicit without events": (lambda: implicit(False), T, {}),
+}  # fmt: skip
+# Where a root's time is rounded otherwise, or Newton's iteration ends otherwise: tolerance of numbers, and of counts
+LOOSE = {"algebraic": (1e-6, 0.1), "algebraic, sparse": (1e-6, 0.1), "implicit without events": (1e-3, 0.3)}
+FAILURES = ["nan", "stop", "smaller", "jac stops", "jac smaller", "jac nan"]
+
+
+def outcome(own: Problem, times: Any, native: bool, linear_solver: str | None = None, **asked: Any) -> dict[str, Any]:
+    """What a run says, with its counts."""
+    stepper, said, run = ida(native, linear_solver), "", None
+    try:
+        run = driver(own, times, stepper, **{"rtol": 1e-6} | asked)
+        integrate(run)
+    except GearlibError as problem:
+        said = re.sub(r" \(h=[^)]*\)|; the error estimate is largest in .*", "", str(problem))
+    if run is None:
+        return {"said": said}
+    record: Any = run.record
+    found = run.solution()
+    return {
+        "said": said, "status": run.status, "t": run.t, "x": run.x, "samples": found.x, "discrete": found.discrete,
+        "event times": run.event_times, "event roots": run.event_roots.tolist(), "rhs": record.n_rhs, "jac": record.n_jac,
+        "attempts": record.attempts, "restarts": stepper.stats()["restarts"], "refused": record.refused, "bad": record.bad_state,
+        "bad time": record.bad_time, "guess": record.first_guess, "events": record.events,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_both_roads_take_the_same_steps_to_the_same_events(case: str) -> None:
+    own, times, asked = CASES[case]
+    one, other = (outcome(own(), times, native, **asked) for native in (True, False))
+    assert ("no consistent values" in one["said"]) == (case == "algebraic, no matrix")
+    for name, value in one.items():
+        near, share = LOOSE.get(case, (1e-9, 0.0))
+        counted = name in ("rhs", "jac", "attempts")
+        expected: Any = value
+        if not isinstance(value, str | list):
+            expected = pytest.approx(value, rel=share if counted else near, abs=0.0 if counted else 1e-3 * near)
+        assert other[name] == expected, name
+
+
+@pytest.mark.parametrize("kind", ["dense", "band", "sparse"])
+@pytest.mark.parametrize("native", [True, False])
+def test_a_run_that_fails_before_its_first_factorisation_ends_with_a_word(native: bool, kind: str) -> None:
+    """And so does one that is closed before it begins."""
+    own = with_jacobian(problem(lambda *_: -1, [0.0, 1.0, 2.0]), np.ones((3, 3)), lambda *_: np.eye(3))
+    for _ in range(3):
+        driver(own, T, ida(native, kind)).close()
+        with pytest.raises(SolverError, match=r"^the right-hand side could not be evaluated at t=0; integrated until t=0$"):
+            integrate(driver(own, T, ida(native, kind)))
+
+
+@pytest.mark.parametrize("may_leave", [False, True])
+@pytest.mark.parametrize("how", FAILURES)
+def test_both_roads_blame_the_same(how: str, may_leave: bool) -> None:
+    """scikit-sundae reports no step before the next sample."""
+    one, other = (outcome(refusing(how, may_leave), T, native) for native in (True, False))
+    for found in (one, other):
+        found["said"] = found["said"].partition("; integrated")[0]
+    at = one["bad time"] or one["t"]
+    limit = math.log(1.5) if "jac" not in how else 0.4
+    assert one["bad"] == other["bad"] == (1 if how == "nan" else 0 if how == "jac stops" else -1)
+    assert one["status"] == other["status"] == ("left" if may_leave and how != "jac stops" else "more")
+    assert 0.3 < at < limit + (0.02 if how == "stop" else 1e-5)
+    assert other["bad time"] == pytest.approx(one["bad time"], rel=1e-2)
+    if how != "jac stops":
+        assert one["said"] == other["said"]
