@@ -98,6 +98,7 @@ OTHERS = (
     "ZeroIterationForLoop",
 )  # fmt: skip
 WITHOUT_EFFECT = {"frozen", "eq", "strict", "stacklevel", "maxsize"}  # guards, and sizes of what is remembered
+WITHOUT_EFFECT |= {"lw", "ms", "mew", "fontsize", "figsize", "markersize", "zorder", "xytext"}  # sizes of what is drawn
 OPERATORS = (
     *(f"ReplaceBinaryOperator_{old}_{new}" for old, new in SWAPS.items()),
     *(f"ReplaceComparisonOperator_{pair}" for pair in COMPARED),
