@@ -133,12 +133,19 @@ def test_the_right_hand_limit_of_time_is_just_later() -> None:
     assert right_hand(t) - t == pytest.approx([1e-15, 1e-15, 1e-15, 2e-12, 5e-12, 1e-6], rel=1e-3, abs=0.0)
 
 
+class Idle(gl.Component):
+    z = gl.Variable("1")
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(self.z, 1.0)]
+
+
 def test_rules_know_their_components() -> None:
     """By path, each its own: for messages that name what an event iteration keeps changing."""
 
     class Two(gl.Component):
         def assemble(self) -> list[Any]:
-            self.one, self.other = Counters(), Counters()
+            self.one, self.other, self.rest = Counters(), Counters(), [Idle() for _ in range(4)]
             return []
 
     translation = gl.compile(Two(), outputs=["one.x", "other.x"]).translation
