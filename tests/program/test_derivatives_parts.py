@@ -93,10 +93,12 @@ def test_derivatives_of_many_runs_are_those_of_each() -> None:
 @pytest.mark.parametrize("constants", [False, True], ids=["states", "parameters"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_reverse_of_a_plan_is_its_transpose(kind: str, constants: bool) -> None:
-    """At two times; by states and inputs, or also by what the matrices of blocks are made of."""
+    """At two times; by states, inputs and some unknowns, or also by what the matrices of blocks are made of."""
     p, rng = point(kind), np.random.default_rng(8)
     program, at = p.program, At(p.numbers, p.t, p.slots, p.flags)
     places = [*range(len(program.states) + len(program.inputs)), int(program.output_slots[-1])]
+    places += [int(step.unknowns[k]) for step in program.steps if not isinstance(step, Batch) for k in (0, -1)][:3]
+    places = [*dict.fromkeys(places)]
     if constants:
         blocks = [
             b for step in program.steps if not isinstance(step, Batch) for b in (getattr(step, "matrix", ()) or step.jacobian)

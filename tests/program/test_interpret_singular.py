@@ -43,12 +43,12 @@ def numbers(matrix: Any, right: Any) -> Any:
     return varying().scene.numbers(table)
 
 
-def solution(matrix: Any, right: Any, x: tuple[float, ...] = (1.0,)) -> Floats:
-    """z at some x, shape (unknowns, times)."""
+def solution(matrix: Any, right: Any, x: tuple[float, ...] = (1.0,), guess: Any = None) -> Floats:
+    """z at some x, shape (unknowns, times); the guess may have a time for each."""
     scene, none = varying().scene, np.empty((0, len(x)))
     (step,) = (s for s in scene.program.steps if isinstance(s, Newton))
     assert (step.linear, len(step.unknowns)) == (True, N)
-    slots = evaluate(numbers(matrix, right), np.arange(len(x), dtype=float), np.array([x]), none, none)
+    slots = evaluate(numbers(matrix, right), np.arange(len(x), dtype=float), np.array([x]), none, none, guess)
     return np.asarray(slots[[scene.program.slots[scene.model.variable(f"z{j}"), 0] for j in range(N)]], float)
 
 
@@ -152,3 +152,33 @@ def test_equations_with_numbers_that_are_none_are_refused() -> None:
             solution(bad, [1.0, 1.0, 1.0, 0.0])
         with pytest.raises(SolverError, match="at t = 0 s"):
             solution(matrix, [1.0, wrong, 1.0, 0.0])
+
+
+@pytest.mark.parametrize("x", [(1.0,), (0.5, -2.0)], ids=["alone", "together"])
+@pytest.mark.parametrize("seed", range(3))
+def test_regular_equations_in_any_units(seed: int, x: tuple[float, ...]) -> None:
+    """Of the equations and of the unknowns."""
+    rng = np.random.default_rng(seed)
+    turned, right = np.linalg.qr(rng.normal(size=(N, N)))[0], rng.normal(size=N)
+    rows, columns = 10.0 ** rng.uniform(-25, 25, (2, N))
+    found = solution(rows[:, None] * turned * columns, rows * right, x)
+    np.testing.assert_allclose(found * columns[:, None], (turned.T @ right)[:, None] / np.array(x), rtol=1e-10, atol=1e-12)
+
+
+def test_only_compliances_tell_which_unknowns_shall_be_small() -> None:
+    """An equation in which an unknown does not occur says nothing about it."""
+    matrix = np.array([[1.0, 1.0, 1.0, 0.0], [2.0, 2.0, 2.0, 0.0], [0.0, 0.0, 1e-25, 1.0], [0.0, 0.0, 0.0, 3.0]])
+    np.testing.assert_allclose(solution(matrix, [1.0, 2.0, 2.0, 6.0])[:, 0], [0.5, 0.5, 0.0, 2.0], atol=1e-14)
+    matrix[2, 2] = 0.0
+    np.testing.assert_allclose(solution(matrix, [1.0, 2.0, 2.0, 6.0])[:, 0], [1 / 3, 1 / 3, 1 / 3, 2.0], atol=1e-14)
+
+
+@pytest.mark.parametrize("each", [False, True], ids=["one", "each time"])
+def test_linear_equations_need_no_guess(each: bool) -> None:
+    """It would cost digits of small unknowns, and what is open shall be small whatever was guessed."""
+    guess = np.full((varying().scene.program.n_slots, 2) if each else varying().scene.program.n_slots, 1e6)
+    np.testing.assert_allclose(
+        solution(*pair(0.0), (1.0, -0.5), guess), np.outer([0.5, 0.5, 3.0, -2.0], [1.0, -2.0]), atol=1e-14
+    )
+    small = solution(np.diag([1.0, 2.0, 4.0, 8.0]), [3e-15, 1.0, 1.0, 7e-18], (1.0, 2.0), guess)
+    np.testing.assert_allclose(small, np.outer([3e-15, 0.5, 0.25, 7e-18 / 8], [1.0, 0.5]), rtol=1e-14)
