@@ -132,6 +132,20 @@ def test_a_seed_has_the_same_weight_at_all_times_or_one_for_each(kind: str) -> N
         assert dense(plan, entries(plan, at)) == pytest.approx(plain, rel=1e-15)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_added_to_an_unknown_leaves_the_others_of_its_block_alone(kind: str) -> None:
+    """It is added to the solution; whether or not anything else asks for that unknown."""
+    p = point(kind)
+    program, at = p.program, At(p.numbers, p.t, p.slots, p.flags)
+    for step in (s for s in program.steps if not isinstance(s, Batch)):
+        chosen = step.unknowns[[0, 1, -2, -1] if len(step.unknowns) > 3 else [*range(len(step.unknowns))]].tolist()
+        for k, slot in enumerate(chosen):
+            for wanted in ([other for other in chosen if other != slot], chosen, chosen[::-1]):
+                plan = derivative_plan(program, [(slot, 0)], wanted, 1)
+                expected = np.array([[float(other == chosen[k])] for other in wanted]).reshape(-1, 1)
+                assert dense(plan, entries(plan, at)).tolist() == [expected.tolist()] * 2
+
+
 def test_the_reverse_through_a_large_constant_block(monkeypatch: pytest.MonkeyPatch) -> None:
     """Factorised as a sparse matrix, it gives the same as a dense one; also where what it is made of is a seed."""
     translation = compiled("bound").translation
