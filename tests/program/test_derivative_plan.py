@@ -223,3 +223,30 @@ def test_the_derivatives_of_a_few_slots_by_hand(wanted: tuple[str, ...], states:
                 (row, seed, value) for slot_row, seed, value in found for row, slot in enumerate(slots) if slot == slot_row
             )
         assert sorted(found) == [pytest.approx(one) for one in expected]
+
+
+class Cancelled(gl.Component):
+    """``y = (x + 1)^2 - x^2 - 2 x + 3 z``, in which x counts for nothing: it is 1 + 3 z."""
+
+    x, y, z = (gl.Variable("1") for _ in range(3))
+    rate = gl.Parameter("1/s", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.rate * self.z), gl.Eq(gl.der(self.z), self.rate * self.y),
+            gl.Eq(self.y, (self.x + 1) ** 2 - self.x**2 - 2 * self.x + 3 * self.z),
+        ]  # fmt: skip
+
+
+def test_what_cancels_in_an_equation_is_no_derivative_of_it() -> None:
+    translation = gl.compile(Cancelled()).translation
+    program = translation.scene.program
+    slots = {name: program.slots[translation.model.variable(name), 0] for name in "xyz"}
+    (batch,) = (b for b in program.steps if isinstance(b, Batch) and slots["y"] in b.targets)
+    assert {slots["x"], slots["z"]} == {*batch.arguments[0].tolist()}  # as it is written
+    assert [batch.arguments[0, a] for a in batch.active] == [slots["z"]]
+    plan = derivative_plan(program, [(slots["x"], 0), (slots["z"], 1)], [slots["y"]])
+    numbers = translation.scene.numbers(translation.parameter_values({}))
+    at = At(numbers, np.zeros(1), np.full((program.n_slots, 1), 0.7), np.zeros((0, 1)))
+    assert list(zip(plan.rows.tolist(), plan.seeds.tolist(), entries(plan, at)[:, 0].tolist(), strict=True)) == [(0, 1, 3.0)]
+    assert len(derivative_plan(program, [(slots["x"], 0)], [slots["y"]]).sources) == 0
