@@ -179,6 +179,7 @@ def test_the_plan_of_the_jacobian(kind: str) -> None:
     seeds = reached(program, [(i, i) for i in range(n)])
     assert listed(plan) == {int(slot): sorted(seeds[int(slot)]) for slot in program.output_slots if seeds.get(int(slot))}
     assert plan.multiplied.tolist() == []
+    assert not any(step.implicit for step in plan.steps if isinstance(step, Solved) and isinstance(step.step, Linear))
 
 
 class Few(gl.Component):
