@@ -292,3 +292,26 @@ def test_a_program_without_conditions_has_no_discrete_state() -> None:
         found = used_discrete(program)
         assert len(found) == count
         assert found.tolist() == sorted({int(e) for batch in point(kind).batches for e in batch.relations.ravel()})
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_a_state_that_is_set_at_a_known_time(timed: bool) -> None:
+    """The time is known beforehand, whatever the state is set to, and whichever numbers both have."""
+
+    class Set(gl.Component):
+        x, y = gl.Variable("1"), gl.Variable("1")
+        rate, p = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=0.5)
+
+        def equations(self) -> list[Any]:
+            reached = self.rate * gl.time >= self.p if timed else self.y >= self.p
+            return [
+                gl.Eq(gl.der(self.x), self.rate * self.y), gl.Eq(gl.der(self.y), self.rate),
+                gl.When(reached, gl.reinit(self.x, self.x + 2 * self.y)),
+            ]  # fmt: skip
+
+    translation = gl.compile(Set(), outputs=["x", "y"]).translation
+    relations = translation.scene.relations
+    assert relations is not None
+    assert (relations.timed.tolist(), relations.searched.tolist()) == (([0], []) if timed else ([], [0]))
+    (batch,) = relations.reinits
+    assert [relations.program.states[k] for k in batch.targets] == [(translation.model.variable("x"), 0)]

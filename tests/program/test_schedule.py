@@ -193,3 +193,15 @@ def carried_out_alone(steps: Sequence[Step], n_slots: int, n_known: int) -> Any:
         assert isinstance(step, Batch)
         slots[step.targets] = batch_values(step, np.zeros(1), slots, none[:, 0], none)
     return slots[:, 0]
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_a_slot_that_nothing_computes_is_not_waited_for(rows: int) -> None:
+    """A row that reads it is refused, also behind others and beside a block."""
+    targets, n = KNOWN + np.arange(rows), KNOWN + rows + 3
+    arguments, signs = np.zeros((rows, 2), np.int64), np.ones((rows, 2), np.int64)
+    block = Linear(np.array([n - 3, n - 2]), (), np.array([0]), np.arange(1), np.arange(2))
+    assert len(schedule([differences(np.arange(rows), targets, arguments, signs)], [block], n, KNOWN)) == 2
+    arguments[-1, 1] = n - 1
+    with pytest.raises(ModelError, match="computed from itself, or from one that no equation determines"):
+        schedule([differences(np.arange(rows), targets, arguments, signs)], [block], n, KNOWN)
