@@ -175,6 +175,7 @@ def test_constant_blocks_are_solved_in_any_units(most: int, monkeypatch: pytest.
     """Rows and columns may differ by many decades."""
     monkeypatch.setattr("gearlib.program.interpret.MOST_DENSE", most)
     scene, rng, x = CONSTANT.scene, np.random.default_rng(1), 0.7
+    assert len(scene.program.linear_blocks) == 1
     (block,) = scene.program.linear_blocks
     assert (len(block.unknowns), len(block.known)) == (3, 2)
     at, none = [scene.program.slots[CONSTANT.model.variable(n), 0] for n in ("z0", "z1", "z2")], np.empty((0, 1))

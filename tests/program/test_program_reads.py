@@ -115,6 +115,7 @@ def test_residuals_are_not_guarded() -> None:
 
     translation = gl.compile(Loop()).translation
     form = torn_form(translation.structure, translation.scene.program, None, ())
+    assert len(form.algebraic) == 1
     (tear,) = form.algebraic
     assert translation.model.name(tear[0]) == "b"
     guarded = sorted(slot for guard in form.program.guards for slot in guard.quotients.tolist())

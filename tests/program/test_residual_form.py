@@ -59,6 +59,7 @@ def nodes() -> Any:
 def test_a_tear_is_an_unknown_and_its_equation_a_residual() -> None:
     A, B, C = nodes()
     form = torn_form(torn().structure, torn().scene.program, torn().scene.relations, ())
+    assert len(form.algebraic) == 1
     (tear,) = form.algebraic
     assert (form.unknowns, form.n_states, form.implicit, form.relations) == ((A, tear), 1, False, None)
     assert tear in (B, C)
