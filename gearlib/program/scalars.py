@@ -61,10 +61,12 @@ def linear_function(program: Program, plan: DerivativePlan) -> Callable[[list[fl
     """
     sizes = [len(s.unknowns) * len(s.known) for s in program.steps if isinstance(s, Linear)]
     before = np.cumsum([0, *sizes]).tolist()
-    terms: dict[int, Term] = {entry: (1, "") for entry in range(1, 1 + len(plan.order))}
+    terms: dict[int, Term] = {entry: (1, "") for entry in range(1, 1 + len(plan.order))}  # others are zero
     lines: dict[str, str] = {}
 
     def store(entry: int, products: list[tuple[Term, Term]]) -> None:
+        if not products:
+            return
         (sign, factor), (other, name) = products[0]
         if len(products) == 1 and not factor:  # plus or minus something that already has a name
             terms[entry] = sign * other, name
@@ -75,14 +77,15 @@ def linear_function(program: Program, plan: DerivativePlan) -> Callable[[list[fl
     for step in plan.steps:
         if isinstance(step, Sums):
             for entry, products in zip(step.to.tolist(), _products(step), strict=True):
-                store(entry, [(factor, terms[source]) for factor, source in products])
+                store(entry, [(factor, terms[source]) for factor, source in products if source in terms])
         elif not isinstance(step.step, Linear) or step.implicit:
             return None
         else:
             known = len(step.step.known)
             by_column: dict[int, list[tuple[int, Term]]] = {}
             for place, ((_, source),) in zip(step.sums.to.tolist(), _products(step.sums), strict=True):
-                by_column.setdefault(place % step.width, []).append((place // step.width, terms[source]))
+                if source in terms:
+                    by_column.setdefault(place % step.width, []).append((place // step.width, terms[source]))
             entering = dict(zip(step.added.tolist(), step.added_sources.tolist(), strict=True))
             if len(entering) < len(step.added):
                 return None
@@ -92,8 +95,7 @@ def linear_function(program: Program, plan: DerivativePlan) -> Callable[[list[fl
                     place = k * step.width + c
                     sums: list[tuple[Term, Term]] = [((1, f"s[{at + j}]"), term) for j, term in by_column.get(c, [])]
                     sums += [((1, ""), terms[entering[place]])] if place in entering else []
-                    if sums:
-                        store(step.first + place, sums)
+                    store(step.first + place, sums)
         if len(lines) > 4 * MOST:
             return None
     values = ", ".join(_product((1, ""), terms[entry]) if entry in terms else "0.0" for entry in plan.sources.tolist())

@@ -11,7 +11,7 @@ import pytest
 import gearlib as gl
 from gearlib.equations.kernel import residual_kernel
 from gearlib.program.build import Builder, build
-from gearlib.program.interpret import evaluate
+from gearlib.program.interpret import evaluate, prepare
 from gearlib.structure.sorting import reach, sort_blocks
 from tests.program.programs import KINDS, point
 from tests.program.test_relations import Counters
@@ -278,3 +278,38 @@ def test_conditions_of_several_instances_are_their_own() -> None:
         z = k * x[0]
         expected = np.select([z < -1, z < 0.5, z < 2], [1.0, 2.0, 4.0], 8.0) + np.where(x[0] < limit, 0.0, 16.0)
         assert slots[scene.program.slots[scene.model.variable(f"zones[{i}].y"), 0]].tolist() == expected.tolist()
+
+
+class Fed(gl.Component):
+    u, y = gl.Input("1/s"), gl.Variable("1/s")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.y, 2 * self.u)]
+
+
+class Feeding(gl.Component):
+    """r is the rate of x, q the opposite of it, and an input is bound to it."""
+
+    x, r, q = gl.Variable("1"), gl.Variable("1/s"), gl.Variable("1/s")
+    rate = gl.Parameter("1/s", default=3.0)
+
+    def assemble(self) -> list[Any]:
+        self.fed = Fed(u=gl.der(self.x))
+        return []
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.rate * self.x), gl.Eq(self.r, gl.der(self.x)), gl.Eq(self.q, -gl.der(self.x))]
+
+
+def test_what_equals_another_unknown_shares_its_slot() -> None:
+    """But not what is its opposite; and an input that is bound to it has its own, since it may be varied."""
+    translation = gl.compile(Feeding(), outputs=["r", "q", "fed.y"]).translation
+    names = {name: (translation.model.variable(name), 0) for name in ("x", "r", "q", "fed.u", "fed.y")}
+    program = build(translation.structure, names.values(), translation.scene.states, dynamic=True)
+    rate = program.slots[names["x"][0], 1]
+    assert program.slots[names["r"]] == rate
+    assert len({rate, *(program.slots[names[name]] for name in ("x", "q", "fed.u", "fed.y"))}) == 5
+    numbers, none = prepare(program, translation.structure, translation.model.parameters.values), np.zeros((0, 1))
+    slots = evaluate(numbers, np.zeros(1), np.array([[0.5]]), none, none)[:, 0]
+    found = {name: slots[program.slots[node]] for name, node in names.items()}
+    assert found == {"x": 0.5, "r": 1.5, "q": -1.5, "fed.u": 1.5, "fed.y": 3.0}

@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 import sympy
 
+import gearlib as gl
 from gearlib.equations.kernel import Kernel
+from gearlib.program.build import build
 from gearlib.program.derivative_plan import TIME, DerivativePlan, Solved, Sums, derivative_plan, discrete_entry, state_plan
+from gearlib.program.derivatives import At, entries
+from gearlib.program.interpret import prepare
 from gearlib.program.program import Batch, Linear, Newton, Program
 from tests.program.programs import KINDS, point
 
@@ -175,3 +179,75 @@ def test_the_plan_of_the_jacobian(kind: str) -> None:
     seeds = reached(program, [(i, i) for i in range(n)])
     assert listed(plan) == {int(slot): sorted(seeds[int(slot)]) for slot in program.output_slots if seeds.get(int(slot))}
     assert plan.multiplied.tolist() == []
+    assert not any(step.implicit for step in plan.steps if isinstance(step, Solved) and isinstance(step.step, Linear))
+
+
+class Few(gl.Component):
+    """A sum of two states, and multiples of one of them."""
+
+    x, y, r = (gl.Variable("1") for _ in range(3))
+    s0, s1, s2, s3, s4 = (gl.Variable("1") for _ in range(5))
+    rate, p = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=2.5)
+
+    def equations(self) -> list[gl.Eq]:
+        multiples = [gl.Eq(getattr(self, f"s{i}"), self.p * (2.0 + i) * self.x) for i in range(5)]
+        return [
+            gl.Eq(gl.der(self.x), self.rate * self.y), gl.Eq(gl.der(self.y), self.rate * self.x),
+            gl.Eq(self.r, 3.0 * self.x - self.p * self.y), *multiples,
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("states", [("x", "y"), ("y", "x")])
+@pytest.mark.parametrize(
+    "wanted", [("r",), ("x", "r"), ("r", "s2", "x"), ("s4", "r", "y", "r", "s0"), ("y", "x"), ("s1", "s3")], ids=" ".join
+)
+def test_the_derivatives_of_a_few_slots_by_hand(wanted: tuple[str, ...], states: tuple[str, str]) -> None:
+    """In the order in which they are asked for, once for each seed, whatever else the program computes."""
+    translation = gl.compile(Few()).translation
+    names = ("x", "y", "r", *(f"s{i}" for i in range(5)))
+    nodes = {name: (translation.model.variable(name), 0) for name in names}
+    program = build(translation.structure, [nodes[n] for n in names[2:]], [nodes[n] for n in states], dynamic=False)
+    slopes = {"x": {"x": 1.0}, "y": {"y": 1.0}, "r": {"x": 3.0, "y": -2.5}} | {
+        f"s{i}": {"x": 2.5 * (2.0 + i)} for i in range(5)
+    }
+    numbers = prepare(program, translation.structure, translation.model.parameters.values)
+    at = At(numbers, np.zeros(1), np.zeros((program.n_slots, 1)), np.zeros((0, 1)))
+    slots = [program.slots[nodes[name]] for name in wanted]
+    expected = [
+        (row, seed, slopes[name][x]) for row, name in enumerate(wanted) for seed, x in enumerate(states) if x in slopes[name]
+    ]
+    for given in (slots, None):
+        plan = derivative_plan(program, [(program.slots[nodes[x]], seed) for seed, x in enumerate(states)], given)
+        found = zip(plan.rows.tolist(), plan.seeds.tolist(), entries(plan, at)[:, 0].tolist(), strict=True)
+        if given is None:
+            found = (
+                (row, seed, value) for slot_row, seed, value in found for row, slot in enumerate(slots) if slot == slot_row
+            )
+        assert sorted(found) == [pytest.approx(one) for one in expected]
+
+
+class Cancelled(gl.Component):
+    """``y = (x + 1)^2 - x^2 - 2 x + 3 z``, in which x counts for nothing: it is 1 + 3 z."""
+
+    x, y, z = (gl.Variable("1") for _ in range(3))
+    rate = gl.Parameter("1/s", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.rate * self.z), gl.Eq(gl.der(self.z), self.rate * self.y),
+            gl.Eq(self.y, (self.x + 1) ** 2 - self.x**2 - 2 * self.x + 3 * self.z),
+        ]  # fmt: skip
+
+
+def test_what_cancels_in_an_equation_is_no_derivative_of_it() -> None:
+    translation = gl.compile(Cancelled()).translation
+    program = translation.scene.program
+    slots = {name: program.slots[translation.model.variable(name), 0] for name in "xyz"}
+    (batch,) = (b for b in program.steps if isinstance(b, Batch) and slots["y"] in b.targets)
+    assert {slots["x"], slots["z"]} == {*batch.arguments[0].tolist()}  # as it is written
+    assert [batch.arguments[0, a] for a in batch.active] == [slots["z"]]
+    plan = derivative_plan(program, [(slots["x"], 0), (slots["z"], 1)], [slots["y"]])
+    numbers = translation.scene.numbers(translation.parameter_values({}))
+    at = At(numbers, np.zeros(1), np.full((program.n_slots, 1), 0.7), np.zeros((0, 1)))
+    assert list(zip(plan.rows.tolist(), plan.seeds.tolist(), entries(plan, at)[:, 0].tolist(), strict=True)) == [(0, 1, 3.0)]
+    assert len(derivative_plan(program, [(slots["x"], 0)], [slots["y"]]).sources) == 0

@@ -393,9 +393,12 @@ def test_a_seed_that_enters_twice_counts_twice() -> None:
 
 def test_what_no_seed_reaches_has_no_entries() -> None:
     system = gl.compile(Bound())
-    plan = derivative_plan(system.translation.scene.program, [])
-    assert plan.steps == ()
-    assert len(plan.sources) == 0
+    program = system.translation.scene.program
+    for n_seeds, count in ((None, 0), (0, 0), (3, 3)):
+        plan = derivative_plan(program, [], None, n_seeds)
+        assert plan.steps == ()
+        assert len(plan.sources) == 0
+        assert (plan.n_seeds, plan.shape, plan.n_entries) == (count, (program.n_slots, count), 1)
 
 
 def test_a_large_block_is_differentiated_by_its_parameters(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -93,10 +93,12 @@ def test_derivatives_of_many_runs_are_those_of_each() -> None:
 @pytest.mark.parametrize("constants", [False, True], ids=["states", "parameters"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_reverse_of_a_plan_is_its_transpose(kind: str, constants: bool) -> None:
-    """At two times; by states and inputs, or also by what the matrices of blocks are made of."""
+    """At two times; by states, inputs and some unknowns, or also by what the matrices of blocks are made of."""
     p, rng = point(kind), np.random.default_rng(8)
     program, at = p.program, At(p.numbers, p.t, p.slots, p.flags)
     places = [*range(len(program.states) + len(program.inputs)), int(program.output_slots[-1])]
+    places += [int(step.unknowns[k]) for step in program.steps if not isinstance(step, Batch) for k in (0, -1)][:3]
+    places = [*dict.fromkeys(places)]
     if constants:
         blocks = [
             b for step in program.steps if not isinstance(step, Batch) for b in (getattr(step, "matrix", ()) or step.jacobian)
@@ -128,6 +130,20 @@ def test_a_seed_has_the_same_weight_at_all_times_or_one_for_each(kind: str) -> N
         expected = np.stack([plain[i] * weights[:, i] for i in range(2)])
         assert dense(plan, entries(plan, at, weights)) == pytest.approx(expected, rel=1e-12)
         assert dense(plan, entries(plan, at)) == pytest.approx(plain, rel=1e-15)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_added_to_an_unknown_leaves_the_others_of_its_block_alone(kind: str) -> None:
+    """It is added to the solution; whether or not anything else asks for that unknown."""
+    p = point(kind)
+    program, at = p.program, At(p.numbers, p.t, p.slots, p.flags)
+    for step in (s for s in program.steps if not isinstance(s, Batch)):
+        chosen = step.unknowns[[0, 1, -2, -1] if len(step.unknowns) > 3 else [*range(len(step.unknowns))]].tolist()
+        for k, slot in enumerate(chosen):
+            for wanted in ([other for other in chosen if other != slot], chosen, chosen[::-1]):
+                plan = derivative_plan(program, [(slot, 0)], wanted, 1)
+                expected = np.array([[float(other == chosen[k])] for other in wanted]).reshape(-1, 1)
+                assert dense(plan, entries(plan, at)).tolist() == [expected.tolist()] * 2
 
 
 def test_the_reverse_through_a_large_constant_block(monkeypatch: pytest.MonkeyPatch) -> None:

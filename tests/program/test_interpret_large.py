@@ -99,21 +99,32 @@ def test_equations_in_a_ring_that_depend_on_each_other_up_to_rounding(most: int,
     np.testing.assert_allclose(y[:, 1], np.full(N, 0.75), rtol=1e-12)
 
 
-@pytest.mark.parametrize("pq", [(0.1, 0.3), (1.0, 3.0)], ids=["up to rounding", "exactly"])
+@pytest.mark.parametrize(
+    ("pq", "units"),
+    [
+        ((0.1, 0.3), (1, 1)),
+        ((1.0, 3.0), (1, 1)),
+        ((1e6, 3e6), (0.1, 0.1)),
+        ((0.1, 0.3), (1e-9, 1e9)),
+        ((0.1, 0.3), (1e9, 1e-9)),
+    ],
+)
 @pytest.mark.parametrize("most", [400, 10], ids=["dense", "sparse"])
 def test_equations_in_a_ring_that_disagree_are_refused(
-    most: int, pq: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+    most: int, pq: tuple[float, float], units: tuple[float, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """y' = 1 - y leads back to y after an even number of cells, but with a factor c at one and 1 / c at the next to 1 - 1 / c + y."""
     monkeypatch.setattr("gearlib.program.interpret.MOST_DENSE", most)
-    wrong = {"cell[0].p": 2 * pq[0], "cell[1].p": pq[0] / 2}
+    factors, scale = np.ones((N, 1)), np.tile(units, N // 2)[:, None]
+    factors[:2, 0] = 2.0, 0.5
+    p, q = pq[0] * scale * factors, pq[1] * scale
+    given = {f"cell[{i}].p": float(p[i, 0]) for i in range(N)} | {f"cell[{i}].q": float(q[i, 0]) for i in range(N)}
     with pytest.raises(SolverError, match=rf"^the equations cell.* and {N - 4} more have no solution at t = 1 s: they depend"):
-        values(False, [4.0, 3.0], pq=pq, others=wrong)
-    y = values(False, [4.0, 0.3], pq=pq, others=wrong)
-    factors = np.ones((N, 2))
-    factors[:2] = [[2.0], [0.5]]
-    rest = pq[0] * np.array([4.0, 0.3]) * factors * y + pq[1] * np.roll(y, -1, axis=0)
-    np.testing.assert_allclose(rest, np.full((N, 2), pq[1]), rtol=1e-11, atol=1e-10 * pq[1] * np.abs(y).max())
+        values(False, [4.0, 3.0], others=given)
+    x = np.array([4.0, 0.3])
+    y = values(False, x.tolist(), others=given)
+    rest = (p * x * y + q * np.roll(y, -1, axis=0)) / q
+    np.testing.assert_allclose(rest, np.ones((N, 2)), atol=1e-10 * np.abs(y).max())
 
 
 @pytest.mark.parametrize("most", [400, 10], ids=["dense", "sparse"])

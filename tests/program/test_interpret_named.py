@@ -11,7 +11,7 @@ import pytest
 import gearlib as gl
 from gearlib.errors import SingularError, SolverError
 from gearlib.program import scalars
-from gearlib.program.interpret import evaluate, regular
+from gearlib.program.interpret import evaluate, owner_of, regular
 from tests.program.test_interpret import CONSTANT, parameters_of, prepared, rotated
 from tests.program.test_interpret_large import CubeRoot
 
@@ -109,13 +109,14 @@ def test_fifty_iterations_are_tried() -> None:
     assert found[[0, 1, 3]] == pytest.approx([root] * 3, rel=1e-14)
 
 
+@pytest.mark.parametrize("size", [1e-4, 1.0, 1e4])
 @pytest.mark.parametrize(("smallest", "good"), [(1e-11, True), (1e-15, True), (1e-17, False), (0.0, False)])
-def test_pivots_of_a_large_constant_block(smallest: float, good: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pivots_of_a_large_constant_block(smallest: float, good: bool, size: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """As it is not scaled, one may be a ten-quadrillionth of another."""
     monkeypatch.setattr("gearlib.program.interpret.MOST_DENSE", 0)
-    matrix = np.diag([1.0, smallest, 0.5])
+    matrix = size * np.diag([1.0, smallest, 0.5])
     if good:
-        assert np.array(prepared(matrix).solutions[0].tolist())[2] != pytest.approx(np.zeros(2))
+        assert size * np.array(prepared(matrix).solutions[0].tolist())[[0, 2]] == pytest.approx(-np.diag([1.0, 2.0]))
     else:
         with pytest.raises(SingularError, match="the equations of Constant are singular"):
             prepared(matrix)
@@ -148,6 +149,48 @@ def test_four_equations_are_named_at_most(n: int, more: int) -> None:
         evaluate(scene.numbers(scene.model.parameters.values), np.full(1, 0.5), np.full((1, 1), np.nan), none, none)
     named, _, rest = str(caught.value).removeprefix("the nonlinear equations ").partition(" were not solved at t = 0.5 s; ")
     assert rest.startswith("they have no solution there, or need better guesses")
-    labels = named.removesuffix(f" and {more} more" if more else "").split("; ")
+    assert (" more" in named) == (more > 0)
+    assert named.endswith(f" and {more} more" if more else "")
+    labels = named.removesuffix(f" and {more} more").split("; ")
     assert len({*labels}) == len(labels) == min(n, 4)
     assert all(re.fullmatch(r"Ring: \S.* = x", label) for label in labels)
+
+
+class Counted(gl.Component):
+    x, n = gl.Variable("1"), gl.Discrete("1")
+    rate, limit = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=2.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), self.rate * (1 + self.n)), gl.When(self.x >= self.limit, gl.Eq(self.n, 1.0))]
+
+
+class Counters(gl.Component):
+    x, n = gl.Variable("1"), gl.Discrete("1")
+    rate = gl.Parameter("1/s", default=1.0)
+
+    def assemble(self) -> list[Any]:
+        self.one, self.other = Counted(), Counted(limit=3.0)
+        return []
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), -self.rate * self.x * self.n), gl.When(self.x <= 0.5, gl.Eq(self.n, self.one.x))]
+
+
+def test_equations_belong_to_components() -> None:
+    """Those of variables by their numbers, those of discrete variables by the instance, counted downwards from -1."""
+    translation = gl.compile(Counters(), outputs=["x", "one.x", "other.x"]).translation
+    model, structure, relations = translation.model, translation.structure, translation.scene.relations
+    assert relations is not None
+    assert [owner_of(structure, -1 - i) for i in range(3)] == ["Counters", "one", "other"]
+    met = set()
+    for e in range(len(model.places)):
+        owner = owner_of(structure, e)
+        names = {model.name(v) for v, _ in model.nodes(e, 0)}
+        assert all(name.startswith("" if owner == "Counters" else f"{owner}.") for name in names)
+        assert owner != "Counters" or not all("." in name for name in names)
+        met.add(owner)
+    assert met == {"Counters", "one", "other"}
+    for batch in relations.discretes:
+        for target, equation in zip(batch.targets.tolist(), batch.equations.tolist(), strict=True):
+            path, _, _ = model.discretes[target - model.n_relations].rpartition(".")
+            assert owner_of(structure, equation) == (path or "Counters")

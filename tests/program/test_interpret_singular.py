@@ -43,12 +43,12 @@ def numbers(matrix: Any, right: Any) -> Any:
     return varying().scene.numbers(table)
 
 
-def solution(matrix: Any, right: Any, x: tuple[float, ...] = (1.0,)) -> Floats:
-    """z at some x, shape (unknowns, times)."""
+def solution(matrix: Any, right: Any, x: tuple[float, ...] = (1.0,), guess: Any = None) -> Floats:
+    """z at some x, shape (unknowns, times); the guess may have a time for each."""
     scene, none = varying().scene, np.empty((0, len(x)))
     (step,) = (s for s in scene.program.steps if isinstance(s, Newton))
     assert (step.linear, len(step.unknowns)) == (True, N)
-    slots = evaluate(numbers(matrix, right), np.arange(len(x), dtype=float), np.array([x]), none, none)
+    slots = evaluate(numbers(matrix, right), np.arange(len(x), dtype=float), np.array([x]), none, none, guess)
     return np.asarray(slots[[scene.program.slots[scene.model.variable(f"z{j}"), 0] for j in range(N)]], float)
 
 
@@ -71,9 +71,10 @@ def test_of_many_solutions_the_smallest_is_taken(rank: int, decades: int, x: tup
     np.testing.assert_allclose(found, expected[:, None] / np.array(x), rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("give", [1e-25, -3e-21])
 @pytest.mark.parametrize("soft", [[2], [3], [0, 2], [1, 2, 3]], ids=str)
-def test_unknowns_with_a_compliance_are_as_small_as_can_be(soft: list[int], give: float) -> None:
+def test_unknowns_with_a_compliance_are_as_small_as_can_be(soft: list[int], give: float, size: float) -> None:
     """Before any others: these are counted so little that they do not change the sum."""
     rng = np.random.default_rng(len(soft))
     rows, mixed = rng.normal(size=(2, N)), np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0], [2.0, 0.0]])
@@ -83,8 +84,8 @@ def test_unknowns_with_a_compliance_are_as_small_as_can_be(soft: list[int], give
     matrix[1, soft] = give * np.abs(matrix[1]).max()
     weights = np.full(N, 1e-9)
     weights[soft] = 1.0
-    found = solution(1e3 * matrix, 1e3 * mixed @ right)[:, 0]
-    np.testing.assert_allclose(found, smallest(rows, right, weights), rtol=1e-7, atol=1e-8)
+    found = solution(1e3 * matrix, 1e3 * size * mixed @ right)[:, 0]
+    np.testing.assert_allclose(found / size, smallest(rows, right, weights), rtol=1e-7, atol=1e-8)
 
 
 def test_a_share_of_a_row_above_compliances_is_an_entry_like_others() -> None:
@@ -152,3 +153,52 @@ def test_equations_with_numbers_that_are_none_are_refused() -> None:
             solution(bad, [1.0, 1.0, 1.0, 0.0])
         with pytest.raises(SolverError, match="at t = 0 s"):
             solution(matrix, [1.0, wrong, 1.0, 0.0])
+
+
+@pytest.mark.parametrize("x", [(1.0,), (0.5, -2.0)], ids=["alone", "together"])
+@pytest.mark.parametrize("seed", range(3))
+def test_regular_equations_in_any_units(seed: int, x: tuple[float, ...]) -> None:
+    """Of the equations and of the unknowns."""
+    rng = np.random.default_rng(seed)
+    turned, right = np.linalg.qr(rng.normal(size=(N, N)))[0], rng.normal(size=N)
+    rows, columns = 10.0 ** rng.uniform(-25, 25, (2, N))
+    found = solution(rows[:, None] * turned * columns, rows * right, x)
+    np.testing.assert_allclose(found * columns[:, None], (turned.T @ right)[:, None] / np.array(x), rtol=1e-10, atol=1e-12)
+
+
+def test_only_compliances_tell_which_unknowns_shall_be_small() -> None:
+    """An equation in which an unknown does not occur says nothing about it."""
+    matrix = np.array([[1.0, 1.0, 1.0, 0.0], [2.0, 2.0, 2.0, 0.0], [0.0, 0.0, 1e-25, 1.0], [0.0, 0.0, 0.0, 3.0]])
+    np.testing.assert_allclose(solution(matrix, [1.0, 2.0, 2.0, 6.0])[:, 0], [0.5, 0.5, 0.0, 2.0], atol=1e-14)
+    matrix[2, 2] = 0.0
+    np.testing.assert_allclose(solution(matrix, [1.0, 2.0, 2.0, 6.0])[:, 0], [1 / 3, 1 / 3, 1 / 3, 2.0], atol=1e-14)
+
+
+@pytest.mark.parametrize("each", [False, True], ids=["one", "each time"])
+def test_linear_equations_need_no_guess(each: bool) -> None:
+    """It would cost digits of small unknowns, and what is open shall be small whatever was guessed."""
+    guess = np.full((varying().scene.program.n_slots, 2) if each else varying().scene.program.n_slots, 1e6)
+    np.testing.assert_allclose(
+        solution(*pair(0.0), (1.0, -0.5), guess), np.outer([0.5, 0.5, 3.0, -2.0], [1.0, -2.0]), atol=1e-14
+    )
+    small = solution(np.diag([1.0, 2.0, 4.0, 8.0]), [3e-15, 1.0, 1.0, 7e-18], (1.0, 2.0), guess)
+    np.testing.assert_allclose(small, np.outer([3e-15, 0.5, 0.25, 7e-18 / 8], [1.0, 0.5]), rtol=1e-14)
+
+
+@pytest.mark.parametrize("size", [1e-8, 1e8])
+def test_what_counts_as_rounding_grows_with_the_right_hand_sides(size: float) -> None:
+    for off in (0.0, 1e-13, 1e-11, 1e-8):
+        matrix, right = pair(off)
+        if off == 1e-8:
+            with pytest.raises(SolverError, match="have no solution at t = 0 s"):
+                solution(matrix, size * np.array(right))
+        else:
+            found = solution(matrix, size * np.array(right))[:, 0]
+            np.testing.assert_allclose(found, size * np.array([0.5, 0.5, 3.0, -2.0]), rtol=1e-9)
+
+
+@pytest.mark.parametrize("rank", [0, 1, 3])
+def test_what_nothing_moves_rests(rank: int) -> None:
+    rng = np.random.default_rng(rank)
+    matrix = rng.normal(size=(N, rank)) @ rng.normal(size=(rank, N))
+    assert solution(matrix, np.zeros(N), (1.0, 2.0)).tolist() == np.zeros((N, 2)).tolist()

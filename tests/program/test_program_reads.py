@@ -99,23 +99,25 @@ def test_divisors_of_several_parts(v: float) -> None:
 
 
 def test_residuals_are_not_guarded() -> None:
-    """In a torn form, whose integrator sees them; but what is computed in sequence is."""
+    """In a torn form, whose integrator sees them; but what is computed in sequence is, before and after them."""
 
     class Loop(gl.Component):
-        a, b, c = (gl.Variable("1") for _ in range(3))
+        a, b, c, d, e = (gl.Variable("1") for _ in range(5))
         rate = gl.Parameter("1/s", default=1.0)
 
         def equations(self) -> list[gl.Eq]:
             return [
-                gl.Eq(gl.der(self.a), self.rate * (self.b + self.c)),
+                gl.Eq(gl.der(self.a), self.rate * (self.b + self.c + self.e)),
                 gl.Eq(self.c, self.b / (1.0 + self.a)),
                 gl.Eq(self.b**3 + self.b + self.c / (3.0 + self.a), 2 * self.a),
-            ]
+                gl.Eq(self.d, 1.0 / (self.c - 5.0)), gl.Eq(self.e, 1.0 / (self.d - 7.0)),
+            ]  # fmt: skip
 
     translation = gl.compile(Loop()).translation
     form = torn_form(translation.structure, translation.scene.program, None, ())
+    assert len(form.algebraic) == 1
     (tear,) = form.algebraic
     assert translation.model.name(tear[0]) == "b"
-    (guard,) = form.program.guards
-    assert guard.quotients.tolist() == [form.program.slots[translation.model.variable("c"), 0]]
-    assert form.program.n_guards == 1
+    guarded = sorted(slot for guard in form.program.guards for slot in guard.quotients.tolist())
+    assert guarded == sorted(form.program.slots[translation.model.variable(name), 0] for name in "cde")
+    assert form.program.n_guards == 3

@@ -133,12 +133,19 @@ def test_the_right_hand_limit_of_time_is_just_later() -> None:
     assert right_hand(t) - t == pytest.approx([1e-15, 1e-15, 1e-15, 2e-12, 5e-12, 1e-6], rel=1e-3, abs=0.0)
 
 
+class Idle(gl.Component):
+    z = gl.Variable("1")
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(self.z, 1.0)]
+
+
 def test_rules_know_their_components() -> None:
     """By path, each its own: for messages that name what an event iteration keeps changing."""
 
     class Two(gl.Component):
         def assemble(self) -> list[Any]:
-            self.one, self.other = Counters(), Counters()
+            self.one, self.other, self.rest = Counters(), Counters(), [Idle() for _ in range(4)]
             return []
 
     translation = gl.compile(Two(), outputs=["one.x", "other.x"]).translation
@@ -285,3 +292,26 @@ def test_a_program_without_conditions_has_no_discrete_state() -> None:
         found = used_discrete(program)
         assert len(found) == count
         assert found.tolist() == sorted({int(e) for batch in point(kind).batches for e in batch.relations.ravel()})
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_a_state_that_is_set_at_a_known_time(timed: bool) -> None:
+    """The time is known beforehand, whatever the state is set to, and whichever numbers both have."""
+
+    class Set(gl.Component):
+        x, y = gl.Variable("1"), gl.Variable("1")
+        rate, p = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=0.5)
+
+        def equations(self) -> list[Any]:
+            reached = self.rate * gl.time >= self.p if timed else self.y >= self.p
+            return [
+                gl.Eq(gl.der(self.x), self.rate * self.y), gl.Eq(gl.der(self.y), self.rate),
+                gl.When(reached, gl.reinit(self.x, self.x + 2 * self.y)),
+            ]  # fmt: skip
+
+    translation = gl.compile(Set(), outputs=["x", "y"]).translation
+    relations = translation.scene.relations
+    assert relations is not None
+    assert (relations.timed.tolist(), relations.searched.tolist()) == (([0], []) if timed else ([], [0]))
+    (batch,) = relations.reinits
+    assert [relations.program.states[k] for k in batch.targets] == [(translation.model.variable("x"), 0)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -58,6 +59,7 @@ def nodes() -> Any:
 def test_a_tear_is_an_unknown_and_its_equation_a_residual() -> None:
     A, B, C = nodes()
     form = torn_form(torn().structure, torn().scene.program, torn().scene.relations, ())
+    assert len(form.algebraic) == 1
     (tear,) = form.algebraic
     assert (form.unknowns, form.n_states, form.implicit, form.relations) == ((A, tear), 1, False, None)
     assert tear in (B, C)
@@ -124,3 +126,28 @@ def test_a_state_whose_derivative_is_a_state() -> None:
     found = slots[list(form.program.residuals)]
     assert found[place[x, 0]] == pytest.approx(1.9 + 0.7)
     assert abs(found[place[x, 1]]) == pytest.approx(5.0 + 4.0 * 0.3)
+
+
+class Third(gl.Component):
+    """Two states whose derivatives are states."""
+
+    x = gl.Variable("1")
+    k = gl.Parameter("1/s3", default=4.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(gl.der(gl.der(self.x))), -self.k * self.x)]
+
+
+@pytest.mark.parametrize("order", [*permutations(range(3))], ids=str)
+def test_states_whose_derivatives_are_states_in_any_order(order: tuple[int, ...]) -> None:
+    translation = gl.compile(Third()).translation
+    x = translation.model.variable("x")
+    form = index_reduced_form(translation.structure, tuple((x, k) for k in order), [], (), False)
+    assert (form.unknowns, form.n_states, form.algebraic) == (tuple((x, k) for k in order), 3, ())
+    values, rates = {0: 0.3, 1: -0.7, 2: 1.1}, {0: 1.9, 1: 5.0, 2: -2.5}
+    y = np.array([*(values[k] for k in order), *(rates[k] for k in order)])
+    prepared, none = prepare(form.program, translation.structure, translation.model.parameters.values), np.zeros((0, 1))
+    found = evaluate(prepared, np.zeros(1), y[:, None], none, none)[list(form.program.residuals), 0]
+    expected = {0: 1.9 + 0.7, 1: 5.0 - 1.1, 2: -2.5 + 4.0 * 0.3}
+    assert np.abs(found) == pytest.approx([abs(expected[k]) for k in order])
+    assert form.program.n_slots == 9

@@ -74,6 +74,7 @@ def test_everything_that_is_compared_is_an_unknown(m_wanted: bool) -> None:
     assert discretes(form.relations) == ({"h", "m"} if m_wanted else {"h"})
     program = form.program
     assert form.relations.program.slots == program.slots
+    assert form.relations.program.n_slots == len(program.states) + len(program.inputs)
     values = {"x": 0.7, "y": -0.4, "v": 2.2, "w": 3.7, "q": 1.1}
     y = [values[name] for name in ("x", *names(form))] + [0.3]  # the last is the rate of x
     flags = np.zeros((model.n_relations + 2 * len(model.discretes) + 1, 1))

@@ -93,14 +93,31 @@ def test_derivatives_through_blocks_that_follow_each_other(values: dict[str, flo
     assert met > 5
 
 
+def test_what_enters_at_an_unknown_of_a_block() -> None:
+    """It moves what follows, and none of the unknowns beside it."""
+    scene = blocks().scene
+    program, numbers = scene.program, scene.numbers(blocks().parameter_values({}))
+    at = At(numbers, np.zeros(1), np.zeros((program.n_slots, 1)), np.zeros((1, 1)))
+    for step in program.linear_blocks:
+        for unknown in step.unknowns.tolist():
+            plan = derivative_plan(program, [(unknown, 0)])
+            function = linear_function(program, plan)
+            assert function is not None
+            found = np.array(function(numbers.parameters.tolist(), numbers.listed))
+            np.testing.assert_allclose(found, entries(plan, at)[:, 0], rtol=1e-13, atol=1e-14)
+            whole = dense(plan, found[:, None])[0, :, 0]
+            assert whole[step.unknowns].tolist() == (step.unknowns == unknown).astype(float).tolist()
+
+
+@pytest.mark.parametrize("values", [(1.5,), (1.5, -0.7), (1.5, -0.7, 2.5, 4.0), (2.5, 2.5)], ids=str)
 @pytest.mark.parametrize("varied", ["p", "q", "s", "rate"])
-def test_blocks_of_many_runs_are_those_of_each(varied: str) -> None:
+def test_blocks_of_many_runs_are_those_of_each(varied: str, values: tuple[float, ...]) -> None:
     """Some entries of a matrix are numbers, some vary, some are the same in all runs."""
     translation = blocks()
-    tables = [translation.parameter_values({varied: value}) for value in (1.5, -0.7, 2.5, 4.0)]
+    tables = [translation.parameter_values({varied: value}) for value in values]
     found, solved = solutions_of_runs(translation.scene.program, np.stack(tables, axis=1))
-    assert solved.tolist() == [True] * 4
+    assert solved.tolist() == [True] * len(values)
     for k, table in enumerate(tables):
         for one, alone in zip(found, translation.scene.numbers(table).solutions, strict=True):
-            assert one.shape == (4, *alone.shape)
+            assert one.shape == (len(values), *alone.shape)
             np.testing.assert_allclose(one[k], alone, rtol=1e-13, atol=1e-14)

@@ -166,3 +166,42 @@ def test_slots_are_numbered_as_they_are_computed(seed: int) -> None:
     there = place >= 0
     assert new[place[there]] == pytest.approx(old[there], rel=1e-12)
     assert len(np.unique(old)) > len(old) // 3
+
+
+@pytest.mark.parametrize("named", [0, 1, 2, 3])
+@pytest.mark.parametrize("n_known", [0, 1, 2])
+def test_absent_arguments_are_waited_for_by_no_one(n_known: int, named: int) -> None:
+    """Whichever slot they name, and however few slots are given: of a chain in which each row reads the one before and nothing else."""
+    rows = 3
+    targets = n_known + np.arange(rows)
+    arguments = np.column_stack([np.maximum(targets - 1, 0), np.full(rows, named)])
+    signs = np.column_stack([(targets > 0).astype(int), np.zeros(rows, np.int64)])
+    steps = schedule([differences(np.arange(rows), targets, arguments, signs)], [], n_known + rows + 1, n_known)
+    assert [step.equations.tolist() for step in steps if isinstance(step, Batch)] == [[0], [1], [2]]
+    place, moved = renumber(steps, n_known + rows + 1, n_known)
+    assert place.tolist() == [*range(n_known + rows), -1]
+    assert carried_out_alone(moved, n_known + rows, n_known) == pytest.approx(
+        [1.5, 2.5][:n_known] + [[0.0, 1.5, 2.5][n_known]] * rows
+    )
+
+
+def carried_out_alone(steps: Sequence[Step], n_slots: int, n_known: int) -> Any:
+    """Values of the slots of batches alone."""
+    slots, none = np.zeros((n_slots, 1)), np.empty((0, 1))
+    slots[:n_known, 0] = [1.5, 2.5][:n_known]
+    for step in steps:
+        assert isinstance(step, Batch)
+        slots[step.targets] = batch_values(step, np.zeros(1), slots, none[:, 0], none)
+    return slots[:, 0]
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_a_slot_that_nothing_computes_is_not_waited_for(rows: int) -> None:
+    """A row that reads it is refused, also behind others and beside a block."""
+    targets, n = KNOWN + np.arange(rows), KNOWN + rows + 3
+    arguments, signs = np.zeros((rows, 2), np.int64), np.ones((rows, 2), np.int64)
+    block = Linear(np.array([n - 3, n - 2]), (), np.array([0]), np.arange(1), np.arange(2))
+    assert len(schedule([differences(np.arange(rows), targets, arguments, signs)], [block], n, KNOWN)) == 2
+    arguments[-1, 1] = n - 1
+    with pytest.raises(ModelError, match="computed from itself, or from one that no equation determines"):
+        schedule([differences(np.arange(rows), targets, arguments, signs)], [block], n, KNOWN)

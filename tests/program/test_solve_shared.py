@@ -8,6 +8,14 @@ import pytest
 from gearlib.program.derivatives import solve_shared
 
 
+def answer(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The solution, which there is."""
+    try:
+        return solve_shared(matrix, right)
+    except np.linalg.LinAlgError:
+        pytest.fail("equations that agree are refused")
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_regular_equations_in_any_units(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -15,20 +23,20 @@ def test_regular_equations_in_any_units(seed: int) -> None:
     matrix = np.linalg.qr(rng.normal(size=(n, n)))[0]
     rows, columns = 10.0 ** rng.uniform(-40, 40, (2, n))
     right = rng.normal(size=(n, 2))
-    found = solve_shared(rows[:, None] * matrix * columns, rows[:, None] * right)
+    found = answer(rows[:, None] * matrix * columns, rows[:, None] * right)
     np.testing.assert_allclose(found * columns[:, None], matrix.T @ right, rtol=1e-11, atol=1e-13)
 
 
 def test_equal_elements_share_what_is_undetermined() -> None:
     matrix = np.array([[1.0, 1.0, 0.0], [2.0, 2.0, 0.0], [0.0, 0.0, 4.0]])
-    np.testing.assert_allclose(solve_shared(matrix, np.array([[6.0], [12.0], [2.0]])), [[3.0], [3.0], [0.5]], rtol=1e-14)
-    np.testing.assert_allclose(solve_shared(np.zeros((2, 2)), np.zeros((2, 1))), np.zeros((2, 1)))
+    np.testing.assert_allclose(answer(matrix, np.array([[6.0], [12.0], [2.0]])), [[3.0], [3.0], [0.5]], rtol=1e-14)
+    np.testing.assert_allclose(answer(np.zeros((2, 2)), np.zeros((2, 1))), np.zeros((2, 1)))
 
 
 @pytest.mark.parametrize("off", [1e-8, -1e-8, 1.0])
 def test_equations_that_disagree_are_refused(off: float) -> None:
     matrix = np.array([[1.0, 1.0], [1.0, 1.0]])
-    solve_shared(matrix, np.array([[1.0], [1.0 + 1e-3 * 1e-8]]))
+    answer(matrix, np.array([[1.0], [1.0 + 1e-3 * 1e-8]]))
     with pytest.raises(np.linalg.LinAlgError):
         solve_shared(matrix, np.array([[1.0], [1.0 + off]]))
 
@@ -36,9 +44,9 @@ def test_equations_that_disagree_are_refused(off: float) -> None:
 @pytest.mark.parametrize(("distance", "determined"), [(1e-11, True), (1e-14, False)])
 def test_equations_that_are_almost_the_same(distance: float, determined: bool) -> None:
     """Beyond a condition number of 1e13 they count as one, which the least solution satisfies."""
-    found = solve_shared(np.array([[1.0, 1.0], [1.0, 1.0 + distance]]), np.array([[2.0], [2.0 + distance]]))
+    found = answer(np.array([[1.0, 1.0], [1.0, 1.0 + distance]]), np.array([[2.0], [2.0 + distance]]))
     np.testing.assert_allclose(found, [[1.0], [1.0]], rtol=1e-4)
-    other = solve_shared(np.array([[1.0, 1.0], [1.0, 1.0 + distance]]), np.array([[2.0], [2.0]]))
+    other = answer(np.array([[1.0, 1.0], [1.0, 1.0 + distance]]), np.array([[2.0], [2.0]]))
     np.testing.assert_allclose(other, [[2.0], [0.0]] if determined else [[1.0], [1.0]], atol=1e-4)
 
 
@@ -53,9 +61,9 @@ def test_units_that_differ_along_a_chain(step: float) -> None:
     """Scaled by their largest entries rows and columns would leave the diagonal negligible."""
     right = np.array([[1.0, -2.0], [0.5, 0.0], [3.0, 1.0], [0.0, 1.0], [2.0, -1.0]])
     plain = np.linalg.solve(chain(5, 1.0), right)
-    found = solve_shared(chain(5, step), right)
+    found = answer(chain(5, step), right)
     np.testing.assert_allclose(found * step ** np.arange(5)[:, None], plain, rtol=1e-12, atol=1e-13)
-    turned = solve_shared(chain(5, step).T, right * step ** np.arange(5)[:, None])
+    turned = answer(chain(5, step).T, right * step ** np.arange(5)[:, None])
     np.testing.assert_allclose(turned, plain, rtol=1e-12, atol=1e-13)
 
 
@@ -64,5 +72,17 @@ def test_equal_elements_share_in_any_units(seed: int) -> None:
     """As the one above, in units of their own."""
     rows, columns = 10.0 ** np.random.default_rng(seed).uniform(-20, 20, (2, 3))
     matrix = np.array([[1.0, 1.0, 0.0], [2.0, 2.0, 0.0], [0.0, 0.0, 4.0]])
-    found = solve_shared(rows[:, None] * matrix * columns, rows[:, None] * np.array([[6.0], [12.0], [2.0]]))
+    found = answer(rows[:, None] * matrix * columns, rows[:, None] * np.array([[6.0], [12.0], [2.0]]))
     np.testing.assert_allclose(found * columns[:, None], [[3.0], [3.0], [0.5]], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("distance", "determined"), [(1e-12, True), (5e-13, True), (3e-13, False), (1e-13, False)])
+def test_the_condition_number_from_which_equations_count_as_one(distance: float, determined: bool) -> None:
+    """1e13, which is 4 over the distance."""
+    found = answer(np.array([[1.0, 1.0], [1.0, 1.0 + distance]]), np.array([[2.0], [2.0]]))
+    np.testing.assert_allclose(found, [[2.0], [0.0]] if determined else [[1.0], [1.0]], atol=1e-9)
+
+
+def test_what_nothing_moves_rests() -> None:
+    for matrix in (np.zeros((1, 1)), np.ones((3, 3)), np.diag([1.0, 0.0]), np.eye(2)):
+        assert answer(matrix, np.zeros((len(matrix), 2))).tolist() == np.zeros((len(matrix), 2)).tolist()
