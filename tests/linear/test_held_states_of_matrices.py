@@ -105,6 +105,9 @@ def test_angles_of_held_speeds_are_held_if_they_move_otherwise(form: Any, monkey
         assert found is not None
         assert found.keep.tolist() == kept
         assert full(found.basis).tolist() == np.eye(3)[:, kept].tolist()
+    still = restricted(monkeypatch, form, [[0.0, 0.0, 5.0]], 0 * A, None, 2)
+    assert still is not None
+    assert still.keep.tolist() == [0, 1]
     pushed = restricted(monkeypatch, form, [[0.0, 0.0, 5.0]], A, np.array([[1.0], [0.0], [0.0]]), 2)  # an input moves it, too
     assert pushed is not None
     assert pushed.keep.tolist() == [0, 1]
