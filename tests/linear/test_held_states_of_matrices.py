@@ -52,7 +52,8 @@ def test_what_is_left_is_invariant_and_as_large_as_it_can_be(seed: int, form: An
     A[:places, places + 1 :], A[places, places + 1 :] = R * 10.0 ** rng.uniform(-3, 3, (places, 1)), H[0]
     free = np.eye(speeds) - np.linalg.pinv(H) @ H
     A[places + 1 :], B[places + 1 :] = free @ rng.normal(size=(speeds, n)), free @ rng.normal(size=(speeds, 2))
-    rows = np.hstack([np.zeros((held + 1, places + 1)), np.vstack([H, H[0] + 2 * H[-1]])])  # one of them depends on the others
+    told = np.vstack([H[:1], -3 * H[:1], H, H[0] + 2 * H[-1]])  # some of them depend on others
+    rows = np.hstack([np.zeros((len(told), places + 1)), told])
     found = restricted(monkeypatch, form, rows, A, B, places)
     assert found is not None
     basis, keep = full(found.basis), found.keep
