@@ -46,7 +46,6 @@ def place(translation: Any) -> tuple[Any, tuple[tuple[int, int], ...]]:
 
 
 def test_start_values_and_how_they_move_with_parameters(plant: Any) -> None:
-    """What is given follows no other parameter any more."""
     node, states = place(plant)
     scene, numbers, point = operating_point(plant, states, inputs={"tank.u": 7.0})
     table = plant.model.parameters.index
@@ -61,15 +60,20 @@ def test_start_values_and_how_they_move_with_parameters(plant: Any) -> None:
         ((table["b"], 0), 1.0), ((table["k"], 1), 1.0), ((table["tank.a"], 1), 2.0),
     }  # fmt: skip
     assert moved.find_states()[node].tolist() == [3.0, 0.0]
+    _, _, other = operating_point(plant, states, {"tank.y": 1.5})
+    assert other.states == {node: 1.5}
+    assert other.change is not None
+    assert other.change(["b"]).find_states()[node].tolist() == [0.0]
+
+
+def test_what_is_given_follows_no_other_parameter(plant: Any) -> None:
+    node, states = place(plant)
+    table = plant.model.parameters.index
     _, numbers, given = operating_point(plant, states, parameters={"tank.a": 9.0, "b": 5.0})
     assert numbers[table["tank.a"]] == 9.0
     assert given.states == {node: 15.0}
     assert given.change is not None
     assert {p: w for p, _, w in given.change(["k"]).parameters if w} == {table["k"]: 1.0}
-    _, _, other = operating_point(plant, states, {"tank.y": 1.5})
-    assert other.states == {node: 1.5}
-    assert other.change is not None
-    assert other.change(["b"]).find_states()[node].tolist() == [0.0]
 
 
 def test_a_steady_state_moves_as_its_closed_form_says(plant: Any) -> None:

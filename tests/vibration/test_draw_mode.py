@@ -195,16 +195,6 @@ def test_animations_that_show_nothing_are_refused(given: dict[str, Any], said: s
         animate_mode(MIXED, **given)
 
 
-def test_two_frames_are_enough_for_an_animation() -> None:
-    """The bodies at one end of their swing and at the other."""
-    animation = animate_mode(MIXED, frames=2, degrees=90.0)
-    animation._draw_was_started = True
-    spokes = [line for line in animation._fig.axes[0].lines if line.get_linewidth() == 2.5]
-    for frame, end in enumerate((-1.0, 1.0)):
-        animation._func(frame)
-        assert spokes[1].get_xdata()[1] - spokes[1].get_xdata()[0] == pytest.approx(end)
-
-
 def diagram(**more: Any) -> Campbell:
     speeds = np.array([10.0, 20.0, 30.0])
     frequencies = np.array([[2.0, 50.0], [2.5, 50.0], [3.0, 50.0]])
