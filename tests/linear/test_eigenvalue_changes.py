@@ -47,6 +47,14 @@ def test_simple_eigenvalues_change_as_their_closed_form_says(seed: int, road: An
     assert found[1] == pytest.approx(np.array([*(-np.arange(1, 4) * s[:3] / slope), 5.0, 0.0, 0.0]), rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1e-4, 1.0, 1e6])
+def test_slow_or_fast_ones_are_not_alike(unit: float, road: Any) -> None:
+    """What is equal is told by ratios."""
+    A, change = np.diag([1.0, 1.5, 2.0, 2.0 + 1e-6]), np.diag([4.0, 5.0, 6.0, 7.0])
+    (found,) = eigenvalue_changes(road(unit * A), [road(change)], unit * np.diag(A).astype(complex))
+    assert found == pytest.approx([4.0, 5.0, 6.0, 7.0])
+
+
 def test_branches_of_a_repeated_eigenvalue_are_sorted(road: Any) -> None:
     """Three of one value part by the eigenvalues of what changes in their space, by real parts, then by imaginary ones."""
     inner = np.array([[1.0, 4.0, 0.0], [-4.0, 1.0, 0.0], [0.0, 0.0, -2.0]])

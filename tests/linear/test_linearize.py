@@ -328,34 +328,6 @@ def test_large_models_have_the_shapes_of_small_ones(
         assert (found.toarray() if hasattr(found, "toarray") else found) == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.parametrize("large", [False, True])
-def test_an_input_on_which_nothing_depends_has_a_column_of_zeros(large: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Between inputs with an effect, and alone; so does an output that is always zero, without any state."""
-
-    class Two(gl.Component):
-        def assemble(self) -> list[Any]:
-            self.left, self.right, self.more = gp.Torque(), gp.Torque(), gp.Torque()
-            self.a, self.b, self.loose = gp.Inertia(J=2.0), gp.Inertia(J=3.0), gp.Spring(c=4.0)
-            return [
-                gl.connect(self.left.flange, self.a.flange_a, self.more.flange),
-                gl.connect(self.right.flange, self.b.flange_a, self.loose.flange_a),
-            ]
-
-    system = gl.compile(Two())
-    if large:
-        monkeypatch.setattr("gearlib.program.derivatives.MOST_DENSE", 0)
-        monkeypatch.setattr("gearlib.linear.linearized_program.MOST_DENSE", 0)
-    model = system.linearize(["left.tau", "right.tau", "more.tau"], ["a.w", "a.a"], sparse=True)
-    B, D = ((m.toarray() if large else m).tolist() for m in (model.B, model.D))
-    assert B == [[0.5, 0.0, 0.5]]
-    assert D == [[0.0, 0.0, 0.0], [0.5, 0.0, 0.5]]
-    alone = system.linearize(["right.tau"], ["a.w"], sparse=True)
-    assert [(m.toarray() if large else m).tolist() for m in (alone.B, alone.D)] == [[[0.0]], [[0.0]]]
-    still = system.linearize(["right.tau", "left.tau"], ["loose.flange_b.tau"], sparse=True)
-    assert [np.shape(m) for m in (still.A, still.B, still.C, still.D)] == [(0, 0), (0, 2), (1, 0), (1, 2)]
-    assert np.asarray(still.D.todense() if hasattr(still.D, "todense") else still.D).tolist() == [[0.0, 0.0]]
-
-
 class Inside(gl.Component):
     """A body under a torque that is an input."""
 

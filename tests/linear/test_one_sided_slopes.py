@@ -203,3 +203,33 @@ def test_corners_are_told_at_any_slope_and_not_beside_them(k: float, edge: float
 @cache
 def ramp() -> gl.System:
     return gl.compile(Ramp())
+
+
+class Silent(gl.Component):
+    """Compares with what is always zero."""
+
+    flange_a, flange_b = gp.Flange("left"), gp.Flange("right")
+    c = C
+    zero = gl.Variable("rad")
+
+    def equations(self) -> list[Any]:
+        a, b = self.flange_a, self.flange_b
+        twist = b.phi - a.phi
+        torque = gl.Piecewise((self.c * twist, twist >= self.zero), (0.1 * self.c * twist, True))
+        return [gl.Eq(self.zero, 0), gl.Eq(b.tau, torque), gl.Eq(a.tau, -b.tau)]
+
+
+def test_what_is_always_zero_is_compared_as_zero() -> None:
+    class Hanging(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.ground, self.body, self.coupling = gp.Fixed(), gp.Inertia(J=1.0), Silent()
+            return [
+                gl.connect(self.ground.flange, self.coupling.flange_a),
+                gl.connect(self.body.flange_a, self.coupling.flange_b),
+            ]
+
+    system = gl.compile(Hanging(), outputs=["body.phi"])
+    with pytest.warns(GearlibWarning, match=r"there is a corner in the equations of coupling \("):
+        system.linearize(at={"body.phi": 0.0})
+    for phi, stiffness in ((-1.0, 10.0), (0.5, 100.0)):
+        assert np.prod(np.linalg.eigvals(system.linearize(at={"body.phi": phi}).A)).real == pytest.approx(stiffness)

@@ -200,3 +200,38 @@ def test_a_loose_spring_stores_nothing(turned: bool) -> None:
     assert dict(zip(found.components, found.potential[0], strict=True)) == pytest.approx({"disc": 0.0, "shaft": 100.0})
     assert dict(zip(found.components, found.kinetic[0], strict=True)) == pytest.approx({"disc": 100.0, "shaft": 0.0})
     assert found.not_given == {}
+
+
+class Idle(TwoFlanges):
+    """A spring with an offset of its torque that is switched off."""
+
+    c, k = gl.Parameter("N.m/rad"), gl.Parameter("N.m/rad", default=5.0)
+    off = gl.Variable("rad", "always zero")
+
+    def equations(self) -> list[gl.Eq]:
+        torque = self.c * (self.flange_b.phi - self.flange_a.phi) + self.k * self.off
+        return [gl.Eq(self.off, 0), gl.Eq(self.flange_b.tau, torque), gl.Eq(self.flange_a.tau, -torque)]
+
+
+class OnTwo(gl.Component):
+    """A body between such a spring and another to the ground; its parts in either order."""
+
+    turned = gl.Structural(False)
+
+    def assemble(self) -> list[Any]:
+        if self.turned:
+            self.soft, self.ground, self.stiff, self.disc = gp.Spring(c=1.0), gp.Fixed(), Idle(c=4.0), gp.Inertia(J=2.0)
+        else:
+            self.disc, self.stiff, self.ground, self.soft = gp.Inertia(J=2.0), Idle(c=4.0), gp.Fixed(), gp.Spring(c=1.0)
+        return [
+            gl.connect(self.disc.flange_a, self.stiff.flange_b, self.soft.flange_b),
+            gl.connect(self.ground.flange, self.stiff.flange_a, self.soft.flange_a),
+        ]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_what_is_always_zero_inside_takes_no_part(turned: bool) -> None:
+    found = gl.modes(gl.compile(OnTwo(turned=turned)))
+    assert found.omega == pytest.approx([np.sqrt(2.5)])
+    shares = dict(zip(found.components, found.potential[0], strict=True))
+    assert shares == pytest.approx({"disc": 0.0, "stiff": 80.0, "soft": 20.0})
