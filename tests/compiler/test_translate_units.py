@@ -193,7 +193,9 @@ def test_a_prototype_is_called_with_arguments_of_its_kinds() -> None:
     address = ctypes.cast(callback, ctypes.c_void_p).value
     source = "def f(a: int, x: float) -> int32:\n    ask(a, x, 3, 4)\n    return ask(a, 2, 9, 7) * 2\n"
     environment = {"ask": Prototype("int32", ("float", "int", "int32"))}
-    addresses, library = linked(optimised(intermediate(source, environment)), ["f"])
+    text = intermediate(source, environment)
+    assert text.count(" = inttoptr i64 %a.a to ptr\n") == 2
+    addresses, library = linked(optimised(text), ["f"])
     assert ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int64, ctypes.c_double)(addresses["f"])(address, 0.5) == -10
     assert seen == [(0.5, 3, 4), (2.0, 9, 7)]
     del library
@@ -272,6 +274,9 @@ REFUSALS = {
     "t > 0": "`t > 0` is not in the language of generated functions",
     "(d if t > 0 else i)[0] = 1": "`d if t > 0 else i` is not in the language of generated functions",
     "(a, b)[0] = 1": "`(a, b)` is not in the language of generated functions",
+    "if t > 0:\n    a = 1.0\nelse:\n    a = 2\nd[0] = a": "`a` has no value there, or values of two kinds",
+    "if t > 0:\n    a = 1.0\nd[0] = a": "`a` has no value there, or values of two kinds",
+    "for k in range(i[0]):\n    a = 1.0\nd[0] = a": "`a` has no value there, or values of two kinds",
     "k = 1\nwhile k < 5:\n    k = k * 1.5": "`k` is of one kind before the loop and of another in it",
 }  # fmt: skip
 

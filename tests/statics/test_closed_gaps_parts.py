@@ -105,12 +105,13 @@ def coupled() -> gl.System:
         ({"a.w": 3.0, "b.w": 2.0}, 0.0, None),
     ],
 )  # fmt: skip
+@pytest.mark.parametrize("d", [10.0, 1e7])
 def test_a_gap_is_closed_at_the_side_of_the_load_or_left_as_it_is(
-    speeds: dict[str, float], torque: float, twist: float | None
+    speeds: dict[str, float], torque: float, twist: float | None, d: float
 ) -> None:
-    """A load that drives is ahead. Left open where both sides turn alike, and where no side would do."""
+    """A load that drives is ahead. Left open where both sides turn alike, and where no side would do. However large its damping."""
     translation = coupled().translation
-    model, numbers = translation.structure.complete, translation.parameter_values({})
+    model, numbers = translation.structure.complete, translation.parameter_values({"gap.d": d})
     given = []
     for name, value in (*speeds.items(), ("load.tau", torque)):
         v = model.variable(name)
