@@ -125,3 +125,28 @@ def test_a_gap_is_closed_at_the_side_of_the_load_or_left_as_it_is(
     if twist is not None:
         assert np.sign(relative) == np.sign(twist)
         assert found.rates[model.representative[v]] == pytest.approx(0.0, abs=1e-9)
+
+
+@cache
+def beside_idle_gaps() -> gl.System:
+    """A gap that carries the load, and seven whose sides are on one shaft."""
+
+    class Many(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.gap, self.a, self.b = gp.ElastoBacklash(c=1e4, d=10.0, b=0.2), gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+            self.idle = [gp.ElastoBacklash(c=1e4, d=10.0, b=0.2) for _ in range(7)]
+            self.drive, self.load = gp.Torque(), gp.Torque()
+            return [
+                gl.connect(self.drive.flange, self.a.flange_a, *(idle.flange_a for idle in self.idle)),
+                gl.connect(self.a.flange_b, self.gap.flange_a, *(idle.flange_b for idle in self.idle)),
+                gl.connect(self.gap.flange_b, self.b.flange_a), gl.connect(self.b.flange_b, self.load.flange),
+            ]  # fmt: skip
+
+    return gl.compile(Many())
+
+
+@pytest.mark.parametrize("torque", [50.0, -50.0])
+def test_gaps_that_do_not_close_are_not_among_those_that_are_tried(torque: float) -> None:
+    flow = beside_idle_gaps().power_flow(speeds={"a.w": 3.0}, torques={"load.tau": torque})
+    assert flow["b.flange_a"].speed == pytest.approx(3.0, rel=1e-9)
+    assert flow["drive.flange"].torque == pytest.approx(torque, rel=1e-9)

@@ -171,3 +171,11 @@ def test_small_and_large_loads_are_shared_alike(torque: float) -> None:
     found = shared(one.model, one.numbers, one.given, one.with_preload(np.array([abs(torque)])), one.torques)
     torques = [abs(one.value(f"shaft[{k}].tau", found.constants)) for k in range(2)]
     assert torques == pytest.approx(abs(torque) * parts / parts.sum(), rel=1e-9)
+
+
+def test_paths_without_any_load_share_nothing() -> None:
+    """At once, and without a word."""
+    one = Loaded(2, torque=0.0)
+    found = shared(one.model, one.numbers, one.given, one.motion, one.torques)
+    assert found is one.motion
+    assert [one.value(f"shaft[{k}].tau", found.constants) for k in range(2)] == [0.0, 0.0]

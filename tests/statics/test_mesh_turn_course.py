@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -90,55 +91,61 @@ class Course:
         return float((self.b if rate else self.a)[self.model.representative[v]] * self.model.sign[v])
 
 
-@pytest.fixture(scope="module")
-def course() -> Any:
+@pytest.fixture(autouse=True)
+def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mesh_turn, "PARTS", COUNT)
+
+
+@cache
+def course() -> Course:
     translation = gl.compile(Shaft()).translation
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mesh_turn, "PARTS", COUNT)
-        yield Course(translation.structure.complete, translation.parameter_values({}))
+    return Course(translation.structure.complete, translation.parameter_values({}))
 
 
 @pytest.mark.parametrize("part", ["one", "two"])
-def test_a_turn_holds_what_follows_from_the_phase_each_with_its_own_mean(course: Course, part: str) -> None:
+def test_a_turn_holds_what_follows_from_the_phase_each_with_its_own_mean(part: str) -> None:
+    one = course()
     gain = 1.0 if part == "one" else -2.0
-    phase, y, z = (course.values(f"{part}.{name}") for name in ("phase", "y", "z"))
-    assert np.sort(phase) == pytest.approx(course.at(f"{part}.phase") + 2 * np.pi * ((np.arange(COUNT) + 0.5) / COUNT - 0.5))
+    phase, y, z = (one.values(f"{part}.{name}") for name in ("phase", "y", "z"))
+    assert np.sort(phase) == pytest.approx(one.at(f"{part}.phase") + 2 * np.pi * ((np.arange(COUNT) + 0.5) / COUNT - 0.5))
     sine = gain * np.sin(phase)
-    assert y == pytest.approx(course.at(f"{part}.y") + sine - sine.mean(), rel=1e-12)
-    assert z == pytest.approx(course.at(f"{part}.z") + 2 * course.at(f"{part}.w") * (y - y.mean()), rel=1e-12)
+    assert y == pytest.approx(one.at(f"{part}.y") + sine - sine.mean(), rel=1e-12)
+    assert z == pytest.approx(one.at(f"{part}.z") + 2 * one.at(f"{part}.w") * (y - y.mean()), rel=1e-12)
     for name in ("w", "free", "flange.tau", "flange.phi"):
-        assert course.row(f"{part}.{name}")[0] == -1, name
-    followers = {course.row(f"{part}.{name}")[0] for part in ("one", "two") for name in ("phase", "y", "z", "m", "k")}
-    assert followers == {*range(len(course.over.values))}
-    assert (course.over.place >= 0).sum() == len(course.over.values) == 10
+        assert one.row(f"{part}.{name}")[0] == -1, name
+    followers = {one.row(f"{part}.{name}")[0] for part in ("one", "two") for name in ("phase", "y", "z", "m", "k")}
+    assert followers == {*range(len(one.over.values))}
+    assert (one.over.place >= 0).sum() == len(one.over.values) == 10
 
 
-def test_arguments_of_columns_are_those_of_each_point_with_their_signs(course: Course) -> None:
+def test_arguments_of_columns_are_those_of_each_point_with_their_signs() -> None:
+    one = course()
     seen = set()
-    for group in course.model.groups:
+    for group in one.model.groups:
         for name, order in group.template.columns:
             j = group.template.locals.index(name)
             v = group.variables[:, j]
-            plain = argument(group, name, order, course.a, course.b)
-            source = {0: course.a, 1: course.b}.get(order, np.zeros(len(course.a)))
+            plain = argument(group, name, order, one.a, one.b)
+            source = {0: one.a, 1: one.b}.get(order, np.zeros(len(one.a)))
             assert plain == pytest.approx(source[v] * group.signs[:, j])
-            found = course.over.argument(group, name, order, course.a, course.b)
-            moved = course.over.place[v] >= 0
-            assert course.over.moves(group, name) == moved.any()
+            found = one.over.argument(group, name, order, one.a, one.b)
+            moved = one.over.place[v] >= 0
+            assert one.over.moves(group, name) == moved.any()
             if order or not moved.any():
                 assert found == pytest.approx(plain[:, None])
                 continue
             seen.add(name)
             for i in range(len(group)):
-                own = course.over.values[course.over.place[v[i]]] * group.signs[i, j] if moved[i] else np.full(COUNT, plain[i])
+                own = one.over.values[one.over.place[v[i]]] * group.signs[i, j] if moved[i] else np.full(COUNT, plain[i])
                 assert found[i] == pytest.approx(own)
     assert {name.rpartition(".")[2] for name in seen} >= {"phase", "y", "z"}
-    assert generic(course.a) - course.a == pytest.approx(np.full(len(course.a), 1.0), abs=0.5)
+    assert generic(one.a) - one.a == pytest.approx(np.full(len(one.a), 1.0), abs=0.5)
 
 
-def test_a_mean_is_the_mean_of_the_values_at_all_points(course: Course) -> None:
+def test_a_mean_is_the_mean_of_the_values_at_all_points() -> None:
     """With conditions as they are at each point where they depend on the phase, and as they were elsewhere."""
-    model, numbers, a, b, discrete, over = course.model, course.numbers, course.a, course.b, course.discrete, course.over
+    one = course()
+    model, numbers, a, b, discrete, over = one.model, one.numbers, one.a, one.b, one.discrete, one.over
     differ = 0
     for g, group in enumerate(model.groups):
         template = group.template
