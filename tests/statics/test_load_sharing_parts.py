@@ -59,6 +59,7 @@ class Loaded:
     def __init__(self, count: int, rigid: int = 0, torque: float = -120.0) -> None:
         translation = gl.compile(Paths(count=count, rigid=rigid)).translation
         self.model, self.numbers = translation.structure.complete, translation.parameter_values({})
+        self.translation = translation
         self.given = [self.named("last.w", 5.0), self.named("load.tau", torque)]
         self.motion = solve(self.model, self.numbers, self.given)
         flows = [self.model.variable(name) for name in self.model.names() if name.endswith(".tau")]
@@ -117,6 +118,15 @@ def test_each_spring_counts_once_with_its_deflection_times_its_force() -> None:
     assert deflection.shape == force.shape == (6, one.model.n_variables)
     at_rest = np.sign((deflection @ one.motion.constants) * (force @ one.motion.constants))
     assert len(set(at_rest[np.abs(deflection @ one.motion.constants) > 1e-9].tolist())) == 1
+
+
+@pytest.mark.parametrize("k", [0, 1, 2])
+def test_a_spring_without_stiffness_is_none_and_the_others_are_there(k: int) -> None:
+    one = loaded(3)
+    deflection, force = _elastic(one.model, one.translation.parameter_values({f"mesh[{k}].c": 0.0}), one.motion)
+    assert deflection.shape == force.shape == (5, one.model.n_variables)
+    names = {one.model.name(int(v)) for v in deflection.indices[deflection.data != 0.0]}
+    assert {name for name in names if name.startswith("mesh")} == {f"mesh[{i}].q" for i in range(3) if i != k}
 
 
 @pytest.mark.parametrize(("count", "rigid"), [(1, 0), (3, 0), (9, 0), (2, 2)])
