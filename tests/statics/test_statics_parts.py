@@ -22,6 +22,7 @@ from gearlib.statics.statics import (
     _flanges,
     _given,
     _mechanical,
+    _refuse_open,
     _shared_names,
     _speed,
     _speeds_and_deflections,
@@ -180,6 +181,44 @@ def test_open_torques_are_named_by_the_flanges_of_basic_components() -> None:
         assert sorted(_shared_names(model, {rep})) == sorted(wanted)
         assert wanted
     assert _shared_names(model, set()) == ()
+
+
+OPEN = {
+    "drive.tau": ["input drive.tau", "torque of drive.flange"],
+    "wall.flange.phi'": ["speed of wall.flange", "speed of drag.flange_b"],
+    "wall.flange.tau": ["torque of wall.flange"],
+    "mass.flange_b.s'": ["speed of mass.flange_b"],
+    "machine.rod.s'": ["speed of machine.rod", "speed of mass.flange_a"],
+    "machine.rod.f": [],  # of a part with two flanges, which passes it on
+    "out.tau": [],  # nothing is connected
+    "machine.flange.phi'": [
+        "speed of out", "speed of box.end", "speed of box.body.flange_a", "speed of box.body.flange_b", "speed of box.turn.flange_a",
+        "speed of box.turn.flange_b", "speed of drive.flange", "speed of machine.flange", "speed of drag.flange_a",
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("turning", [True, False])
+@pytest.mark.parametrize("name", OPEN)
+def test_speeds_and_outer_torques_that_stay_open_are_named(name: str, turning: bool) -> None:
+    """From 1e-8 on; at rest an outer torque may stay open, as an input may not."""
+    model = plant()
+    found = motion(model, 1.0 if turning else 0.0)
+    v = int(model.representative[model.variable(name.removesuffix("'"))]) + model.n_variables * name.endswith("'")
+    found.undetermined[v] = 1e-8
+    _refuse_open(model, found)
+    found.undetermined[v] = 1.1e-8
+    wanted = [one for one in OPEN[name] if turning or not one.startswith("torque")]
+    if not wanted:
+        _refuse_open(model, found)
+        return
+    with pytest.raises(ArgumentError) as refused:
+        _refuse_open(model, found)
+    said = str(refused.value).removeprefix("too little is given: the ").removesuffix(" stay open; give more speeds or torques")
+    names, _, more = said.partition(" and ")
+    assert set(names.split(", ")) <= set(wanted)
+    assert len(names.split(", ")) == min(4, len(wanted))
+    assert more == (f"{len(wanted) - 4} more" if len(wanted) > 4 else "")
 
 
 @pytest.mark.parametrize(
