@@ -217,9 +217,7 @@ def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, in
 
 @memoised
 def _given(template: Template) -> int | None:
-    """The column that an equation determines: the only one with coefficient 1 or -1. Speeds may stand in it, but no accelerations."""
-    if any(order > 1 for _, order in template.columns) or any(order for _, order in template.relation_columns):
-        return None
+    """The column that an equation determines: the only value with coefficient 1 or -1. Rates may stand in it beside others."""
     slopes = enumerate(zip(template.slopes, template.columns, strict=True))
     alone = [c for c, (slope, (_, order)) in slopes if not order and slope.is_number and abs(float(slope)) == 1.0]
     elsewhere = {name for name, _ in template.relation_columns} | {name for name, order in template.columns if order}

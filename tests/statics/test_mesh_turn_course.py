@@ -187,23 +187,27 @@ WITH_RATES: list[tuple[Any, float]] = [
     (lambda s: s.m**2, P**2 / 2),
     (lambda s: s.m * s.y, P / 2),
     (lambda s: s.m + 1, 1.0),
+    (lambda s: s.fast**2, 0.5),
+    (lambda s: s.slow**2, 2.0),
 ]
 
 
 class Beaten(gl.Component):
-    """A load by a law of the rates, too; ``m = y der(phase)`` with ``y = sin(phase)``."""
+    """A load by a law of the rates, too; ``m = y der(phase)`` with ``y = sin(phase)``; with a condition on a rate."""
 
     flange = gp.Flange("shaft")
     law = gl.Structural(0)
     newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
     phase = gl.Variable("rad")
-    y, m = gl.Variable("1"), gl.Variable("1")
+    y, m, fast, slow = (gl.Variable("1") for _ in range(4))
 
     def equations(self) -> list[gl.Eq]:
         return [
             gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
             gl.Eq(self.y, gl.sin(self.phase)),
             gl.Eq(self.m, self.second * self.y * gl.der(self.phase)),
+            gl.Eq(self.fast, gl.Piecewise((self.y, self.second * gl.der(self.phase) > 14.0), (2 * self.y, True))),
+            gl.Eq(self.slow, gl.Piecewise((self.y, self.second * gl.der(self.phase) > 16.0), (2 * self.y, True))),
             gl.Eq(self.flange.tau, self.newton_metre * WITH_RATES[self.law][0](self)),
         ]
 
