@@ -205,8 +205,8 @@ def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, in
             values, changes = _orders(template)
             v, others = group.variables[:, j], group.variables[:, [k for k in values if k != j]]
             follows = reached[others].any(axis=1) & (group.signs[:, j] != 0) & steady[group.variables[:, changes]].all(axis=1)
-            free = ~((differentiated if changes else deflections) & ~moved)[others].any(axis=1)
-            allowed = ~(taken | differentiated | model.flow | model.potential)[v]
+            free = ~((differentiated if changes else deflections) & ~reached)[others].any(axis=1)
+            allowed = ~(taken | model.flow | model.potential)[v] & (~differentiated[v] | reached[others].all(axis=1))
             more += [(g, c, int(i)) for i in np.flatnonzero(follows & free & allowed)]
         fresh = {int(model.groups[g].variables[i, _local(model.groups[g].template, c)]): (g, c, i) for g, c, i in more}
         if not fresh:

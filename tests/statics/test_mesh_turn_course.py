@@ -197,12 +197,14 @@ class Beaten(gl.Component):
 
     flange = gp.Flange("shaft")
     law = gl.Structural(0)
+    watched = gl.Structural(False)
     newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
     phase = gl.Variable("rad")
-    y, m, fast, slow = (gl.Variable("1") for _ in range(4))
+    y, m, fast, slow, rate = (gl.Variable("1") for _ in range(5))
 
     def equations(self) -> list[gl.Eq]:
         return [
+            gl.Eq(self.rate, self.second * gl.der(self.y) if self.watched else 0),
             gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
             gl.Eq(self.y, gl.sin(self.phase)),
             gl.Eq(self.m, self.second * self.y * gl.der(self.phase)),
@@ -212,13 +214,14 @@ class Beaten(gl.Component):
         ]
 
 
-def test_the_mean_of_a_law_with_speeds_in_it() -> None:
-    """What such an equation determines, and what stands beside a speed in one, has a course of its own as well."""
+@pytest.mark.parametrize("watched", [False, True])
+def test_the_mean_of_a_law_with_speeds_in_it(watched: bool) -> None:
+    """What such an equation determines, and what stands beside a speed in one, has a course of its own; also if its rate is asked for."""
 
     class Driven(gl.Component):
         def assemble(self) -> list[Any]:
             self.drive, self.body = gp.Torque(), gp.Inertia(J=1.0)
-            self.load = [Beaten(law=law) for law in range(len(WITH_RATES))]
+            self.load = [Beaten(law=law, watched=watched) for law in range(len(WITH_RATES))]
             return [gl.connect(self.drive.flange, self.body.flange_a, *(load.flange for load in self.load))]
 
     flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})
