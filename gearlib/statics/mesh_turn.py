@@ -150,8 +150,7 @@ def turn(
     while followers:
         ready = [(g, c, i) for g, c, i in followers if not open_[_others(model.groups[g], c, i)].any()]
         if not ready:  # an algebraic loop: their means will do where they enter linearly
-            _refuse_loops(model, over.place >= 0, open_)
-            return over
+            break
         for g, c in dict.fromkeys((g, c) for g, c, _ in ready):
             rows = np.array([i for other, _, i in ready if other == g], np.int64)
             group = model.groups[g]
@@ -164,23 +163,27 @@ def turn(
             over = Turn(place, np.concatenate([over.values, a[v][:, None] + change]))
             open_[v] = False
         followers = [f for f in followers if f not in set(ready)]
+    _refuse_unknown(model, over.place >= 0, over.place >= len(seeds), open_)
     return over
 
 
-def _refuse_loops(model: FlatModel, moved: NDArray[np.bool_], open_: NDArray[np.bool_]) -> None:
-    """Refuse equations whose mean needs the course of variables that determine each other: a product, a square, a condition."""
+def _refuse_unknown(model: FlatModel, moved: NDArray[np.bool_], vary: NDArray[np.bool_], open_: NDArray[np.bool_]) -> None:
+    """Refuse equations whose mean needs the course of variables that determine each other, or of rates of those that ``vary``.
+
+    It does where these stand in a product, a square, or a condition.
+    """
     for group in model.groups:
         template = group.template
-        pairs = [(name, _names(partial_kernel(template, c))) for c, (name, order) in enumerate(template.columns) if not order]
-        pairs += [(name, {name}) for name, _ in template.relation_columns]
-        for name, others in pairs:
+        pairs = [(name, order, _names(partial_kernel(template, c))) for c, (name, order) in enumerate(template.columns)]
+        pairs += [(name, order, {name}) for name, order in template.relation_columns if not order]
+        for name, order, others in [] if template.linear else pairs:
             own = group.variables[:, _place(template, name)]
             beside = group.variables[:, [_place(template, other) for other in sorted(others)]]
-            for i in np.flatnonzero(open_[own] & (moved | open_)[beside].any(axis=1)).tolist():
-                raise ModelError(
-                    f"{template.label}: its mean over a turn of the mesh is not known, since {model.name(int(own[i]))} follows from "
-                    "equations that have to be solved together at each phase; solve them for it"
-                )
+            for i in np.flatnonzero((vary if order else open_)[own] & (moved | open_)[beside].any(axis=1)).tolist():
+                what = model.name(int(own[i]))
+                loop = "follows from equations that have to be solved together at each phase; solve them for it"
+                why = f"der({what}) varies with the phase" if order else f"{what} {loop}"
+                raise ModelError(f"{template.label}: its mean over a turn of the mesh is not known, since {why}")
 
 
 def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, int, int]]:

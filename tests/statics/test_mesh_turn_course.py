@@ -11,6 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_kernel
+from gearlib.errors import ModelError
 from gearlib.flatten.model import FlatModel
 from gearlib.statics import mesh_turn
 from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, repeating_columns, turn
@@ -227,3 +228,39 @@ def test_the_mean_of_a_law_with_speeds_in_it(watched: bool) -> None:
     flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})
     found = [flow[f"load[{k}].flange"].torque for k in range(len(WITH_RATES))]
     assert found == pytest.approx([mean for _, mean in WITH_RATES], rel=1e-9)
+
+
+class Rising(gl.Component):
+    """A load in proportion to the rate of what follows from its phase."""
+
+    flange = gp.Flange("shaft")
+    beside = gl.Structural(False)
+    newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
+    phase, y = gl.Variable("rad"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        law = self.second * gl.der(self.y) * (gl.cos(self.phase) if self.beside else 1) + self.y**2
+        return [
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(self.y, gl.sin(self.phase)),
+            gl.Eq(self.flange.tau, self.newton_metre * law),
+        ]
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_the_rate_of_what_follows_from_a_phase_has_a_mean_of_zero_alone(beside: bool) -> None:
+    """Beside something else that varies its course would be needed."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Rising(beside=beside)
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    system = gl.compile(Driven())
+    if beside:
+        with pytest.raises(
+            ModelError, match=r"^Rising: .*: its mean .* is not known, since der\(load\.y\) varies with the phase$"
+        ):
+            gl.power_flow(system, speeds={"body.w": W})
+        return
+    assert gl.power_flow(system, speeds={"body.w": W})["load.flange"].torque == pytest.approx(0.5, rel=1e-9)
