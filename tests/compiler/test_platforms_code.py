@@ -62,9 +62,13 @@ def symbols(code: bytes) -> dict[str, tuple[int, int, int]]:
     return found
 
 
+ALONE = "def f(t: float, x: floats) -> int32:\n    x[0] = t / 2 + tan(t)\n    return 3\n"  # all of it is seen from outside
+
+
+@pytest.mark.parametrize("source", [ALONE, SOURCE])
 @pytest.mark.parametrize("name", ["x86_64-linux", "aarch64-linux"])
-def test_functions_are_hidden_outside_and_what_they_call_is_not(name: str) -> None:
-    found = symbols(_compiled(PLATFORMS[name], intermediate(SOURCE)))
+def test_functions_are_hidden_outside_and_what_they_call_is_not(name: str, source: str) -> None:
+    found = symbols(_compiled(PLATFORMS[name], intermediate(source)))
     assert found["f"][:2] == (1, 2)  # global, hidden
     assert found["f"][2] != 0
     assert found["tan"] == (1, 0, 0)  # global, visible, from elsewhere
