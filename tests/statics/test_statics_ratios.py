@@ -1,4 +1,4 @@
-"""Ratios and numbers of independent speeds by hand, with what is refused letter by letter."""
+"""Ratios and numbers of independent speeds by hand, with what is refused letter by letter; and steady states that are searched for."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.statics.statics import _given, _steady_point
 
 
 @cache
@@ -91,3 +92,53 @@ def one_stage() -> gl.System:
 def test_ratios_may_be_large_or_small(ratio: float) -> None:
     assert gl.speed_ratio(one_stage(), "a.w", "b.w", parameters={"gear.ratio": ratio}) == pytest.approx(ratio, rel=1e-12)
     assert gl.mobility(one_stage(), parameters={"gear.ratio": ratio}) == 1
+
+
+@cache
+def dragged() -> gl.System:
+    """Two torques on a body with drag, and a spring to another body with drag."""
+
+    class Dragged(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.two, self.a, self.b = gp.Torque(), gp.Torque(), gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+            self.shaft, self.drag = gp.SpringDamper(c=50.0, d=1.0), [gp.Damper(d=0.5), gp.Damper(d=1.5)]
+            self.wall = gp.Fixed()
+            return [
+                gl.connect(self.one.flange, self.two.flange, self.a.flange_a, self.drag[0].flange_a),
+                gl.connect(self.a.flange_b, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.b.flange_a, self.drag[1].flange_a),
+                gl.connect(self.wall.flange, *(drag.flange_b for drag in self.drag)),
+            ]  # fmt: skip
+
+    return gl.compile(Dragged())
+
+
+def point(most: float, speeds: dict[str, float] | None = None, **torques: float) -> Any:
+    translation = dragged().translation
+    model, numbers = translation.structure.complete, translation.parameter_values({})
+    given = _given(model, speeds, {f"{name}.tau": value for name, value in torques.items()})
+    found = _steady_point(translation, numbers, given, most)
+    if found is None:
+        return None
+    assert found.t == 0.0
+    assert sorted(found.inputs.tolist()) == sorted(torques.values())
+    return {(model.name(v), k): value for (v, k), value in found.states.items()}
+
+
+def test_the_steady_state_is_searched_for_where_all_that_drives_is_given() -> None:
+    """6 and 2 N.m against 2 N.m.s/rad: 4 rad/s; the shaft carries 1.5 of these, so it is twisted by 6 / 50."""
+    states = point(100, one=6.0, two=2.0)
+    assert len(states) == 4
+    speeds = sorted(value for value in states.values() if abs(value) > 1.0)
+    assert speeds == pytest.approx([4.0, 4.0])
+    first, second = (value for value in states.values() if abs(value) < 1.0)  # turns of the dampers
+    assert abs(first - second) == pytest.approx(0.12)
+    assert point(4, one=6.0, two=2.0) == pytest.approx(states)
+    assert point(float("inf"), one=6.0, two=2.0) == pytest.approx(states)
+
+
+def test_no_steady_state_is_searched_for_where_that_is_not_so_or_would_take_long() -> None:
+    assert point(3, one=6.0, two=2.0) is None
+    assert point(100, one=6.0) is None
+    assert point(100) is None
+    assert point(100, {"a.flange_a": 3.0}, one=6.0, two=2.0) is None
+    assert point(100, {"a.w": 3.0}, one=6.0) is None
