@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -12,7 +13,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.equations.kernel import relation_kernel
 from gearlib.flatten.model import FlatModel
-from gearlib.statics.closed_gaps import _compared, _groups, _moving, _places, _values_at, with_gaps_closed
+from gearlib.statics.closed_gaps import _compared, _groups, _moving, _places, _values_at, drifting, with_gaps_closed
 from gearlib.statics.mesh_turn import apply
 from gearlib.statics.steady_motion import Given, motion_from, settled_discrete
 
@@ -150,3 +151,45 @@ def test_gaps_that_do_not_close_are_not_among_those_that_are_tried(torque: float
     flow = beside_idle_gaps().power_flow(speeds={"a.w": 3.0}, torques={"load.tau": torque})
     assert flow["b.flange_a"].speed == pytest.approx(3.0, rel=1e-9)
     assert flow["drive.flange"].torque == pytest.approx(torque, rel=1e-9)
+
+
+class AngleWatcher(gl.Component):
+    """A body with conditions on its angle: ``phi + bend phi^2`` against 5 from below, or against -5 from above."""
+
+    below = gl.Structural(True)
+    bend = gl.Parameter("1", default=0.0)
+    turned = gl.Variable("1")
+
+    def assemble(self) -> list[Any]:
+        self.body = gp.Inertia(J=1.0)
+        return []
+
+    def equations(self) -> list[gl.Eq]:
+        x = self.body.flange_a.phi + self.bend * self.body.flange_a.phi**2
+        return [gl.Eq(self.turned, gl.Piecewise((1, x < 5.0 if self.below else x > -5.0), (2, True)))]
+
+
+@cache
+def turned(below: bool) -> gl.System:
+    return gl.compile(AngleWatcher(below=below))
+
+
+@pytest.mark.parametrize("below", [True, False])
+@pytest.mark.parametrize("pace", [1.0, -1.0, 3.0])
+@pytest.mark.parametrize(("bend", "evenly"), [(0.0, True), (1e-7, True), (1e-4, False)])
+def test_a_condition_that_will_change_is_one_whose_value_grows_evenly_towards_its_limit(
+    below: bool, pace: float, bend: float, evenly: bool
+) -> None:
+    """Not one that leads away from it, has changed already, or bends by more than a millionth, as what comes and goes does."""
+    translation = turned(below).translation
+    model, numbers = translation.structure.complete, translation.parameter_values({"bend": bend})
+    still = motion_from(model, numbers, [], np.zeros(2 * model.n_variables))
+    v = model.variable("body.phi")
+    rep, sign = int(model.representative[v]), int(model.sign[v])
+    for start, changed in ((0.0, False), (7.0 if below else -7.0, True)):
+        constants, rates = np.zeros(model.n_variables), np.zeros(model.n_variables)
+        constants[rep], rates[rep] = sign * start, sign * pace
+        discrete = settled_discrete(model, numbers, constants, rates)
+        motion = replace(still, constants=constants, rates=rates, discrete=discrete)
+        towards = (pace > 0) == (below != changed)
+        assert drifting(model, numbers, motion) == (["AngleWatcher"] if towards and evenly else [])
