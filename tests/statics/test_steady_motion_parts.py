@@ -24,6 +24,7 @@ from gearlib.statics.steady_motion import (
     motion_from,
     refuse_contradiction,
     refuse_unsettled,
+    unit_sizes,
 )
 
 
@@ -184,3 +185,68 @@ def test_at_most_six_variables_that_never_settle_are_named() -> None:
     with pytest.raises(ArgumentError) as refused:
         refuse_unsettled(model, numbers, motion)
     assert str(refused.value) == "there is no steady motion: b, c, d, e, f, g does not settle, each event changes it"
+
+
+def test_equations_of_a_single_coefficient_say_nothing_of_units() -> None:
+    rng = np.random.default_rng(5)
+    exponents = rng.integers(-2, 3, (6, 2)).astype(float)
+    table = np.where(rng.random((9, 6)) < 0.6, 10.0 ** rng.uniform(-3, 3, (9, 6)), 0.0)
+    table[(table != 0).sum(axis=1) < 2] = 0.0
+    alone = np.diag(10.0 ** rng.uniform(-9, 9, 6))
+    found = unit_sizes(sparse.csr_matrix(np.vstack([table, alone])), exponents, np.ones(15, bool))
+    assert found == pytest.approx(unit_sizes(sparse.csr_matrix(table), exponents, np.ones(9, bool)), rel=1e-9)
+
+
+class Stepped(gl.Component):
+    """A gear with one ratio below a limit and another above it."""
+
+    flange_a, flange_b = gp.Flange("left"), gp.Flange("right")
+    x = gl.Parameter("1", default=0.5)
+    level, ratio = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        a, b = self.flange_a, self.flange_b
+        return [
+            gl.Eq(self.level, self.x), gl.Eq(self.ratio, gl.Piecewise((3, self.level > 1), (2, True))),
+            gl.Eq(gl.der(a.phi), self.ratio * gl.der(b.phi)), gl.Eq(b.tau, -self.ratio * a.tau),
+        ]  # fmt: skip
+
+
+@cache
+def between(gear: Any) -> gl.System:
+    class Geared(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.gear, self.b = gp.Inertia(J=1.0), gear(), gp.Inertia(J=1.0)
+            return [gl.connect(self.a.flange_b, self.gear.flange_a), gl.connect(self.gear.flange_b, self.b.flange_a)]
+
+    return gl.compile(Geared())
+
+
+def test_conditions_count_as_at_first_where_touching_joins_no_more() -> None:
+    system = between(Stepped)
+    assert gl.speed_ratio(system, "a.w", "b.w") == pytest.approx(2.0, rel=1e-12)
+    assert gl.mobility(system) == 1
+
+
+class Squares(gl.Component):
+    """A ratio at the end of a chain of squares."""
+
+    flange_a, flange_b = gp.Flange("left"), gp.Flange("right")
+    x = gl.Parameter("1", default=1.1)
+    one, two, three, four, five = (gl.Variable("1") for _ in range(5))
+
+    def equations(self) -> list[gl.Eq]:
+        a, b = self.flange_a, self.flange_b
+        return [
+            gl.Eq(self.one, self.x), gl.Eq(self.two, self.one**2), gl.Eq(self.three, self.two**2),
+            gl.Eq(self.four, self.three**2), gl.Eq(self.five, self.four**2), gl.Eq(gl.der(a.phi), self.five * gl.der(b.phi)),
+            gl.Eq(b.tau, -self.five * a.tau),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("x", [1.1, 0.9, -1.05])
+def test_a_ratio_may_follow_from_several_equations_behind_each_other(x: float) -> None:
+    """Each of which is not linear: x to the 16th."""
+    system = between(Squares)
+    assert gl.speed_ratio(system, "a.w", "b.w", parameters={"gear.x": x}) == pytest.approx(x**16, rel=1e-9)
+    assert gl.mobility(system, parameters={"gear.x": x}) == 1
