@@ -12,8 +12,18 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.equations.kernel import relation_kernel
+from gearlib.errors import ArgumentError
 from gearlib.flatten.model import FlatModel
-from gearlib.statics.closed_gaps import _compared, _groups, _moving, _places, _values_at, drifting, with_gaps_closed
+from gearlib.statics.closed_gaps import (
+    _compared,
+    _groups,
+    _moving,
+    _places,
+    _values_at,
+    drifting,
+    refuse_drift,
+    with_gaps_closed,
+)
 from gearlib.statics.mesh_turn import apply
 from gearlib.statics.steady_motion import Given, motion_from, settled_discrete
 
@@ -193,3 +203,29 @@ def test_a_condition_that_will_change_is_one_whose_value_grows_evenly_towards_it
         motion = replace(still, constants=constants, rates=rates, discrete=discrete)
         towards = (pace > 0) == (below != changed)
         assert drifting(model, numbers, motion) == (["AngleWatcher"] if towards and evenly else [])
+
+
+def test_four_gaps_that_are_open_between_different_speeds_are_named_at_most() -> None:
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.gap = (
+                [gp.Inertia(J=1.0) for _ in range(6)],
+                [gp.ElastoBacklash(c=1e4, d=10.0, b=0.2) for _ in range(5)],
+            )
+            return [
+                link
+                for a, gap, b in zip(self.body, self.gap, self.body[1:], strict=False)
+                for link in (gl.connect(a.flange_b, gap.flange_a), gl.connect(gap.flange_b, b.flange_a))
+            ]
+
+    translation = gl.compile(Row()).translation
+    model, numbers = translation.structure.complete, translation.parameter_values({})
+    motion = motion_from(model, numbers, [], np.zeros(2 * model.n_variables))
+    rates = np.zeros(model.n_variables)
+    for k in range(5):
+        v = model.variable(f"gap[{k}].phi_rel")
+        rates[model.representative[v]] = model.sign[v]
+    moving = replace(motion, rates=rates)
+    assert drifting(model, numbers, moving) == [f"gap[{k}]" for k in range(5)]
+    with pytest.raises(ArgumentError, match=r"the given torques: in gap\[0\], gap\[1\], gap\[2\], gap\[3\] a gap is open"):
+        refuse_drift(model, numbers, moving, [])
