@@ -1,12 +1,10 @@
-"""Bonds, elements and laws one by one: their order, their ends and signs, their labels, and what depends on time."""
+"""Bonds of a graph one by one: their order, their ends and signs, their labels, and where they may not be."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import pytest
-import sympy as sp
 
 from gearlib.bondgraph import (
     GY,
@@ -18,18 +16,11 @@ from gearlib.bondgraph import (
     MSf,
     One,
     R,
-    RunTime,
     Se,
     Sf,
     Zero,
-    assign_causality,
-    energy_symbol,
-    state_equations,
-    time,
 )
-from gearlib.bondgraph.efforts_and_flows import rate_of
-from gearlib.bondgraph.elements import by_law, checked, symbol
-from gearlib.errors import ArgumentError, ConnectionError, DeclarationError
+from gearlib.errors import ArgumentError, ConnectionError
 
 
 def mixed() -> tuple[BondGraph, dict[str, Any]]:
@@ -116,91 +107,3 @@ def test_a_bond_is_a_whole_number_with_two_ends(bond: Any) -> None:
         ArgumentError, match=r" is not a bond; expected \(number, tail, head\), such as \(1, Se\(\), One\('v'\)\)$"
     ):
         BondGraph(bond)
-
-
-def test_loops_are_reported_by_their_resistances() -> None:
-    """Two loops apart, each of two resistances at one effort behind a third."""
-    bonds: list[Any] = []
-    for first in (10, 1):
-        v, z = One(), Zero()
-        bonds += [
-            (first, Se(), v),
-            (first + 1, v, R()),
-            (first + 2, v, z),
-            (first + 3, z, R()),
-            (first + 4, z, I()),
-            (first + 5, v, C()),
-        ]
-    report = assign_causality(BondGraph(*bonds)).report()
-    assert report == "integral causality: 5, 6, 14, 15\nderivative causality: none\nalgebraic loops: 2 and 4; 11 and 13"
-
-
-@pytest.mark.parametrize(("kind", "bond", "name"), [("p", 17, "p_17"), ("q", 0, "q_0")])
-def test_symbols_of_what_is_stored_and_of_its_rate(kind: str, bond: int, name: str) -> None:
-    found = energy_symbol(kind, bond)
-    assert found == symbol(name) == sp.Symbol(name, real=True)
-    assert rate_of(found) == symbol(f"d{name}")
-    with pytest.raises(ArgumentError, match=r"^energy_symbol: bond is -1"):
-        energy_symbol(kind, -1)
-    with pytest.raises(ArgumentError, match=r"^rate_of: variable is 'p_1'; expected a symbol, such as p_17$"):
-        rate_of("p_1")
-
-
-def test_laws_give_expressions_or_say_what_went_wrong() -> None:
-    x = symbol("x")
-    assert by_law(lambda y: y**2 / 2, x, "the law") == x**2 / 2
-    assert checked(3, "a") == 3
-    for law, said in ((lambda y: [y], "the law is [x]; expected a number or an expression"),
-                      (lambda y: y.nothing, "the law raised AttributeError: "),
-                      (lambda y: None, "the law is None; expected a number or an expression")):  # fmt: skip
-        with pytest.raises(ArgumentError) as refused:
-            by_law(law, x, "the law")
-        assert str(refused.value).startswith(said)
-
-
-def test_what_depends_on_time_has_a_rate_of_its_own() -> None:
-    """A compliance at an effort that swings: ``q = C sin t``, so a flow ``C cos t`` beside that of a resistance."""
-    z = Zero("z")
-    equations = state_equations(BondGraph((1, MSe(sp.sin(3 * time)), z), (2, z, C()), (3, z, R())))
-    q = symbol("q_2")
-    assert dict(equations.dependent_values) == {q: symbol("C_2") * sp.sin(3 * time)}
-    assert equations.elimination[rate_of(q)] == 3 * symbol("C_2") * sp.cos(3 * time)
-    assert (equations.states, equations.inputs) == ((), ())
-    found = RunTime(equations).bond_variables(0.4, [], (), {"C_2": 2.0, "R_3": 5.0})
-    e, f = np.sin(1.2), 6 * np.cos(1.2)
-    assert found == {1: pytest.approx((e, f + e / 5)), 2: pytest.approx((e, f)), 3: pytest.approx((e, e / 5))}
-
-
-def test_a_modulus_that_moves_with_a_state_enters_the_rate_of_what_depends_on_it() -> None:
-    """An inertia behind a transformer of modulus 1 + q: ``p_4 = I_4 (1 + q) p_2 / I_2``."""
-    v, w, q = One("v"), One("w"), energy_symbol("q", 5)
-    tf = TF(1 + q)
-    graph = BondGraph((1, Se(), v), (2, v, I(2)), (5, v, C(law=lambda _: 0)), (3, v, tf), (6, tf, w), (4, w, I(3)))
-    run = RunTime(state_equations(graph))
-    assert run.states == ("p_2", "q_5")
-    p, x, u = 4.0, 0.5, 7.0
-    m, speed = 1 + x, p / 2.0
-    # energy: (2 + 3 m^2) f' + 3 m m' f = u with f = p / 2, m' = f
-    acceleration = (u - 3 * m * speed**2) / (2 + 3 * m**2)
-    assert run.rhs(0.0, [p, x], [u]) == pytest.approx([2 * acceleration, speed])
-    assert run.bond_variables(0.0, [p, x], [u])[4] == pytest.approx((3 * (m * acceleration + speed**2), m * speed))
-
-
-@pytest.mark.parametrize(("law", "inverse"), [(lambda p: p**3, lambda f: sp.cbrt(f)), (lambda p: p / 5, None), (None, None)])
-def test_storage_that_follows_is_that_of_its_law(law: Any, inverse: Any) -> None:
-    v = One("v")
-    graph = BondGraph((1, Sf(), v), (2, v, I(5, law=law, inverse=inverse)))
-    (value,) = state_equations(graph).dependent_values.values()
-    assert float(value.subs(symbol("Sf_1"), 8)) == pytest.approx(2.0 if inverse else 40.0)
-
-
-def test_a_law_with_two_solutions_is_none() -> None:
-    z = Zero("z")
-    with pytest.raises(DeclarationError) as refused:
-        state_equations(BondGraph((1, Se(), z), (2, z, C(law=lambda q: q**2)), name="graph"))
-    assert (
-        str(refused.value) == "graph: C on bond 2 is needed in the other direction than its law gives: state its `inverse`, too"
-    )
-    for law, said in ((0, "C_2 is 0; leave the element out, or give it a value"),):
-        with pytest.raises(ArgumentError, match=said):
-            state_equations(BondGraph((1, Sf(), z), (2, z, C(law))))
