@@ -18,6 +18,7 @@ from gearlib.statics.steady_motion import (
     MatrixAssembly,
     MotionEquations,
     _connected,
+    _forces,
     _kinematic_rows,
     guesses,
     kinematics,
@@ -250,3 +251,53 @@ def test_a_ratio_may_follow_from_several_equations_behind_each_other(x: float) -
     system = between(Squares)
     assert gl.speed_ratio(system, "a.w", "b.w", parameters={"gear.x": x}) == pytest.approx(x**16, rel=1e-9)
     assert gl.mobility(system, parameters={"gear.x": x}) == 1
+
+
+class Warm(gl.Connector):
+    """Thermal."""
+
+    T = gl.Potential("K")
+    P = gl.Flow("W")
+
+
+class Root(gl.Component):
+    """Equations of the model itself and of a part, at flanges with nothing behind them."""
+
+    class Part(gl.Component):
+        flange, housing = gp.Flange("shaft"), Warm("housing")
+        d, warmth = gl.Parameter("N.m.s/rad", default=2.0), gl.Parameter("W/K", default=3.0)
+        T, inner = gl.Variable("K"), gl.Variable("N.m")
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(self.inner, self.d * gl.der(self.flange.phi)), gl.Eq(self.flange.tau, self.inner), gl.Eq(self.T, 300.0),
+                gl.Eq(self.housing.P, self.warmth * (self.housing.T - self.T)),
+            ]  # fmt: skip
+
+    flange = gp.Flange("of the model itself")
+    d = gl.Parameter("N.m.s/rad", default=2.0)
+
+    def assemble(self) -> list[Any]:
+        self.part, self.body = self.Part(), gp.Inertia(J=1.0)
+        return [gl.connect(self.part.flange, self.body.flange_a)]
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange.tau, self.d * gl.der(self.flange.phi))]
+
+
+def test_torques_forces_and_whatever_flows_are_told_from_other_variables() -> None:
+    """By what their owner declares; in connections nothing is declared."""
+    model = gl.compile(Root()).translation.structure.complete
+    seen = set()
+    for g, group in enumerate(model.groups):
+        for name in group.template.locals:
+            found = _forces(model, g, name)
+            assert found.dtype == bool
+            for i, owner in enumerate(group.owners.tolist()):
+                own = name if owner >= 0 else None
+                assert found[i] == (own is not None and own.rpartition(".")[2] in ("tau", "P", "inner")), (
+                    group.template.label,
+                    name,
+                )
+                seen.add((owner == 0, own.rpartition(".")[2] if own else None))
+    assert seen >= {(True, "tau"), (True, "phi"), (False, "P"), (False, "T"), (False, "inner"), (False, "w")}
