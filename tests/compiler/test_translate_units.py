@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gearlib.compiler import translate
 from gearlib.compiler.instructions import LANED, Unsupported
 from gearlib.compiler.object_code import linked, optimised
 from gearlib.compiler.small_language import Prototype, record
-from gearlib.compiler.translate import LARGEST_POWER, _continues, _kind, _parts, chain, intermediate
+from gearlib.compiler.translate import LARGEST_POWER, chain, intermediate
 
 
 @record
@@ -325,13 +326,13 @@ def annotation(text: str) -> Any:
     ],
 )  # fmt: skip
 def test_kinds_of_annotations(text: str, kind: str | None) -> None:
-    assert _kind(annotation(text), ENVIRONMENT) == kind
-    assert _kind(None, ENVIRONMENT) is None
+    assert translate._kind(annotation(text), ENVIRONMENT) == kind
+    assert translate._kind(None, ENVIRONMENT) is None
 
 
 def test_parts_of_tuples_chains_of_operations_and_loops_that_go_on() -> None:
-    assert _parts("{ double, i64, i1 }") == ["double", "i64", "i1"]
-    assert _parts("double") == []
+    assert translate._parts("{ double, i64, i1 }") == ["double", "i64", "i1"]
+    assert translate._parts("double") == []
     first, later = chain(annotation("a ** 2 + b * c - d / 4"))
     assert ast.unparse(first) == "a ** 2"
     assert [ast.unparse(one.right) for one in later] == ["b * c", "d / 4"]
@@ -341,4 +342,4 @@ def test_parts_of_tuples_chains_of_operations_and_loops_that_go_on() -> None:
         ("a = 1", False), ("continue", True), ("if a:\n    b = 1\nelse:\n    continue", True), ("if a:\n    continue", True),
         ("while a:\n    if b:\n        continue", True), ("if a:\n    break", False), ("", False),
     ):  # fmt: skip
-        assert _continues(ast.parse(text).body) == goes_on, text
+        assert translate._continues(ast.parse(text).body) == goes_on, text

@@ -10,7 +10,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError, NameLookupError
-from gearlib.statics.statics import _given, _steady_point
+from gearlib.statics import statics
 
 
 @cache
@@ -115,8 +115,8 @@ def dragged() -> gl.System:
 def point(most: float, speeds: dict[str, float] | None = None, **torques: float) -> Any:
     translation = dragged().translation
     model, numbers = translation.structure.complete, translation.parameter_values({})
-    given = _given(model, speeds, {f"{name}.tau": value for name, value in torques.items()})
-    found = _steady_point(translation, numbers, given, most)
+    given = statics._given(model, speeds, {f"{name}.tau": value for name, value in torques.items()})
+    found = statics._steady_point(translation, numbers, given, most)
     if found is None:
         return None
     assert found.t == 0.0
