@@ -147,10 +147,8 @@ def turn(
     followers = _followers(model, place >= 0)
     open_ = np.zeros(n, bool)
     open_[[int(model.groups[g].variables[i, _local(model.groups[g].template, c)]) for g, c, i in followers]] = True
-    while followers:
-        ready = [(g, c, i) for g, c, i in followers if not open_[_others(model.groups[g], c, i)].any()]
-        if not ready:  # an algebraic loop: their means will do where they enter linearly
-            break
+    # Those of an algebraic loop are left: their means will do where they enter linearly
+    while ready := [(g, c, i) for g, c, i in followers if not open_[_others(model.groups[g], c, i)].any()]:
         for g, c in dict.fromkeys((g, c) for g, c, _ in ready):
             rows = np.array([i for other, _, i in ready if other == g], np.int64)
             group = model.groups[g]
@@ -168,10 +166,7 @@ def turn(
 
 
 def _refuse_unknown(model: FlatModel, moved: NDArray[np.bool_], vary: NDArray[np.bool_], open_: NDArray[np.bool_]) -> None:
-    """Refuse equations whose mean needs the course of variables that determine each other, or of rates of those that ``vary``.
-
-    It does where these stand in a product, a square, or a condition.
-    """
+    """Refuse products, squares and conditions of variables that determine each other, or of rates of those that ``vary``."""
     for group in model.groups:
         template = group.template
         pairs = [(name, order, _names(partial_kernel(template, c))) for c, (name, order) in enumerate(template.columns)]
@@ -180,9 +175,8 @@ def _refuse_unknown(model: FlatModel, moved: NDArray[np.bool_], vary: NDArray[np
             own = group.variables[:, _place(template, name)]
             beside = group.variables[:, [_place(template, other) for other in sorted(others)]]
             for i in np.flatnonzero((vary if order else open_)[own] & (moved | open_)[beside].any(axis=1)).tolist():
-                what = model.name(int(own[i]))
                 loop = "follows from equations that have to be solved together at each phase; solve them for it"
-                why = f"der({what}) varies with the phase" if order else f"{what} {loop}"
+                why = f"{model.name(int(own[i]))} {'has a rate that varies with the phase' if order else loop}"
                 raise ModelError(f"{template.label}: its mean over a turn of the mesh is not known, since {why}")
 
 
@@ -205,8 +199,9 @@ def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, in
             if c is None:
                 continue
             j = _local(template, c)
-            values, changes = _orders(template)
-            v, others = group.variables[:, j], group.variables[:, [k for k in values if k != j]]
+            columns = [(_place(template, name), order) for name, order in (*template.columns, *template.relation_columns)]
+            changes = [k for k, order in columns if order]
+            v, others = group.variables[:, j], group.variables[:, [k for k, order in columns if not order and k != j]]
             follows = reached[others].any(axis=1) & (group.signs[:, j] != 0) & steady[group.variables[:, changes]].all(axis=1)
             free = ~((differentiated if changes else deflections) & ~reached)[others].any(axis=1)
             allowed = ~(taken | model.flow | model.potential)[v] & (~differentiated[v] | reached[others].all(axis=1))
@@ -225,14 +220,6 @@ def _given(template: Template) -> int | None:
     alone = [c for c, (slope, (_, order)) in slopes if not order and slope.is_number and abs(float(slope)) == 1.0]
     elsewhere = {name for name, _ in template.relation_columns} | {name for name, order in template.columns if order}
     return alone[0] if len(alone) == 1 and template.columns[alone[0]][0] not in elsewhere else None
-
-
-@memoised
-def _orders(template: Template) -> tuple[list[int], list[int]]:
-    """Places of the locals whose values stand in an equation, and of those whose rates do."""
-    columns = [*template.columns, *template.relation_columns]
-    values, rates = ({_place(template, name) for name, order in columns if (order > 0) == rate} for rate in (False, True))
-    return sorted(values), sorted(rates)
 
 
 def _others(group: EquationGroup, c: int, i: int) -> Integers:

@@ -259,7 +259,7 @@ def test_the_rate_of_what_follows_from_a_phase_has_a_mean_of_zero_alone(beside: 
     system = gl.compile(Driven())
     if beside:
         with pytest.raises(
-            ModelError, match=r"^Rising: .*: its mean .* is not known, since der\(load\.y\) varies with the phase$"
+            ModelError, match=r"^Rising: .*: its mean .* is not known, since load\.y has a rate that varies with the phase$"
         ):
             gl.power_flow(system, speeds={"body.w": W})
         return
