@@ -147,11 +147,8 @@ def turn(
     followers = _followers(model, place >= 0)
     open_ = np.zeros(n, bool)
     open_[[int(model.groups[g].variables[i, _local(model.groups[g].template, c)]) for g, c, i in followers]] = True
-    while followers:
-        ready = [(g, c, i) for g, c, i in followers if not open_[_others(model.groups[g], c, i)].any()]
-        if not ready:  # an algebraic loop: their means will do where they enter linearly
-            _refuse_loops(model, over.place >= 0, open_)
-            return over
+    # Those of an algebraic loop are left: their means will do where they enter linearly
+    while ready := [(g, c, i) for g, c, i in followers if not open_[_others(model.groups[g], c, i)].any()]:
         for g, c in dict.fromkeys((g, c) for g, c, _ in ready):
             rows = np.array([i for other, _, i in ready if other == g], np.int64)
             group = model.groups[g]
@@ -164,23 +161,23 @@ def turn(
             over = Turn(place, np.concatenate([over.values, a[v][:, None] + change]))
             open_[v] = False
         followers = [f for f in followers if f not in set(ready)]
+    _refuse_unknown(model, over.place >= 0, over.place >= len(seeds), open_)
     return over
 
 
-def _refuse_loops(model: FlatModel, moved: NDArray[np.bool_], open_: NDArray[np.bool_]) -> None:
-    """Refuse equations whose mean needs the course of variables that determine each other: a product, a square, a condition."""
+def _refuse_unknown(model: FlatModel, moved: NDArray[np.bool_], vary: NDArray[np.bool_], open_: NDArray[np.bool_]) -> None:
+    """Refuse products, squares and conditions of variables that determine each other, or of rates of those that ``vary``."""
     for group in model.groups:
         template = group.template
-        pairs = [(name, _names(partial_kernel(template, c))) for c, (name, order) in enumerate(template.columns) if not order]
-        pairs += [(name, {name}) for name, _ in template.relation_columns]
-        for name, others in pairs:
+        pairs = [(name, order, _names(partial_kernel(template, c))) for c, (name, order) in enumerate(template.columns)]
+        pairs += [(name, order, {name}) for name, order in template.relation_columns if not order]
+        for name, order, others in [] if template.linear else pairs:
             own = group.variables[:, _place(template, name)]
             beside = group.variables[:, [_place(template, other) for other in sorted(others)]]
-            for i in np.flatnonzero(open_[own] & (moved | open_)[beside].any(axis=1)).tolist():
-                raise ModelError(
-                    f"{template.label}: its mean over a turn of the mesh is not known, since {model.name(int(own[i]))} follows from "
-                    "equations that have to be solved together at each phase; solve them for it"
-                )
+            for i in np.flatnonzero((vary if order else open_)[own] & (moved | open_)[beside].any(axis=1)).tolist():
+                loop = "follows from equations that have to be solved together at each phase; solve them for it"
+                why = f"{model.name(int(own[i]))} {'has a rate that varies with the phase' if order else loop}"
+                raise ModelError(f"{template.label}: its mean over a turn of the mesh is not known, since {why}")
 
 
 def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
@@ -202,11 +199,12 @@ def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, in
             if c is None:
                 continue
             j = _local(template, c)
-            values, changes = _orders(template)
-            v, others = group.variables[:, j], group.variables[:, [k for k in values if k != j]]
+            columns = [(_place(template, name), order) for name, order in (*template.columns, *template.relation_columns)]
+            changes = [k for k, order in columns if order]
+            v, others = group.variables[:, j], group.variables[:, [k for k, order in columns if not order and k != j]]
             follows = reached[others].any(axis=1) & (group.signs[:, j] != 0) & steady[group.variables[:, changes]].all(axis=1)
-            free = ~((differentiated if changes else deflections) & ~moved)[others].any(axis=1)
-            allowed = ~(taken | differentiated | model.flow | model.potential)[v]
+            free = ~((differentiated if changes else deflections) & ~reached)[others].any(axis=1)
+            allowed = ~(taken | model.flow | model.potential)[v] & (~differentiated[v] | reached[others].all(axis=1))
             more += [(g, c, int(i)) for i in np.flatnonzero(follows & free & allowed)]
         fresh = {int(model.groups[g].variables[i, _local(model.groups[g].template, c)]): (g, c, i) for g, c, i in more}
         if not fresh:
@@ -217,21 +215,11 @@ def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, in
 
 @memoised
 def _given(template: Template) -> int | None:
-    """The column that an equation determines: the only one with coefficient 1 or -1. Speeds may stand in it, but no accelerations."""
-    if any(order > 1 for _, order in template.columns) or any(order for _, order in template.relation_columns):
-        return None
+    """The column that an equation determines: the only value with coefficient 1 or -1. Rates may stand in it beside others."""
     slopes = enumerate(zip(template.slopes, template.columns, strict=True))
     alone = [c for c, (slope, (_, order)) in slopes if not order and slope.is_number and abs(float(slope)) == 1.0]
     elsewhere = {name for name, _ in template.relation_columns} | {name for name, order in template.columns if order}
     return alone[0] if len(alone) == 1 and template.columns[alone[0]][0] not in elsewhere else None
-
-
-@memoised
-def _orders(template: Template) -> tuple[list[int], list[int]]:
-    """Places of the locals whose values stand in an equation, and of those whose rates do."""
-    columns = [*template.columns, *template.relation_columns]
-    values, rates = ({_place(template, name) for name, order in columns if (order > 0) == rate} for rate in (False, True))
-    return sorted(values), sorted(rates)
 
 
 def _others(group: EquationGroup, c: int, i: int) -> Integers:

@@ -30,6 +30,7 @@ CONTRADICTION = 1e-8  # relative residual of an equation that cannot be satisfie
 ROUNDING = 1e-13  # of a row's largest coefficient, in equations that are not linear
 YIELDS = 1e-20  # relative: smaller terms only make the torque that holds a speed an unknown of its equation
 REST = 1e-9  # rad/s or m/s: below it a train stands still, and its speeds are rounding
+LONGEST = 20  # values that follow one from another without torques
 SPEED, VALUE = 1, 0
 
 
@@ -317,11 +318,14 @@ def _kinematic_rows(model: FlatModel, parameters: Floats, given: Sequence[Given]
     n = model.n_variables
     x = np.zeros(2 * n)
     rows = assemble(model, parameters, given, x[:n], x[n:], discrete)
-    for _ in range(3 if any(not group.template.linear for group in model.groups) else 0):
-        still = np.flatnonzero(rows.kinematic)
+    for _ in range(LONGEST if any(not group.template.linear for group in model.groups) else 0):
+        still, before = np.flatnonzero(rows.kinematic), x[:n]
         x = x - factorise(rows.matrix[still], rows.sizes).solve(rows.residual[still])
         x[n:] = 0.0
         rows = assemble(model, parameters, given, x[:n], x[n:], discrete)
+        scale = np.where(np.isfinite(rows.sizes), 1 / rows.sizes, 1.0)[:n]
+        if np.abs((x[:n] - before) * scale).max(initial=0.0) <= ROUNDING * np.abs(x[:n] * scale).max(initial=0.0):
+            break
     return replace(rows, residual=rows.residual - rows.matrix @ x)  # residual at zero unknowns
 
 

@@ -80,7 +80,7 @@ def test_names_that_are_set_anywhere() -> None:
     ("bounds", "never"),
     [
         ("1", True), ("0", False), ("2, 3", True), ("3, 3", False), ("3, 2", False), ("3, 2, -1", False), ("0, 5, 7", True),
-        ("n", False), ("0, n", False), ("2.0", False),
+        ("n", False), ("0, n", False), ("2.0", False), ("3, n", False), ("n, 3", False), ("0, 3, n", False), ("0, 3, 2.0", False),
     ],
 )  # fmt: skip
 def test_ranges_that_are_never_empty(bounds: str, never: bool) -> None:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gearlib.compiler import native_module, object_code
-from gearlib.compiler.native_module import NativeFunctions, _functions, _is_native, _texts, _values, native_digest, native_text
+from gearlib.compiler import native_module
+from gearlib.compiler.native_module import NativeFunctions, native_digest, native_text
 from gearlib.compiler.small_language import Prototype, record
 from tests.compiler import sample_loops
 
@@ -32,13 +32,13 @@ def test_functions_that_are_marked_and_those_that_a_module_generates() -> None:
     ]
     generated = ["", "def four(): pass\nz = 3\ndef five(): pass"]
     modules: list[Any] = [SimpleNamespace(name="first"), SimpleNamespace(name="second")]
-    found = [(node.name, environment["name"]) for node, environment in _functions(modules, texts, generated)]
+    found = [(node.name, environment["name"]) for node, environment in native_module._functions(modules, texts, generated)]
     assert found == [("one", "first"), ("three", "first"), ("four", "second"), ("five", "second")]
     for text, native in (("@native\ndef f(): pass", True), ("def f(): pass", False), ("@a.native\ndef f(): pass", False),
                          ("@native()\ndef f(): pass", False), ("@other\ndef f(): pass", False)):  # fmt: skip
         (node,) = ast.parse(text).body
         assert isinstance(node, ast.FunctionDef)
-        assert _is_native(node) == native, text
+        assert native_module._is_native(node) == native, text
 
 
 def test_numbers_records_and_prototypes_are_what_code_depends_on() -> None:
@@ -47,14 +47,14 @@ def test_numbers_records_and_prototypes_are_what_code_depends_on() -> None:
         "a": 1, "b": 2.5, "c": True, "d": "text", "e": prototype, "f": Pair, "g": Pair(), "h": (1, 2.5), "i": len, "j": (1, "text"),
         "k": [1, 2],
     }  # fmt: skip
-    assert dict(_values(environment)) == {
+    assert dict(native_module._values(environment)) == {
         "a": "1", "b": "2.5", "c": "True", "e": repr(prototype), "f": repr([("n", ctypes.c_int64), ("x", ctypes.c_double)]),
         "h": "(1, 2.5)",
     }  # fmt: skip
 
 
 def test_texts_of_a_module_and_what_it_generates() -> None:
-    loaded, texts, generated = _texts([NAME, "gearlib.compiler.small_language"])
+    loaded, texts, generated = native_module._texts([NAME, "gearlib.compiler.small_language"])
     assert [module.__name__ for module in loaded] == [NAME, "gearlib.compiler.small_language"]
     assert texts[0] == Path(str(sample_loops.__file__)).read_text(encoding="utf-8")
     assert generated == [sample_loops.GENERATED, ""]
@@ -133,37 +133,3 @@ def test_functions_are_compiled_or_read_and_made_anew_where_they_cannot_be_linke
         results = [ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int64)(found.addresses[name])(20) for name in "fg"]
         assert results == [21, 40]
     assert asked == [(f"gearlib_model_{native_digest('m')[:24]}.o", "its solvers for this machine")] * 2
-
-
-def test_source_is_compiled_once_for_each_way_of_rounding(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By a digest of the compiler, the source and whether products are fused; what is long is told."""
-    asked: list[tuple[str, str]] = []
-    monkeypatch.setattr(object_code, "cached_bytes", lambda name, make, slow: asked.append((name, slow)) or make())
-    source = "def f(t: float, x: floats) -> int32:\n    x[0] = 3 * t\n    return 4\n"
-    make = object_code.compiled.__wrapped__
-    for fused in (False, True, False):
-        function = make(source, "f", fused)
-        result = ctypes.c_double()
-        assert (
-            ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p)(function.address)(2.0, ctypes.addressof(result))
-            == 4
-        )
-        assert result.value == 6.0
-    assert asked[0] == asked[2] != asked[1]
-    assert [slow for _, slow in asked] == [""] * 3
-    for length, said in ((len(source), ""), (len(source) - 1, "a large model")):
-        monkeypatch.setattr(object_code, "LONG", length)
-        make(source, "f")
-        assert asked[-1] == (asked[0][0], said)
-    monkeypatch.setattr(object_code, "compiler_digest", lambda: "another")
-    make(source, "f")
-    assert asked[-1][0] != asked[0][0]
-
-
-def test_passes_are_made_anew_after_so_many_uses() -> None:
-    host = object_code.Host()
-    first = host.passes
-    assert all(host.passes is first for _ in range(object_code.USES - 1))
-    second = host.passes
-    assert second is not first
-    assert host.passes is second

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gearlib.compiler import translate
 from gearlib.compiler.instructions import LANED, Unsupported
 from gearlib.compiler.object_code import linked, optimised
 from gearlib.compiler.small_language import Prototype, record
-from gearlib.compiler.translate import LARGEST_POWER, _continues, _kind, _parts, chain, intermediate
+from gearlib.compiler.translate import LARGEST_POWER, chain, intermediate
 
 
 @record
@@ -193,7 +194,9 @@ def test_a_prototype_is_called_with_arguments_of_its_kinds() -> None:
     address = ctypes.cast(callback, ctypes.c_void_p).value
     source = "def f(a: int, x: float) -> int32:\n    ask(a, x, 3, 4)\n    return ask(a, 2, 9, 7) * 2\n"
     environment = {"ask": Prototype("int32", ("float", "int", "int32"))}
-    addresses, library = linked(optimised(intermediate(source, environment)), ["f"])
+    text = intermediate(source, environment)
+    assert text.count(" = inttoptr i64 %a.a to ptr\n") == 2
+    addresses, library = linked(optimised(text), ["f"])
     assert ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int64, ctypes.c_double)(addresses["f"])(address, 0.5) == -10
     assert seen == [(0.5, 3, 4), (2.0, 9, 7)]
     del library
@@ -272,6 +275,9 @@ REFUSALS = {
     "t > 0": "`t > 0` is not in the language of generated functions",
     "(d if t > 0 else i)[0] = 1": "`d if t > 0 else i` is not in the language of generated functions",
     "(a, b)[0] = 1": "`(a, b)` is not in the language of generated functions",
+    "if t > 0:\n    a = 1.0\nelse:\n    a = 2\nd[0] = a": "`a` has no value there, or values of two kinds",
+    "if t > 0:\n    a = 1.0\nd[0] = a": "`a` has no value there, or values of two kinds",
+    "for k in range(i[0]):\n    a = 1.0\nd[0] = a": "`a` has no value there, or values of two kinds",
     "k = 1\nwhile k < 5:\n    k = k * 1.5": "`k` is of one kind before the loop and of another in it",
 }  # fmt: skip
 
@@ -320,13 +326,13 @@ def annotation(text: str) -> Any:
     ],
 )  # fmt: skip
 def test_kinds_of_annotations(text: str, kind: str | None) -> None:
-    assert _kind(annotation(text), ENVIRONMENT) == kind
-    assert _kind(None, ENVIRONMENT) is None
+    assert translate._kind(annotation(text), ENVIRONMENT) == kind
+    assert translate._kind(None, ENVIRONMENT) is None
 
 
 def test_parts_of_tuples_chains_of_operations_and_loops_that_go_on() -> None:
-    assert _parts("{ double, i64, i1 }") == ["double", "i64", "i1"]
-    assert _parts("double") == []
+    assert translate._parts("{ double, i64, i1 }") == ["double", "i64", "i1"]
+    assert translate._parts("double") == []
     first, later = chain(annotation("a ** 2 + b * c - d / 4"))
     assert ast.unparse(first) == "a ** 2"
     assert [ast.unparse(one.right) for one in later] == ["b * c", "d / 4"]
@@ -336,4 +342,4 @@ def test_parts_of_tuples_chains_of_operations_and_loops_that_go_on() -> None:
         ("a = 1", False), ("continue", True), ("if a:\n    b = 1\nelse:\n    continue", True), ("if a:\n    continue", True),
         ("while a:\n    if b:\n        continue", True), ("if a:\n    break", False), ("", False),
     ):  # fmt: skip
-        assert _continues(ast.parse(text).body) == goes_on, text
+        assert translate._continues(ast.parse(text).body) == goes_on, text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -11,8 +12,10 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.equations.kernel import relation_kernel
+from gearlib.errors import ArgumentError
 from gearlib.flatten.model import FlatModel
-from gearlib.statics.closed_gaps import _compared, _groups, _moving, _places, _values_at, with_gaps_closed
+from gearlib.statics import closed_gaps
+from gearlib.statics.closed_gaps import drifting, refuse_drift, with_gaps_closed
 from gearlib.statics.mesh_turn import apply
 from gearlib.statics.steady_motion import Given, motion_from, settled_discrete
 
@@ -21,9 +24,9 @@ from gearlib.statics.steady_motion import Given, motion_from, settled_discrete
 def test_rates_that_are_rounding_are_none(size: float) -> None:
     """Relative to the fastest, whatever its sense: 1e-9 of it."""
     rates = size * np.array([0.5, -2.0, 1.9e-9, -1.9e-9, 2.1e-9, -2.1e-9, 0.0])
-    assert _moving(rates).tolist() == [rates[0], rates[1], 0.0, 0.0, rates[4], rates[5], 0.0]
-    assert _moving(np.zeros(3)).tolist() == [0.0] * 3
-    assert _moving(np.empty(0)).tolist() == []
+    assert closed_gaps._moving(rates).tolist() == [rates[0], rates[1], 0.0, 0.0, rates[4], rates[5], 0.0]
+    assert closed_gaps._moving(np.zeros(3)).tolist() == [0.0] * 3
+    assert closed_gaps._moving(np.empty(0)).tolist() == []
 
 
 class Watched(gl.Component):
@@ -56,11 +59,13 @@ def watched() -> FlatModel:
 def test_conditions_are_those_on_variables_with_the_variables_that_they_compare() -> None:
     """Those of time alone are none; of the equations first, then of the updates."""
     model = watched()
-    pairs = {frozenset(model.name(int(v)) for v in _compared(model, g, c)): (g, c) for g, c in _places(model)}
+    pairs = {
+        frozenset(model.name(int(v)) for v in closed_gaps._compared(model, g, c)): (g, c) for g, c in closed_gaps._places(model)
+    }
     both = [frozenset(f"{part}.{name}" for part in ("one", "two") for name in names) for names in ("yz", "x", "xz")]
     assert set(pairs) == set(both)
-    assert len(_places(model)) == 3
-    assert len(_groups(model)) == len(model.groups) + 1
+    assert len(closed_gaps._places(model)) == 3
+    assert len(closed_gaps._groups(model)) == len(model.groups) + 1
     assert pairs[both[2]][0] == len(model.groups)
     assert all(g < len(model.groups) for g, _ in (pairs[both[0]], pairs[both[1]]))
 
@@ -74,12 +79,12 @@ def test_values_of_a_condition_are_found_in_the_discrete_state() -> None:
         v = model.variable(name)
         a[model.representative[v]] = value * model.sign[v]
     found = settled_discrete(model, parameters, a, np.zeros(len(a)))
-    for g, c in _places(model):
-        group = _groups(model)[g]
+    for g, c in closed_gaps._places(model):
+        group = closed_gaps._groups(model)[g]
         relation = group.template.relations[c]
         value = apply(model, relation_kernel(group.template, c), g, group, parameters, a, np.zeros(len(a)), found)
         value = -value if relation.negated else value
-        places = _values_at(model, g, c)
+        places = closed_gaps._values_at(model, g, c)
         assert len(set(places.tolist())) == len(group) == 2
         assert found[places].tolist() == [float(v > 0 if relation.strict else v >= 0) for v in value]
 
@@ -105,12 +110,13 @@ def coupled() -> gl.System:
         ({"a.w": 3.0, "b.w": 2.0}, 0.0, None),
     ],
 )  # fmt: skip
+@pytest.mark.parametrize("d", [10.0, 1e7])
 def test_a_gap_is_closed_at_the_side_of_the_load_or_left_as_it_is(
-    speeds: dict[str, float], torque: float, twist: float | None
+    speeds: dict[str, float], torque: float, twist: float | None, d: float
 ) -> None:
-    """A load that drives is ahead. Left open where both sides turn alike, and where no side would do."""
+    """A load that drives is ahead. Left open where both sides turn alike, and where no side would do. However large its damping."""
     translation = coupled().translation
-    model, numbers = translation.structure.complete, translation.parameter_values({})
+    model, numbers = translation.structure.complete, translation.parameter_values({"gap.d": d})
     given = []
     for name, value in (*speeds.items(), ("load.tau", torque)):
         v = model.variable(name)
@@ -124,3 +130,96 @@ def test_a_gap_is_closed_at_the_side_of_the_load_or_left_as_it_is(
     if twist is not None:
         assert np.sign(relative) == np.sign(twist)
         assert found.rates[model.representative[v]] == pytest.approx(0.0, abs=1e-9)
+
+
+@cache
+def beside_idle_gaps() -> gl.System:
+    """A gap that carries the load, and seven whose sides are on one shaft."""
+
+    class Many(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.gap, self.a, self.b = gp.ElastoBacklash(c=1e4, d=10.0, b=0.2), gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+            self.idle = [gp.ElastoBacklash(c=1e4, d=10.0, b=0.2) for _ in range(7)]
+            self.drive, self.load = gp.Torque(), gp.Torque()
+            return [
+                gl.connect(self.drive.flange, self.a.flange_a, *(idle.flange_a for idle in self.idle)),
+                gl.connect(self.a.flange_b, self.gap.flange_a, *(idle.flange_b for idle in self.idle)),
+                gl.connect(self.gap.flange_b, self.b.flange_a), gl.connect(self.b.flange_b, self.load.flange),
+            ]  # fmt: skip
+
+    return gl.compile(Many())
+
+
+@pytest.mark.parametrize("torque", [50.0, -50.0])
+def test_gaps_that_do_not_close_are_not_among_those_that_are_tried(torque: float) -> None:
+    flow = beside_idle_gaps().power_flow(speeds={"a.w": 3.0}, torques={"load.tau": torque})
+    assert flow["b.flange_a"].speed == pytest.approx(3.0, rel=1e-9)
+    assert flow["drive.flange"].torque == pytest.approx(torque, rel=1e-9)
+
+
+class AngleWatcher(gl.Component):
+    """A body with conditions on its angle: ``phi + bend phi^2`` against 5 from below, or against -5 from above."""
+
+    below = gl.Structural(True)
+    bend = gl.Parameter("1", default=0.0)
+    turned = gl.Variable("1")
+
+    def assemble(self) -> list[Any]:
+        self.body = gp.Inertia(J=1.0)
+        return []
+
+    def equations(self) -> list[gl.Eq]:
+        x = self.body.flange_a.phi + self.bend * self.body.flange_a.phi**2
+        return [gl.Eq(self.turned, gl.Piecewise((1, x < 5.0 if self.below else x > -5.0), (2, True)))]
+
+
+@cache
+def turned(below: bool) -> gl.System:
+    return gl.compile(AngleWatcher(below=below))
+
+
+@pytest.mark.parametrize("below", [True, False])
+@pytest.mark.parametrize("pace", [1.0, -1.0, 3.0])
+@pytest.mark.parametrize(("bend", "evenly"), [(0.0, True), (1e-7, True), (1e-4, False)])
+def test_a_condition_that_will_change_is_one_whose_value_grows_evenly_towards_its_limit(
+    below: bool, pace: float, bend: float, evenly: bool
+) -> None:
+    """Not one that leads away from it, has changed already, or bends by more than a millionth, as what comes and goes does."""
+    translation = turned(below).translation
+    model, numbers = translation.structure.complete, translation.parameter_values({"bend": bend})
+    still = motion_from(model, numbers, [], np.zeros(2 * model.n_variables))
+    v = model.variable("body.phi")
+    rep, sign = int(model.representative[v]), int(model.sign[v])
+    for start, changed in ((0.0, False), (7.0 if below else -7.0, True)):
+        constants, rates = np.zeros(model.n_variables), np.zeros(model.n_variables)
+        constants[rep], rates[rep] = sign * start, sign * pace
+        discrete = settled_discrete(model, numbers, constants, rates)
+        motion = replace(still, constants=constants, rates=rates, discrete=discrete)
+        towards = (pace > 0) == (below != changed)
+        assert drifting(model, numbers, motion) == (["AngleWatcher"] if towards and evenly else [])
+
+
+def test_four_gaps_that_are_open_between_different_speeds_are_named_at_most() -> None:
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.gap = (
+                [gp.Inertia(J=1.0) for _ in range(6)],
+                [gp.ElastoBacklash(c=1e4, d=10.0, b=0.2) for _ in range(5)],
+            )
+            return [
+                link
+                for a, gap, b in zip(self.body, self.gap, self.body[1:], strict=False)
+                for link in (gl.connect(a.flange_b, gap.flange_a), gl.connect(gap.flange_b, b.flange_a))
+            ]
+
+    translation = gl.compile(Row()).translation
+    model, numbers = translation.structure.complete, translation.parameter_values({})
+    motion = motion_from(model, numbers, [], np.zeros(2 * model.n_variables))
+    rates = np.zeros(model.n_variables)
+    for k in range(5):
+        v = model.variable(f"gap[{k}].phi_rel")
+        rates[model.representative[v]] = model.sign[v]
+    moving = replace(motion, rates=rates)
+    assert drifting(model, numbers, moving) == [f"gap[{k}]" for k in range(5)]
+    with pytest.raises(ArgumentError, match=r"the given torques: in gap\[0\], gap\[1\], gap\[2\], gap\[3\] a gap is open"):
+        refuse_drift(model, numbers, moving, [])

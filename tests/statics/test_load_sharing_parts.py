@@ -12,7 +12,8 @@ import scipy.sparse as sparse
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.statics.load_sharing import _balanced, _elastic, _exact, _kind, _self_balanced, shared
+from gearlib.statics import load_sharing
+from gearlib.statics.load_sharing import shared
 from gearlib.statics.steady_motion import Given, Motion, solve
 
 
@@ -59,6 +60,7 @@ class Loaded:
     def __init__(self, count: int, rigid: int = 0, torque: float = -120.0) -> None:
         translation = gl.compile(Paths(count=count, rigid=rigid)).translation
         self.model, self.numbers = translation.structure.complete, translation.parameter_values({})
+        self.translation = translation
         self.given = [self.named("last.w", 5.0), self.named("load.tau", torque)]
         self.motion = solve(self.model, self.numbers, self.given)
         flows = [self.model.variable(name) for name in self.model.names() if name.endswith(".tau")]
@@ -73,7 +75,7 @@ class Loaded:
         return float(constants[self.model.representative[v]] * self.model.sign[v])
 
     def free(self) -> Any:
-        return _self_balanced(self.motion.factors, self.torques)[: self.model.n_variables]
+        return load_sharing._self_balanced(self.motion.factors, self.torques)[: self.model.n_variables]
 
     def with_preload(self, weights: Any) -> Motion:
         return replace(self.motion, constants=self.motion.constants + self.free() @ weights)
@@ -88,10 +90,10 @@ def loaded(count: int, rigid: int = 0) -> Loaded:
 def test_products_that_are_rounding_are_zero(size: float) -> None:
     """Relative to the sizes of their terms: up to 1e-12 of these."""
     matrix, near, far = np.array([[1.0, -1.0], [3.0, 1.0]]), 1.0 - 1.9e-12, 1.0 - 2.1e-12
-    found = _exact(size * matrix, np.array([[1.0, 1.0], [near, far]]))
+    found = load_sharing._exact(size * matrix, np.array([[1.0, 1.0], [near, far]]))
     assert found[0].tolist() == [0.0, pytest.approx(size * 2.1e-12, rel=1e-3)]
     assert found[1] == pytest.approx([4 * size, 4 * size])
-    assert _exact(sparse.csr_matrix(size * matrix), np.array([[1.0], [near]]))[0, 0] == 0.0
+    assert load_sharing._exact(sparse.csr_matrix(size * matrix), np.array([[1.0], [near]]))[0, 0] == 0.0
 
 
 def test_what_is_a_deflection_and_what_a_force() -> None:
@@ -101,13 +103,13 @@ def test_what_is_a_deflection_and_what_a_force() -> None:
         ("mesh[2].part", "N"), ("load.tau", "N.m"), ("last.phi", "rad"), ("last.w", ""),
     ):  # fmt: skip
         v = int(model.representative[model.variable(name)])
-        assert [_kind(model, v, order) for order in (0, 1, 2)] == [kind, "", ""], name
+        assert [load_sharing._kind(model, v, order) for order in (0, 1, 2)] == [kind, "", ""], name
 
 
 def test_each_spring_counts_once_with_its_deflection_times_its_force() -> None:
     """However its equations are written: the work of what the rows give is force times deflection, with one sign for all."""
     one = loaded(3)
-    deflection, force = _elastic(one.model, one.numbers, one.motion)
+    deflection, force = load_sharing._elastic(one.model, one.numbers, one.motion)
     constants = np.random.default_rng(2).uniform(1.0, 2.0, one.model.n_variables)
     works = np.sort(np.abs((deflection @ constants) * (force @ constants)))
     pairs = [(f"mesh[{k}].q", f"mesh[{k}].F") for k in range(3)] + [
@@ -119,11 +121,20 @@ def test_each_spring_counts_once_with_its_deflection_times_its_force() -> None:
     assert len(set(at_rest[np.abs(deflection @ one.motion.constants) > 1e-9].tolist())) == 1
 
 
+@pytest.mark.parametrize("k", [0, 1, 2])
+def test_a_spring_without_stiffness_is_none_and_the_others_are_there(k: int) -> None:
+    one = loaded(3)
+    deflection, force = load_sharing._elastic(one.model, one.translation.parameter_values({f"mesh[{k}].c": 0.0}), one.motion)
+    assert deflection.shape == force.shape == (5, one.model.n_variables)
+    names = {one.model.name(int(v)) for v in deflection.indices[deflection.data != 0.0]}
+    assert {name for name in names if name.startswith("mesh")} == {f"mesh[{i}].q" for i in range(3) if i != k}
+
+
 @pytest.mark.parametrize(("count", "rigid"), [(1, 0), (3, 0), (9, 0), (2, 2)])
 def test_forces_that_balance_themselves_leave_all_equations_as_they_are(count: int, rigid: int) -> None:
     """As many as there are paths, less one."""
     one = loaded(count, rigid)
-    whole = _self_balanced(one.motion.factors, one.torques)
+    whole = load_sharing._self_balanced(one.motion.factors, one.torques)
     assert whole.shape == (2 * one.model.n_variables, count + rigid - 1)
     matrix = one.motion.factors.matrix
     assert np.abs(matrix @ whole).max(initial=0.0) <= 1e-9 * (abs(matrix) @ np.abs(whole)).max(initial=0.0)
@@ -143,7 +154,7 @@ def test_whatever_preload_is_there_is_taken_out(count: int) -> None:
     parts = np.array([1 / compliance(k) for k in range(count)])
     for size in (0.0, 1.0, 30.0):
         motion = one.with_preload(size * draw.normal(size=count - 1))
-        found = _balanced(one.model, one.numbers, motion, one.free(), one.torques)
+        found = load_sharing._balanced(one.model, one.numbers, motion, one.free(), one.torques)
         torques = [one.value(f"shaft[{k}].tau", found) for k in range(count)]
         assert np.abs(torques) == pytest.approx(120.0 * parts / parts.sum(), rel=1e-9, abs=1e-6 * size)
         assert one.value("load.tau", found) == pytest.approx(-120.0, rel=1e-6)
@@ -159,7 +170,7 @@ def test_rigid_paths_take_all_and_the_smallest_torques() -> None:
     one = loaded(2, 2)
     for size in (0.0, 3.0):
         motion = one.with_preload(size * np.array([1.0, -2.0, 0.5]))
-        found = _balanced(one.model, one.numbers, motion, one.free(), one.torques)
+        found = load_sharing._balanced(one.model, one.numbers, motion, one.free(), one.torques)
         assert [one.value(f"gear[{k}].flange_b.tau", found) for k in range(2)] == pytest.approx([-60.0, -60.0])
         assert [one.value(f"shaft[{k}].tau", found) for k in range(2)] == pytest.approx([0.0, 0.0], abs=1e-9)
 
@@ -171,3 +182,10 @@ def test_small_and_large_loads_are_shared_alike(torque: float) -> None:
     found = shared(one.model, one.numbers, one.given, one.with_preload(np.array([abs(torque)])), one.torques)
     torques = [abs(one.value(f"shaft[{k}].tau", found.constants)) for k in range(2)]
     assert torques == pytest.approx(abs(torque) * parts / parts.sum(), rel=1e-9)
+
+
+def test_paths_without_any_load_share_nothing() -> None:
+    """No torque is open to be settled."""
+    one = loaded(2)
+    nothing = replace(one.motion, constants=np.zeros(one.model.n_variables))
+    assert shared(one.model, one.numbers, one.given, nothing, one.torques) is nothing

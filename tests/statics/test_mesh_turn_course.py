@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_kernel
+from gearlib.errors import ModelError
 from gearlib.flatten.model import FlatModel
 from gearlib.statics import mesh_turn
 from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, repeating_columns, turn
@@ -90,55 +92,61 @@ class Course:
         return float((self.b if rate else self.a)[self.model.representative[v]] * self.model.sign[v])
 
 
-@pytest.fixture(scope="module")
-def course() -> Any:
+@pytest.fixture(autouse=True)
+def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mesh_turn, "PARTS", COUNT)
+
+
+@cache
+def course() -> Course:
     translation = gl.compile(Shaft()).translation
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mesh_turn, "PARTS", COUNT)
-        yield Course(translation.structure.complete, translation.parameter_values({}))
+    return Course(translation.structure.complete, translation.parameter_values({}))
 
 
 @pytest.mark.parametrize("part", ["one", "two"])
-def test_a_turn_holds_what_follows_from_the_phase_each_with_its_own_mean(course: Course, part: str) -> None:
+def test_a_turn_holds_what_follows_from_the_phase_each_with_its_own_mean(part: str) -> None:
+    one = course()
     gain = 1.0 if part == "one" else -2.0
-    phase, y, z = (course.values(f"{part}.{name}") for name in ("phase", "y", "z"))
-    assert np.sort(phase) == pytest.approx(course.at(f"{part}.phase") + 2 * np.pi * ((np.arange(COUNT) + 0.5) / COUNT - 0.5))
+    phase, y, z = (one.values(f"{part}.{name}") for name in ("phase", "y", "z"))
+    assert np.sort(phase) == pytest.approx(one.at(f"{part}.phase") + 2 * np.pi * ((np.arange(COUNT) + 0.5) / COUNT - 0.5))
     sine = gain * np.sin(phase)
-    assert y == pytest.approx(course.at(f"{part}.y") + sine - sine.mean(), rel=1e-12)
-    assert z == pytest.approx(course.at(f"{part}.z") + 2 * course.at(f"{part}.w") * (y - y.mean()), rel=1e-12)
+    assert y == pytest.approx(one.at(f"{part}.y") + sine - sine.mean(), rel=1e-12)
+    assert z == pytest.approx(one.at(f"{part}.z") + 2 * one.at(f"{part}.w") * (y - y.mean()), rel=1e-12)
     for name in ("w", "free", "flange.tau", "flange.phi"):
-        assert course.row(f"{part}.{name}")[0] == -1, name
-    followers = {course.row(f"{part}.{name}")[0] for part in ("one", "two") for name in ("phase", "y", "z", "m", "k")}
-    assert followers == {*range(len(course.over.values))}
-    assert (course.over.place >= 0).sum() == len(course.over.values) == 10
+        assert one.row(f"{part}.{name}")[0] == -1, name
+    followers = {one.row(f"{part}.{name}")[0] for part in ("one", "two") for name in ("phase", "y", "z", "m", "k")}
+    assert followers == {*range(len(one.over.values))}
+    assert (one.over.place >= 0).sum() == len(one.over.values) == 10
 
 
-def test_arguments_of_columns_are_those_of_each_point_with_their_signs(course: Course) -> None:
+def test_arguments_of_columns_are_those_of_each_point_with_their_signs() -> None:
+    one = course()
     seen = set()
-    for group in course.model.groups:
+    for group in one.model.groups:
         for name, order in group.template.columns:
             j = group.template.locals.index(name)
             v = group.variables[:, j]
-            plain = argument(group, name, order, course.a, course.b)
-            source = {0: course.a, 1: course.b}.get(order, np.zeros(len(course.a)))
+            plain = argument(group, name, order, one.a, one.b)
+            source = {0: one.a, 1: one.b}.get(order, np.zeros(len(one.a)))
             assert plain == pytest.approx(source[v] * group.signs[:, j])
-            found = course.over.argument(group, name, order, course.a, course.b)
-            moved = course.over.place[v] >= 0
-            assert course.over.moves(group, name) == moved.any()
+            found = one.over.argument(group, name, order, one.a, one.b)
+            moved = one.over.place[v] >= 0
+            assert one.over.moves(group, name) == moved.any()
             if order or not moved.any():
                 assert found == pytest.approx(plain[:, None])
                 continue
             seen.add(name)
             for i in range(len(group)):
-                own = course.over.values[course.over.place[v[i]]] * group.signs[i, j] if moved[i] else np.full(COUNT, plain[i])
+                own = one.over.values[one.over.place[v[i]]] * group.signs[i, j] if moved[i] else np.full(COUNT, plain[i])
                 assert found[i] == pytest.approx(own)
     assert {name.rpartition(".")[2] for name in seen} >= {"phase", "y", "z"}
-    assert generic(course.a) - course.a == pytest.approx(np.full(len(course.a), 1.0), abs=0.5)
+    assert generic(one.a) - one.a == pytest.approx(np.full(len(one.a), 1.0), abs=0.5)
 
 
-def test_a_mean_is_the_mean_of_the_values_at_all_points(course: Course) -> None:
+def test_a_mean_is_the_mean_of_the_values_at_all_points() -> None:
     """With conditions as they are at each point where they depend on the phase, and as they were elsewhere."""
-    model, numbers, a, b, discrete, over = course.model, course.numbers, course.a, course.b, course.discrete, course.over
+    one = course()
+    model, numbers, a, b, discrete, over = one.model, one.numbers, one.a, one.b, one.discrete, one.over
     differ = 0
     for g, group in enumerate(model.groups):
         template = group.template
@@ -180,36 +188,79 @@ WITH_RATES: list[tuple[Any, float]] = [
     (lambda s: s.m**2, P**2 / 2),
     (lambda s: s.m * s.y, P / 2),
     (lambda s: s.m + 1, 1.0),
+    (lambda s: s.fast**2, 0.5),
+    (lambda s: s.slow**2, 2.0),
 ]
 
 
 class Beaten(gl.Component):
-    """A load by a law of the rates, too; ``m = y der(phase)`` with ``y = sin(phase)``."""
+    """A load by a law of the rates, too; ``m = y der(phase)`` with ``y = sin(phase)``; with a condition on a rate."""
 
     flange = gp.Flange("shaft")
     law = gl.Structural(0)
+    watched = gl.Structural(False)
     newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
     phase = gl.Variable("rad")
-    y, m = gl.Variable("1"), gl.Variable("1")
+    y, m, fast, slow, rate = (gl.Variable("1") for _ in range(5))
 
     def equations(self) -> list[gl.Eq]:
         return [
+            gl.Eq(self.rate, self.second * gl.der(self.y) if self.watched else 0),
             gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
             gl.Eq(self.y, gl.sin(self.phase)),
             gl.Eq(self.m, self.second * self.y * gl.der(self.phase)),
+            gl.Eq(self.fast, gl.Piecewise((self.y, self.second * gl.der(self.phase) > 14.0), (2 * self.y, True))),
+            gl.Eq(self.slow, gl.Piecewise((self.y, self.second * gl.der(self.phase) > 16.0), (2 * self.y, True))),
             gl.Eq(self.flange.tau, self.newton_metre * WITH_RATES[self.law][0](self)),
         ]
 
 
-def test_the_mean_of_a_law_with_speeds_in_it() -> None:
-    """What such an equation determines, and what stands beside a speed in one, has a course of its own as well."""
+@pytest.mark.parametrize("watched", [False, True])
+def test_the_mean_of_a_law_with_speeds_in_it(watched: bool) -> None:
+    """What such an equation determines, and what stands beside a speed in one, has a course of its own; also if its rate is asked for."""
 
     class Driven(gl.Component):
         def assemble(self) -> list[Any]:
             self.drive, self.body = gp.Torque(), gp.Inertia(J=1.0)
-            self.load = [Beaten(law=law) for law in range(len(WITH_RATES))]
+            self.load = [Beaten(law=law, watched=watched) for law in range(len(WITH_RATES))]
             return [gl.connect(self.drive.flange, self.body.flange_a, *(load.flange for load in self.load))]
 
     flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})
     found = [flow[f"load[{k}].flange"].torque for k in range(len(WITH_RATES))]
     assert found == pytest.approx([mean for _, mean in WITH_RATES], rel=1e-9)
+
+
+class Rising(gl.Component):
+    """A load in proportion to the rate of what follows from its phase."""
+
+    flange = gp.Flange("shaft")
+    beside = gl.Structural(False)
+    newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
+    phase, y = gl.Variable("rad"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        law = self.second * gl.der(self.y) * (gl.cos(self.phase) if self.beside else 1) + self.y**2
+        return [
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(self.y, gl.sin(self.phase)),
+            gl.Eq(self.flange.tau, self.newton_metre * law),
+        ]
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_the_rate_of_what_follows_from_a_phase_has_a_mean_of_zero_alone(beside: bool) -> None:
+    """Beside something else that varies its course would be needed."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Rising(beside=beside)
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    system = gl.compile(Driven())
+    if beside:
+        with pytest.raises(
+            ModelError, match=r"^Rising: .*: its mean .* is not known, since load\.y has a rate that varies with the phase$"
+        ):
+            gl.power_flow(system, speeds={"body.w": W})
+        return
+    assert gl.power_flow(system, speeds={"body.w": W})["load.flange"].torque == pytest.approx(0.5, rel=1e-9)

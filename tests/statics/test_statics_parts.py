@@ -15,17 +15,7 @@ import gearparts as gp
 from gearlib.errors import ArgumentError
 from gearlib.flatten.model import FlatModel
 from gearlib.linear.operating_point import Point
-from gearlib.statics.statics import (
-    _agree,
-    _beside,
-    _composites,
-    _flanges,
-    _given,
-    _mechanical,
-    _shared_names,
-    _speed,
-    _speeds_and_deflections,
-)
+from gearlib.statics import statics
 from gearlib.statics.steady_motion import Given, Motion
 
 
@@ -127,7 +117,7 @@ FLANGES = (
 def test_shafts_and_rods_are_flanges_and_lines_and_housings_are_none() -> None:
     model = plant()
     found = {}
-    for i, potential, flow, flange in _mechanical(model):
+    for i, potential, flow, flange in statics._mechanical(model):
         path = model.instances[i].path
         name = f"{path}.{flange}" if path else flange
         found[name] = (potential, flow)
@@ -135,13 +125,13 @@ def test_shafts_and_rods_are_flanges_and_lines_and_housings_are_none() -> None:
     for name, (potential, flow) in found.items():
         angle, torque = ("s", "f") if "rod" in name or name.startswith("mass") else ("phi", "tau")
         assert (potential, flow) == (model.variable(f"{name}.{angle}"), model.variable(f"{name}.{torque}")), name
-    assert _composites(model) == {"", "box"}
+    assert statics._composites(model) == {"", "box"}
 
 
 @pytest.mark.parametrize("value", [0.0, 1.5, -2.0])
 def test_speeds_and_torques_have_the_signs_of_their_flanges_and_zeros_have_none(value: float) -> None:
     model = plant()
-    flanges = {f.name: f for f in _flanges(model, motion(model, value))}
+    flanges = {f.name: f for f in statics._flanges(model, motion(model, value))}
     assert sorted(flanges) == sorted(FLANGES)
     for name, f in flanges.items():
         slides = "rod" in name or name.startswith("mass")
@@ -165,7 +155,7 @@ def test_what_exchanges_something_else_through_a_line_is_named(q: float) -> None
     model = plant()
     found = motion(model, 1.0)
     found.constants[int(model.representative[model.variable("machine.line.q")])] = q
-    assert _beside(model, found) == (("machine",) if q else ())
+    assert statics._beside(model, found) == (("machine",) if q else ())
 
 
 def test_open_torques_are_named_by_the_flanges_of_basic_components() -> None:
@@ -177,9 +167,47 @@ def test_open_torques_are_named_by_the_flanges_of_basic_components() -> None:
         for name in names:
             v = model.variable(f"{name}.{'f' if 'rod' in name or name.startswith('mass') else 'tau'}")
             wanted += [name] if model.representative[v] == rep and model.sign[v] else []
-        assert sorted(_shared_names(model, {rep})) == sorted(wanted)
+        assert sorted(statics._shared_names(model, {rep})) == sorted(wanted)
         assert wanted
-    assert _shared_names(model, set()) == ()
+    assert statics._shared_names(model, set()) == ()
+
+
+OPEN = {
+    "drive.tau": ["input drive.tau", "torque of drive.flange"],
+    "wall.flange.phi'": ["speed of wall.flange", "speed of drag.flange_b"],
+    "wall.flange.tau": ["torque of wall.flange"],
+    "mass.flange_b.s'": ["speed of mass.flange_b"],
+    "machine.rod.s'": ["speed of machine.rod", "speed of mass.flange_a"],
+    "machine.rod.f": [],  # of a part with two flanges, which passes it on
+    "out.tau": [],  # nothing is connected
+    "machine.flange.phi'": [
+        "speed of out", "speed of box.end", "speed of box.body.flange_a", "speed of box.body.flange_b", "speed of box.turn.flange_a",
+        "speed of box.turn.flange_b", "speed of drive.flange", "speed of machine.flange", "speed of drag.flange_a",
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("turning", [True, False])
+@pytest.mark.parametrize("name", OPEN)
+def test_speeds_and_outer_torques_that_stay_open_are_named(name: str, turning: bool) -> None:
+    """From 1e-8 on; at rest an outer torque may stay open, as an input may not."""
+    model = plant()
+    found = motion(model, 1.0 if turning else 0.0)
+    v = int(model.representative[model.variable(name.removesuffix("'"))]) + model.n_variables * name.endswith("'")
+    found.undetermined[v] = 1e-8
+    statics._refuse_open(model, found)
+    found.undetermined[v] = 1.1e-8
+    wanted = [one for one in OPEN[name] if turning or not one.startswith("torque")]
+    if not wanted:
+        statics._refuse_open(model, found)
+        return
+    with pytest.raises(ArgumentError) as refused:
+        statics._refuse_open(model, found)
+    said = str(refused.value).removeprefix("too little is given: the ").removesuffix(" stay open; give more speeds or torques")
+    names, _, more = said.partition(" and ")
+    assert set(names.split(", ")) <= set(wanted)
+    assert len(names.split(", ")) == min(4, len(wanted))
+    assert more == (f"{len(wanted) - 4} more" if len(wanted) > 4 else "")
 
 
 @pytest.mark.parametrize(
@@ -193,19 +221,19 @@ def test_open_torques_are_named_by_the_flanges_of_basic_components() -> None:
 def test_speeds_are_variables_angles_and_flanges(name: str, variable: str, order: int) -> None:
     model = plant()
     v = model.variable(variable)
-    assert _speed(model, name) == (int(model.representative[v]), order, int(model.sign[v]))
+    assert statics._speed(model, name) == (int(model.representative[v]), order, int(model.sign[v]))
 
 
 @pytest.mark.parametrize("name", ["der(der(box.body.phi))", "der(der(box.end))", "der(der(mass.v))"])
 def test_an_acceleration_is_no_speed(name: str) -> None:
     with pytest.raises(ArgumentError) as refused:
-        _speed(plant(), name)
+        statics._speed(plant(), name)
     assert str(refused.value) == f"{name} is no speed"
 
 
 def test_what_is_given_has_the_sign_of_what_stands_for_it() -> None:
     model = plant()
-    given = _given(model, {"box.turn.flange_b": 3.0, "mass.v": 2.0}, {"drive.tau": 7.0})
+    given = statics._given(model, {"box.turn.flange_b": 3.0, "mass.v": 2.0}, {"drive.tau": 7.0})
     for one, (name, variable, order, value) in zip(
         given,
         [
@@ -217,7 +245,7 @@ def test_what_is_given_has_the_sign_of_what_stands_for_it() -> None:
     ):
         v = model.variable(variable)
         assert one == Given(name, int(model.representative[v]), order, value * int(model.sign[v]))
-    assert _given(model, None, None) == []
+    assert statics._given(model, None, None) == []
 
 
 def test_speeds_of_a_state_are_told_from_deflections() -> None:
@@ -231,7 +259,7 @@ def test_speeds_of_a_state_are_told_from_deflections() -> None:
         (v("box.body.w"), 0): 1.0, (v("mass.v"), 0): 2.0, (v("box.body.phi"), 0): 3.0, (v("box.body.phi"), 1): 4.0,
         (v("drag.phi_rel"), 0): 5.0, (v("drag.phi_rel"), 1): 6.0, (v("machine.rod.s"), 1): 7.0,
     }  # fmt: skip
-    speeds, deflections = _speeds_and_deflections(model, Point(0.0, states, np.empty(0), np.empty(0)))
+    speeds, deflections = statics._speeds_and_deflections(model, Point(0.0, states, np.empty(0), np.empty(0)))
     found = {(s.variable, s.order): s.value for s in speeds}
     angle, reading = (v("box.body.phi"), 1), (v("drag.phi_rel"), 0)
     assert {(v("box.body.w"), 0), (v("mass.v"), 0), angle, (v("machine.rod.s"), 1)} == set(found)
@@ -247,12 +275,12 @@ def test_speeds_agree_up_to_a_millionth_of_the_largest(size: float, order: int, 
     found = SimpleNamespace(constants=np.full(2, 50.0), rates=np.full(2, 50.0))
     own = found.rates if order else found.constants
     own[:] = [size, 1e-3 * size + off * abs(size)]
-    assert _agree(found, speeds) == agrees  # type: ignore[arg-type]
+    assert statics._agree(found, speeds) == agrees  # type: ignore[arg-type]
     own[:] = [0.9e-9, 0.0]
     still = [Given("fast", 0, order, 0.0), Given("slow", 1, order, 0.0)]
-    assert _agree(found, still)  # type: ignore[arg-type]
+    assert statics._agree(found, still)  # type: ignore[arg-type]
     own[0] = 1.1e-9
-    assert not _agree(found, still)  # type: ignore[arg-type]
+    assert not statics._agree(found, still)  # type: ignore[arg-type]
 
 
 class Later(gl.Component):

@@ -13,17 +13,17 @@ import scipy.sparse as sparse
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError
+from gearlib.statics import steady_motion
 from gearlib.statics.steady_motion import (
     Given,
     MatrixAssembly,
     MotionEquations,
-    _connected,
-    _kinematic_rows,
     guesses,
     kinematics,
     motion_from,
     refuse_contradiction,
     refuse_unsettled,
+    unit_sizes,
 )
 
 
@@ -49,7 +49,7 @@ def test_rows_on_which_an_unknown_depends_are_those_that_hang_together() -> None
     kinematic = np.array([True, True, True, False, True, True])
     rows = MotionEquations(matrix, np.zeros(6), kinematic, str, np.ones(6))
     for wanted, chosen in (([0], [0, 1]), ([2], [0, 1]), ([3], [2]), ([4], [4]), ([5], [5]), ([1, 5], [0, 1, 5])):
-        factors, found = _connected(rows, np.array(wanted))
+        factors, found = steady_motion._connected(rows, np.array(wanted))
         assert found.tolist() == chosen, wanted
         assert factors.matrix.toarray() == pytest.approx(matrix.toarray()[chosen])
 
@@ -87,7 +87,7 @@ def test_a_ratio_that_follows_from_other_equations_counts_with_its_value(half: f
     assert gl.mobility(system, parameters={"gear.half": half}) == 1
     translation = system.translation
     model, numbers = translation.model, translation.parameter_values({"gear.half": half})
-    rows = _kinematic_rows(model, numbers, [], model.initial_discrete())
+    rows = steady_motion._kinematic_rows(model, numbers, [], model.initial_discrete())
     n = model.n_variables
 
     def place(name: str) -> tuple[int, int]:
@@ -184,3 +184,118 @@ def test_at_most_six_variables_that_never_settle_are_named() -> None:
     with pytest.raises(ArgumentError) as refused:
         refuse_unsettled(model, numbers, motion)
     assert str(refused.value) == "there is no steady motion: b, c, d, e, f, g does not settle, each event changes it"
+
+
+def test_equations_of_a_single_coefficient_say_nothing_of_units() -> None:
+    rng = np.random.default_rng(5)
+    exponents = rng.integers(-2, 3, (6, 2)).astype(float)
+    table = np.where(rng.random((9, 6)) < 0.6, 10.0 ** rng.uniform(-3, 3, (9, 6)), 0.0)
+    table[(table != 0).sum(axis=1) < 2] = 0.0
+    alone = np.diag(10.0 ** rng.uniform(-9, 9, 6))
+    found = unit_sizes(sparse.csr_matrix(np.vstack([table, alone])), exponents, np.ones(15, bool))
+    assert found == pytest.approx(unit_sizes(sparse.csr_matrix(table), exponents, np.ones(9, bool)), rel=1e-9)
+
+
+class Stepped(gl.Component):
+    """A gear with one ratio below a limit and another above it."""
+
+    flange_a, flange_b = gp.Flange("left"), gp.Flange("right")
+    x = gl.Parameter("1", default=0.5)
+    level, ratio = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        a, b = self.flange_a, self.flange_b
+        return [
+            gl.Eq(self.level, self.x), gl.Eq(self.ratio, gl.Piecewise((3, self.level > 1), (2, True))),
+            gl.Eq(gl.der(a.phi), self.ratio * gl.der(b.phi)), gl.Eq(b.tau, -self.ratio * a.tau),
+        ]  # fmt: skip
+
+
+@cache
+def between(gear: Any) -> gl.System:
+    class Geared(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.gear, self.b = gp.Inertia(J=1.0), gear(), gp.Inertia(J=1.0)
+            return [gl.connect(self.a.flange_b, self.gear.flange_a), gl.connect(self.gear.flange_b, self.b.flange_a)]
+
+    return gl.compile(Geared())
+
+
+def test_conditions_count_as_at_first_where_touching_joins_no_more() -> None:
+    system = between(Stepped)
+    assert gl.speed_ratio(system, "a.w", "b.w") == pytest.approx(2.0, rel=1e-12)
+    assert gl.mobility(system) == 1
+
+
+class Squares(gl.Component):
+    """A ratio at the end of a chain of squares."""
+
+    flange_a, flange_b = gp.Flange("left"), gp.Flange("right")
+    x = gl.Parameter("1", default=1.1)
+    one, two, three, four, five = (gl.Variable("1") for _ in range(5))
+
+    def equations(self) -> list[gl.Eq]:
+        a, b = self.flange_a, self.flange_b
+        return [
+            gl.Eq(self.one, self.x), gl.Eq(self.two, self.one**2), gl.Eq(self.three, self.two**2),
+            gl.Eq(self.four, self.three**2), gl.Eq(self.five, self.four**2), gl.Eq(gl.der(a.phi), self.five * gl.der(b.phi)),
+            gl.Eq(b.tau, -self.five * a.tau),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("x", [1.1, 0.9, -1.05])
+def test_a_ratio_may_follow_from_several_equations_behind_each_other(x: float) -> None:
+    """Each of which is not linear: x to the 16th."""
+    system = between(Squares)
+    assert gl.speed_ratio(system, "a.w", "b.w", parameters={"gear.x": x}) == pytest.approx(x**16, rel=1e-9)
+    assert gl.mobility(system, parameters={"gear.x": x}) == 1
+
+
+class Warm(gl.Connector):
+    """Thermal."""
+
+    T = gl.Potential("K")
+    P = gl.Flow("W")
+
+
+class Root(gl.Component):
+    """Equations of the model itself and of a part, at flanges with nothing behind them."""
+
+    class Part(gl.Component):
+        flange, housing = gp.Flange("shaft"), Warm("housing")
+        d, warmth = gl.Parameter("N.m.s/rad", default=2.0), gl.Parameter("W/K", default=3.0)
+        T, inner = gl.Variable("K"), gl.Variable("N.m")
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(self.inner, self.d * gl.der(self.flange.phi)), gl.Eq(self.flange.tau, self.inner), gl.Eq(self.T, 300.0),
+                gl.Eq(self.housing.P, self.warmth * (self.housing.T - self.T)),
+            ]  # fmt: skip
+
+    flange = gp.Flange("of the model itself")
+    d = gl.Parameter("N.m.s/rad", default=2.0)
+
+    def assemble(self) -> list[Any]:
+        self.part, self.body = self.Part(), gp.Inertia(J=1.0)
+        return [gl.connect(self.part.flange, self.body.flange_a)]
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange.tau, self.d * gl.der(self.flange.phi))]
+
+
+def test_torques_forces_and_whatever_flows_are_told_from_other_variables() -> None:
+    """By what their owner declares; in connections nothing is declared."""
+    model = gl.compile(Root()).translation.structure.complete
+    seen = set()
+    for g, group in enumerate(model.groups):
+        for name in group.template.locals:
+            found = steady_motion._forces(model, g, name)
+            assert found.dtype == bool
+            for i, owner in enumerate(group.owners.tolist()):
+                own = name if owner >= 0 else None
+                assert found[i] == (own is not None and own.rpartition(".")[2] in ("tau", "P", "inner")), (
+                    group.template.label,
+                    name,
+                )
+                seen.add((owner == 0, own.rpartition(".")[2] if own else None))
+    assert seen >= {(True, "tau"), (True, "phi"), (False, "P"), (False, "T"), (False, "inner"), (False, "w")}
