@@ -254,9 +254,10 @@ def test_a_sum_of_which_nothing_is_left_is_none() -> None:
     assert combinations(structure, model.parameters.defaults, [(v, k + 1) for v, k in structure.states]) == ()
 
 
-def test_columns_of_any_size_tell_rows_apart() -> None:
-    assert dependent_rows(np.array([[1.0, 1e-8], [1.0, 2e-8]])) == []
-    (weights,) = dependent_rows(np.array([[1.0, 1e-8], [-2.0, -2e-8]]))
+@pytest.mark.parametrize("size", [1e-13, 1e-8, 1e9])
+def test_columns_of_any_size_tell_rows_apart(size: float) -> None:
+    assert dependent_rows(np.array([[1.0, size], [1.0, 2 * size]])) == []
+    (weights,) = dependent_rows(np.array([[1.0, size], [-2.0, -2 * size]]))
     assert weights == pytest.approx([1.0, 0.5], rel=1e-12)
 
 
