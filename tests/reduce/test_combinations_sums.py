@@ -125,6 +125,8 @@ def test_a_sum_is_what_its_equations_leave_of_each_other(name: str) -> None:
         assert not held & set(c.gone)
         before = [{n for e, k, _ in c.terms for n in model.nodes(e, k)}]
         assert held | set(c.gone) == before[0]
+        asked = {s.name for s in group.template.residual.free_symbols if s.name.startswith("relation(")}
+        assert asked <= {relation_symbol(j).name for j in range(len(group.template.relations))}
         flags = [(number + j) % 2 for j in range(9)]
         for seed in range(2):
             point = Point(model, parameters, flags, seed)
