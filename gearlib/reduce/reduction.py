@@ -315,7 +315,7 @@ def integrals(model: FlatModel) -> dict[int, int]:
     return found
 
 
-def _awkward(model: FlatModel, result: Differentiation) -> set[int]:
+def awkward(model: FlatModel, result: Differentiation) -> set[int]:
     """Variables that constraints had better not be solved for: their coefficients vary, and those of others are constant.
 
     Of ``s = h (1 - cos(phi))`` the angle follows only in one half of a turn, and its speed not at all where the cam is flat.
@@ -360,7 +360,7 @@ def _badness(model: FlatModel, result: Differentiation) -> dict[Node, tuple[floa
     for v, order in result.orders.items():
         for k in range(order):
             bad[v, k] = (declared[v] if k == 0 else max(2.0, declared[v]), float(v not in wanted))
-    for v in _awkward(model, result):
+    for v in awkward(model, result):
         if declared[v] < NEVER:
             bad |= {(v, k): (-0.5 if k == 0 else -0.25, float(v not in wanted)) for k in range(result.orders.get(v, 0))}
     for v in _reinitialised(model):

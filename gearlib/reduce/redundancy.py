@@ -133,7 +133,7 @@ def balanced(
             return model, tuple(last_names(model, closed).values())
         if balance.surplus == 0 and candidates is None and model.redundant:
             flows = [v for v in unknown if model.flow[v]]  # some occur in no equation: flows that circulate within a body
-            candidates = left_open(_flow_rows(model, parameters, known), _last_first(model, flows, wanted))
+            candidates = left_open(_flow_rows(model, parameters, known), last_first(model, flows, wanted))
         undetermined = set(balance.undetermined).difference(closed)
         free = [v for v in candidates or () if v in undetermined]
         left = model.redundant - len(closed)  # one flow for each redundant equation, and no more
@@ -191,7 +191,7 @@ def left_open(rows: Sequence[dict[int, float]], order: Sequence[int]) -> list[in
     return [v for v in order if (v, 0) not in follow]
 
 
-def _last_first(model: FlatModel, variables: Collection[int], wanted: Collection[int]) -> list[int]:
+def last_first(model: FlatModel, variables: Collection[int], wanted: Collection[int]) -> list[int]:
     """Variables in the order in which they are set to zero: wanted ones first, then in reverse alphabetical order."""
     known = last_names(model, [v for v in variables if v < model.auxiliary])
     return sorted(sorted(known, key=lambda v: alphabetical(known[v]), reverse=True), key=lambda v: v not in wanted)

@@ -11,6 +11,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError, BoundError, ConnectionError, DeclarationError, ModelError
 from gearlib.flatten.flatten import flatten
+from gearlib.flatten.instances import place_of, walk
 from gearlib.flatten.model import FlatModel
 from gearlib.language.expressions import real_symbol
 
@@ -373,3 +374,27 @@ def test_a_connection_to_a_part_of_another_component_is_refused(deep: bool) -> N
     path = r"inside\.held" if deep else "inside"
     with pytest.raises(ConnectionError, match=rf"^{path}: connects Inertia 'beside\[0\]\.flange_a', which is not part of it; "):
         flatten(Model())
+
+
+def test_the_place_of_a_variable_is_its_instance_and_its_name_there() -> None:
+    """Of instances without variables, which begin where the next one does, none is a place."""
+
+    class Empty(gl.Component):
+        def assemble(self) -> list[Any]:
+            return []
+
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.nothing, self.b, self.c, self.last = (
+                gp.Inertia(J=1.0),
+                Empty(),
+                gp.Damper(d=1.0),
+                gp.Inertia(J=2.0),
+                Empty(),
+            )
+            return []
+
+    tree = walk(Row())
+    found = [place_of(tree, variable) for variable in range(tree.n_variables)]
+    assert found == [(instance, name) for instance in tree.instances for name in instance.declared.variables]
+    assert list(dict.fromkeys(instance.path for instance, _ in found)) == ["a", "b", "c"]

@@ -356,3 +356,13 @@ def test_advice_for_a_composite_is_by_its_own_parameters() -> None:
     with pytest.raises(BindingError) as refused:
         flatten(Renaming(mass=3.0))
     assert str(refused.value) == "Renaming: mass=3.0 has no effect with heavy=False; it counts with heavy=True"
+
+
+def test_choices_count_in_every_part_of_a_class_though_its_equations_are_written_once() -> None:
+    class Three(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.part = [Own(law="table", table=((0.0, 2.0),)) for _ in range(3)]
+            return []
+
+    three = Three()
+    refuse_unused(walk(three), three)

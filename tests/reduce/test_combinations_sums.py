@@ -125,6 +125,8 @@ def test_a_sum_is_what_its_equations_leave_of_each_other(name: str) -> None:
         assert not held & set(c.gone)
         before = [{n for e, k, _ in c.terms for n in model.nodes(e, k)}]
         assert held | set(c.gone) == before[0]
+        asked = {s.name for s in group.template.residual.free_symbols if s.name.startswith("relation(")}
+        assert asked <= {relation_symbol(j).name for j in range(len(group.template.relations))}
         flags = [(number + j) % 2 for j in range(9)]
         for seed in range(2):
             point = Point(model, parameters, flags, seed)
@@ -254,9 +256,10 @@ def test_a_sum_of_which_nothing_is_left_is_none() -> None:
     assert combinations(structure, model.parameters.defaults, [(v, k + 1) for v, k in structure.states]) == ()
 
 
-def test_columns_of_any_size_tell_rows_apart() -> None:
-    assert dependent_rows(np.array([[1.0, 1e-8], [1.0, 2e-8]])) == []
-    (weights,) = dependent_rows(np.array([[1.0, 1e-8], [-2.0, -2e-8]]))
+@pytest.mark.parametrize("size", [1e-13, 1e-8, 1e9])
+def test_columns_of_any_size_tell_rows_apart(size: float) -> None:
+    assert dependent_rows(np.array([[1.0, size], [1.0, 2 * size]])) == []
+    (weights,) = dependent_rows(np.array([[1.0, size], [-2.0, -2 * size]]))
     assert weights == pytest.approx([1.0, 0.5], rel=1e-12)
 
 

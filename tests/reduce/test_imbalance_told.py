@@ -67,21 +67,32 @@ def test_what_is_driven_twice_is_asked_for() -> None:
     assert under.endswith(" Is a flange left unconnected inside a composite, or a variable without an equation?")
 
 
-def test_of_two_inputs_the_one_in_an_equation_is_to_be_bound() -> None:
-    class Drive(gl.Component):
-        bound = gl.Structural(False)
+class Drive(gl.Component):
+    """Two torques on a body, one of which an equation gives."""
 
+    bound = gl.Structural(False)
+
+    def assemble(self) -> list[Any]:
+        self.q, self.r, self.a = gp.Torque(**({"tau": 2.0} if self.bound else {})), gp.Torque(), gp.Inertia(J=1.0)
+        return [gl.connect(self.q.flange, self.r.flange, self.a.flange_a)]
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.q.tau, 3 * gl.sin(gl.time))]
+
+
+@pytest.mark.parametrize("boxed", [False, True])
+@pytest.mark.parametrize(("bound", "given"), [(False, "given from outside"), (True, "bound to something already")])
+def test_of_two_inputs_the_one_in_an_equation_is_to_be_bound(bound: bool, given: str, boxed: bool) -> None:
+    """Where the part is made, which may be in a part of the model."""
+
+    class Outer(gl.Component):
         def assemble(self) -> list[Any]:
-            self.q, self.r, self.a = gp.Torque(**({"tau": 2.0} if self.bound else {})), gp.Torque(), gp.Inertia(J=1.0)
-            return [gl.connect(self.q.flange, self.r.flange, self.a.flange_a)]
+            self.drive, self.q = Drive(bound=bound), gp.Inertia(J=2.0)
+            return []
 
-        def equations(self) -> list[gl.Eq]:
-            return [gl.Eq(self.q.tau, 3 * gl.sin(gl.time))]
-
-    for bound, given in ((False, "given from outside"), (True, "bound to something already")):
-        said = told(Drive(bound=bound))
-        assert said.count("is an input") == 1
-        assert (
-            f"q.tau is an input and {given}; if it is to obey Drive: q.tau = 3*sin(time), bind it: tau=... where q is made."
-            in said
-        )
+    said, q = told(Outer() if boxed else Drive(bound=bound)), "drive.q" if boxed else "q"
+    assert said.count("is an input") == 1
+    assert (
+        f"{q}.tau is an input and {given}; if it is to obey Drive: q.tau = 3*sin(time), bind it: tau=... where {q} is made."
+        in said
+    )

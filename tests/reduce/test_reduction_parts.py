@@ -11,7 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.flatten.flatten import flatten
-from gearlib.reduce.reduction import Structure, _awkward, analyse, choose_again, discrete_nodes, reinit_nodes
+from gearlib.reduce.reduction import Structure, analyse, awkward, choose_again, discrete_nodes, reinit_nodes
 from tests.reduce.test_discontinuities import RISES, Set
 from tests.reduce.test_reduction import Bumped, Pendulum
 
@@ -310,4 +310,4 @@ def test_each_differentiated_constraint_tells_for_itself_what_it_is_not_to_be_so
         once = replace(found.differentiation, counts=tuple(int(k == e) for k in range(len(model.rows))))
         held = {names[v] for v, _ in row}
         cam = next((c for c in ("up", "down") if held == {f"{c}.s", f"{c}.phi"}), None)
-        assert {names[v] for v in _awkward(model, once)} == ({f"{cam}.phi", f"{cam}.w"} if cam else set()), (order, held)
+        assert {names[v] for v in awkward(model, once)} == ({f"{cam}.phi", f"{cam}.w"} if cam else set()), (order, held)

@@ -14,7 +14,7 @@ from gearlib.flatten.flatten import flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.reduce.coefficients import at_start
 from gearlib.reduce.reduction import analyse
-from gearlib.reduce.redundancy import _last_first, flows_beside, last_names, redundant_rows, without
+from gearlib.reduce.redundancy import flows_beside, last_first, last_names, redundant_rows, without
 
 
 class Halving(gl.Component):
@@ -220,5 +220,5 @@ def test_flows_are_set_to_zero_from_the_last_name_on_but_no_partial_sums() -> No
     flows = sorted({int(v) for v in model.representative[model.flow & (model.sign != 0)]})
     assert flows[-1] >= model.auxiliary
     of = {n: int(model.representative[model.variable(f"body[{n}].flange_a.tau")]) for n in range(12)}
-    assert _last_first(model, flows, []) == [of[n] for n in reversed(range(12))]
-    assert _last_first(model, flows, [of[10], of[3]]) == [of[n] for n in (10, 3, 11, 9, 8, 7, 6, 5, 4, 2, 1, 0)]
+    assert last_first(model, flows, []) == [of[n] for n in reversed(range(12))]
+    assert last_first(model, flows, [of[10], of[3]]) == [of[n] for n in (10, 3, 11, 9, 8, 7, 6, 5, 4, 2, 1, 0)]

@@ -142,7 +142,7 @@ class Written(gl.Component):
             "a": gl.Eq(twist, a.phi + b.phi),
             "b": gl.Eq(a.phi + b.phi, twist),
             "c": gl.Eq(twist + turned, b.phi - a.phi),
-            "d": gl.Eq(b.phi - a.phi, twist - turned),
+            "d": gl.Eq(twist, b.phi - a.phi + turned),
         }[self.way]
         side = 1 if self.way in "ab" else -1
         return [law, gl.Eq(b.tau, self.c * twist), gl.Eq(a.tau, side * b.tau)]

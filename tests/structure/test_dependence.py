@@ -48,3 +48,11 @@ def test_what_is_computed() -> None:
     assert not found.computes((2, 1)), "its equation holds the derivative of what is given"
     assert not found.computes((1, 2)), "x'' holds it"
     assert not found.computes((7, 0))
+
+
+def test_no_equation_determines_a_state_though_one_determines_what_it_is_the_derivative_of() -> None:
+    """x is solved for, and its derivative is a state: x'' = x' and x = x' / 2."""
+    found = Dependence(((0, 1),), {(0, 2): (0, 0), (0, 0): (1, 0)}, lambda e, k: [(0, 2 - 2 * e), (0, 1)])
+    assert (found.equation((0, 0)), found.equation((0, 2)), found.equation((0, 3))) == ((1, 0), (0, 0), (0, 1))
+    with pytest.raises(KeyError):
+        found.equation((0, 1))

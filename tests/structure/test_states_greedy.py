@@ -85,7 +85,7 @@ def test_what_is_chosen_already_is_not_put_in_place_of_another() -> None:
     assert select_columns(rows, {a: (1.0,), b: (1.0,)}, varying=frozenset({1})) == ({a, b}, [])
 
 
-@pytest.mark.parametrize(("share", "left"), [(0.11, (1, 0)), (0.09, (0, 0))])
+@pytest.mark.parametrize(("share", "left"), [(0.11, (1, 0)), (0.1, (1, 0)), (0.09, (0, 0))])
 def test_a_pivot_is_a_tenth_of_the_largest_in_its_column_or_more(share: float, left: Node) -> None:
     """Without p, two rows hold the same; the first one is large enough for its former size, or left over."""
     p, a = (0, 0), (1, 0)
