@@ -42,6 +42,10 @@ def test_a_pair_of_pitch_radii_has_standard_teeth():
     a, b = pitched_pair(unit, 15, "mesh.f").wheels
     assert (ends(a), ends(b)) == ((pytest.approx(0.025), pytest.approx(0.034)), (pytest.approx(0.045), pytest.approx(0.054)))
     assert (b.name, b.orbit) == ("gear 2: 25", pytest.approx(0.08))
+    for R_1, R_2 in ((-0.03, 0.05), (0.03, -0.05), (0.03, 0.0), (0.0, -0.05)):
+        assert gp.FixedAxisUnit(Z_1=15, R_1=R_1, R_2=R_2, I_1=1.0, I_2=1.0, K_g=1e8, C_g=0.0).drawn_gears() is None
+        mesh = gp.DetailedExternalMesh(z_a=15.0, r_a=R_1, r_b=R_2, c=1e8, d=0.0)
+        assert mesh.drawn_gears() is None
 
 
 @pytest.mark.parametrize("ring", [False, True])
