@@ -84,6 +84,12 @@ def test_a_path_without_an_approach_is_halved_by_the_pitch_point():
         assert np.array_equal(one.outline, other.outline)
 
 
+def test_teeth_are_drawn_from_three_on_and_up_to_a_pressure_angle_of_1_2():
+    mesh = {"r_a": 0.1, "r_b": 0.1, "c": 1e8, "d": 0.0, "friction": True}
+    for z_a, alpha, drawn in ((3.0, 0.4, True), (2.9, 0.4, False), (30.0, 1.19, True), (30.0, 1.2, False), (30.0, 0.0, False)):
+        assert (gp.DetailedExternalMesh(z_a=z_a, alpha=alpha, **mesh).drawn_gears() is not None) == drawn, (z_a, alpha)
+
+
 def test_teeth_of_the_other_gear_are_whole_to_a_thousandth_and_three_or_more():
     def second(r_b, z_a=20.0):
         return gp.DetailedExternalMesh(r_a=0.1, r_b=r_b, z_a=z_a, c=1e8, d=0.0).drawn_gears().wheels[1].name
