@@ -34,7 +34,7 @@ def test_a_gear_turns_by_its_ratio_and_passes_on_what_is_not_lost(
     }  # fmt: skip
     modes = {"mode": 2.0} if lossless else {"mode": 1.0, "pre(mode)": 1.0, "moving": 1.0, "pre(moving)": 1.0}
     found = misfits(gear, defaultdict(float, values | modes))
-    assert found == {}
+    assert found == []
     assert powers(gear, defaultdict(float, values)) == (0.0, 6.0 * loss, 0.0)
 
 
@@ -50,4 +50,4 @@ def test_a_gearbox_hands_its_values_to_a_gear_and_a_coupling() -> None:
         "lossyGear.loss_power": 5.0,
         "elastoBacklash.loss_power": 7.0,
     }
-    assert misfits(box, values | {"phi_rel": 0.3, "w_rel": 0.4, "loss_power": 12.0}) == {}
+    assert misfits(box, values | {"phi_rel": 0.3, "w_rel": 0.4, "loss_power": 12.0}) == []
