@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 import gearparts as gp
+from gearlib.errors import BindingError
 from gearparts.gears.lossy import Gearbox, LossyGear
 from tests.gearparts.laws import misfits, powers
 from tests.gearparts.test_declared_numbers import parameters
@@ -36,6 +37,39 @@ def test_a_gear_turns_by_its_ratio_and_passes_on_what_is_not_lost(
     found = misfits(gear, defaultdict(float, values | modes))
     assert found == []
     assert powers(gear, defaultdict(float, values)) == (0.0, 6.0 * loss, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "said"),
+    [  # through 1, 0, 0, 1 Akima's curve falls to -1/8, as his formula gives by hand
+        (1, (0.5, 1.0, 1.0, 0.5), "eta1 goes from 0.5 to 1.0625"),
+        (1, (0.5, 0.0, 0.0, 0.5), "eta1 goes from -0.0625 to 0.5"),
+        (2, (0.5, 1.0, 1.0, 0.5), "eta2 goes from 0.5 to 1.0625"),
+        (2, (0.5, 1e-9, 1e-9, 0.5), "eta2 goes from -0.0625 to 0.5"),
+        (3, (4.0, 0.0, 0.0, 4.0), "B1 goes from -0.5 to 4"),
+        (4, (4.0, 0.0, 0.0, 4.0), "B2 goes from -0.5 to 4"),
+        (3, (0.0, 4.0, 4.0, 0.0), None),  # sliding torques may be as large as they are
+    ],
+)
+def test_between_rows_losses_stay_losses(column: int, values: tuple[float, ...], said: str | None) -> None:
+    rows = [[speed, 0.8, 0.8, 0.5, 0.5] for speed in (0.0, 1.0, 2.0, 3.0)]
+    for row, value in zip(rows, values, strict=True):
+        row[column] = value
+    table = tuple(map(tuple, rows))
+    for smoothness in ("linear", "constant", "akima"):
+        gear = LossyGear(ratio=2.0, loss_table=table, smoothness=smoothness)
+        if smoothness == "akima" and said:
+            with pytest.raises(
+                BindingError, match=rf"^LossyGear\.loss_table: the akima curve of {said} between rows; expected eta1"
+            ):
+                gear._check_between(table)
+        else:
+            gear._check_between(table)
+
+
+def test_losses_at_their_limits_are_losses_between_rows_too() -> None:
+    table = ((0.0, 0.0, 1e-12, 0.0, 0.0), (1.0, 1.0, 1.0, 0.0, 9.0), (2.0, 1.0, 1.0, 9.0, 0.0), (3.0, 0.0, 1e-12, 0.0, 0.0))
+    LossyGear(ratio=2.0, loss_table=table)._check_between(table)
 
 
 def test_a_gearbox_hands_its_values_to_a_gear_and_a_coupling() -> None:
