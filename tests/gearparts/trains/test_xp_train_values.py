@@ -106,7 +106,7 @@ def test_the_table_s_stiffness_of_the_shaft_counts_with_elastic_shafts_only() ->
     assert parameters(gp.ZhouCui2022(K_s=3e8, elastic_shafts=True))["train.shaft.c"] == 3e8
 
 
-class Still(gl.Component):
+class ExcitedTrain(gl.Component):
     """A train at rest, whose meshes have errors of their own."""
 
     def assemble(self) -> Any:
@@ -117,7 +117,7 @@ class Still(gl.Component):
 
 def test_the_pair_s_error_opens_its_mesh_and_the_others_close_theirs(probe: Callable[..., Any]) -> None:
     """The paper counts the pair's deflection on the other flank."""
-    value = probe(Still()).values({})
+    value = probe(ExcitedTrain()).values({})
     meshes = ("x_unit.ring_mesh", "x_unit.sun_mesh", "p_unit.mesh")
     assert [value(f"train.{mesh}.v") for mesh in meshes] == pytest.approx([1e-3, 2e-3, -3e-3], rel=1e-12)
 
