@@ -84,3 +84,12 @@ def test_efficiency_is_one_less_friction_times_the_loss_factor() -> None:
     for mu in (-1e-9, least, math.nan, "0.06"):
         with pytest.raises(BoundError, match=said):
             pair.efficiency(mu)  # type: ignore[arg-type]
+
+
+def test_a_rack_that_is_so_deep_that_its_teeth_have_no_stiffness_is_refused() -> None:
+    """C_B falls by a half for each module that the dedendum exceeds 1.2, so to zero at 3.2."""
+    assert gp.GearPair(20, 40, 3e-3, 0.02, h_fP=2.2).single_stiffness == pytest.approx(
+        gp.GearPair(20, 40, 3e-3, 0.02, h_fP=1.2).single_stiffness / 2, rel=1e-12
+    )
+    with pytest.raises(BoundError, match=r"ISO 6336-1 knows no stiffness of teeth with h_fP = 3\.2, alpha_n = 0\.349066 rad"):
+        gp.GearPair(20, 40, 3e-3, 0.02, h_fP=3.2).single_stiffness  # noqa: B018
