@@ -38,10 +38,11 @@ def number(expression: Any, values: Mapping[str, float]) -> float:
     return float(expression.xreplace({s: sympy.Float(values[s.name]) for s in expression.free_symbols}))
 
 
-def misfits(part: gl.Component, values: Mapping[str, float]) -> dict[str, float]:
-    """Those of a component's equations that do not hold where its symbols have some values, each by its left side."""
-    off = {str(e.left): number(e.residual, values) for e in equations_of(part) if isinstance(e, gl.Eq)}
-    return {left: by for left, by in off.items() if abs(by) > 1e-12 * max(1.0, *map(abs, values.values()))}
+def misfits(part: gl.Component, values: Mapping[str, float]) -> list[str]:
+    """Left sides of those of a component's equations that do not hold where its symbols have some values."""
+    size = max(1.0, *map(abs, values.values()))
+    equations = [e for e in equations_of(part) if isinstance(e, gl.Eq)]
+    return [str(e.left) for e in equations if abs(number(e.residual, values)) > 1e-12 * size]
 
 
 def powers(part: gl.Component, values: Mapping[str, float]) -> tuple[float, float, float]:

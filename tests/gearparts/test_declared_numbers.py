@@ -77,6 +77,12 @@ def test_choices_are_those_of_the_modelica_standard_library_unless_told_otherwis
     assert {name: getattr(part, name) for name in STRUCTURE_IN_MODELICA[kind]} == STRUCTURE_IN_MODELICA[kind]
 
 
+@pytest.mark.parametrize("kind", [c for c in CLASSES if c not in STRUCTURE_IN_MODELICA], ids=lambda kind: kind.__name__)
+def test_what_may_be_left_out_is_left_out_unless_it_is_asked_for(kind: Any) -> None:
+    """Housings, heat ports, backlash, friction, elastic shafts; an adaptor's and a start value's parts are on in Modelica."""
+    assert [name for name, d in known(kind).items() if isinstance(d, gl.Structural) and d.default is True] == []
+
+
 def test_both_sides_and_all_bearings_of_a_planetary_unit_are_alike_unless_told_otherwise() -> None:
     elastic, planar = known(gp.TorsionalPlanetaryUnit), known(gp.TranslationalPlanetaryUnit)
     assert elastic["K_ring"].default == elastic["K_sun"].default > 0

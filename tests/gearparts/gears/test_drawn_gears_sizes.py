@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ModelError
 from gearparts.gears.drawn_gears import pair_of, pitched_pair, planetary_set
@@ -42,6 +43,10 @@ def test_a_pair_of_pitch_radii_has_standard_teeth():
     a, b = pitched_pair(unit, 15, "mesh.f").wheels
     assert (ends(a), ends(b)) == ((pytest.approx(0.025), pytest.approx(0.034)), (pytest.approx(0.045), pytest.approx(0.054)))
     assert (b.name, b.orbit) == ("gear 2: 25", pytest.approx(0.08))
+    for R_1, R_2 in ((-0.03, 0.05), (0.03, -0.05), (0.03, 0.0), (0.0, -0.05)):
+        assert gp.FixedAxisUnit(Z_1=15, R_1=R_1, R_2=R_2, I_1=1.0, I_2=1.0, K_g=1e8, C_g=0.0).drawn_gears() is None
+        mesh = gp.DetailedExternalMesh(z_a=15.0, r_a=R_1, r_b=R_2, c=1e8, d=0.0)
+        assert mesh.drawn_gears() is None
 
 
 @pytest.mark.parametrize("ring", [False, True])
@@ -75,9 +80,24 @@ def test_tips_of_a_mesh_end_its_path_of_contact(ring, alpha, path, approach):
 
 def test_a_path_without_an_approach_is_halved_by_the_pitch_point():
     given = {"friction": True, "r_a": 0.09, "r_b": 0.045, "z_a": 60.0, "alpha": 0.4, "contact_ratio": 1.6, "c": 1e8, "d": 0.0}
+
+    class Train(gl.Component):
+        approach = gl.Parameter("1", "a number that is not known yet")
+
+        def assemble(self):
+            self.mesh = gp.DetailedExternalMesh(**given, approach=self.approach)
+            return []
+
     half, told = (gp.DetailedExternalMesh(**given, **more).drawn_gears() for more in ({}, {"approach": 0.8}))
-    for one, other in zip(half.wheels, told.wheels, strict=True):
-        assert np.array_equal(one.outline, other.outline)
+    for drawn in (half, Train().mesh.drawn_gears(), Train(approach=0.8).mesh.drawn_gears()):
+        for one, other in zip(drawn.wheels, told.wheels, strict=True):
+            assert np.array_equal(one.outline, other.outline)
+
+
+def test_teeth_are_drawn_from_three_on_and_up_to_a_pressure_angle_of_1_2():
+    mesh = {"r_a": 0.1, "r_b": 0.1, "c": 1e8, "d": 0.0, "friction": True}
+    for z_a, alpha, drawn in ((3.0, 0.4, True), (2.9, 0.4, False), (30.0, 1.19, True), (30.0, 1.2, False), (30.0, 0.0, False)):
+        assert (gp.DetailedExternalMesh(z_a=z_a, alpha=alpha, **mesh).drawn_gears() is not None) == drawn, (z_a, alpha)
 
 
 def test_teeth_of_the_other_gear_are_whole_to_a_thousandth_and_three_or_more():
@@ -119,6 +139,20 @@ def test_wheels_of_a_planetary_set_stand_and_turn_as_in_the_set():
     assert [c.alpha for c in gears.contacts] == pytest.approx([math.pi / 9] * 6)
     assert (gears.first, gears.carrier) == ("sun.phi", "carrier.phi")
     assert gears.holding == {"ring": (1.0, pytest.approx(2 / 7)), "carrier": (1.0, 0.0), "sun": (0.0, 1.0)}
+
+
+@pytest.mark.parametrize(
+    ("planets", "names", "told"),
+    [
+        (1, ["f"], [("f", 1.0)]),
+        (2, ["f"], [("f", 0.5), ("f", 0.5)]),
+        (2, ["f0", "f1"], [("f0", 1.0), ("f1", 1.0)]),
+        (2, [], []),
+    ],
+)
+def test_planets_have_forces_of_their_own_or_share_one(planets, names, told):
+    gears = planetary_set((20, 15, 50), 0.105, [0.3, 0.3 + math.pi][:planets], names, [])
+    assert [(c.force, c.share) for c in gears.contacts] == told
 
 
 def test_a_ring_with_one_tooth_more_or_less_is_shifted_into_mesh():

@@ -79,6 +79,17 @@ def test_efficiency_is_one_less_friction_times_the_loss_factor() -> None:
     assert [pair.efficiency(mu) for mu in (0.0, 0.06)] == [1.0, 1 - 0.06 * pair.loss_factor]
     assert 0 < pair.efficiency(0.9999 / pair.loss_factor) < 2e-4
     said = rf"^GearPair\.efficiency: mu is .*; expected a mean friction coefficient from 0 on, below {1 / pair.loss_factor:.3g}, at which"
-    for mu in (-1e-9, 1.0001 / pair.loss_factor, math.nan, "0.06"):
+    least = 1 / pair.loss_factor
+    least = least if least * pair.loss_factor >= 1 else math.nextafter(least, 1.0)  # at which all power is lost
+    for mu in (-1e-9, least, math.nan, "0.06"):
         with pytest.raises(BoundError, match=said):
             pair.efficiency(mu)  # type: ignore[arg-type]
+
+
+def test_a_rack_that_is_so_deep_that_its_teeth_have_no_stiffness_is_refused() -> None:
+    """C_B falls by a half for each module that the dedendum exceeds 1.2, so to zero at 3.2."""
+    assert gp.GearPair(20, 40, 3e-3, 0.02, h_fP=2.2).single_stiffness == pytest.approx(
+        gp.GearPair(20, 40, 3e-3, 0.02, h_fP=1.2).single_stiffness / 2, rel=1e-12
+    )
+    with pytest.raises(BoundError, match=r"ISO 6336-1 knows no stiffness of teeth with h_fP = 3\.2, alpha_n = 0\.349066 rad"):
+        gp.GearPair(20, 40, 3e-3, 0.02, h_fP=3.2).single_stiffness  # noqa: B018

@@ -74,7 +74,7 @@ def test_a_damping_beyond_all_numbers_is_refused(J: float, r: float) -> None:
         gp.mesh_damping(0.05, 1e300, J, r, J, r)
 
 
-class Pair(gl.Component):
+class DampedByRatio(gl.Component):
     """A mesh whose damping follows from parameters."""
 
     J = gl.Parameter("kg.m2", default=4.0)
@@ -89,8 +89,8 @@ class Pair(gl.Component):
 
 def test_damping_of_parameters_is_an_expression_of_them() -> None:
     """Beside which numbers are checked as ever."""
-    assert parameters(Pair())["mesh.d"] == pytest.approx(0.2, rel=1e-15)
-    assert parameters(Pair(J=1.0))["mesh.d"] == pytest.approx(0.1, rel=1e-15)
+    assert parameters(DampedByRatio())["mesh.d"] == pytest.approx(0.2, rel=1e-15)
+    assert parameters(DampedByRatio(J=1.0))["mesh.d"] == pytest.approx(0.1, rel=1e-15)
 
 
 @pytest.mark.parametrize("given", [(1.0,), ("ab", 1.0), ((3, 1.0),), (("b",),)])

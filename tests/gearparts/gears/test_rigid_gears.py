@@ -13,9 +13,9 @@ from tests.gearparts.laws import misfits, powers
 def test_a_gear_pair_turns_and_is_loaded_by_its_ratio() -> None:
     """Relative to its housing, which takes what is left of both torques."""
     values = {"ratio": 2.5, "flange_b.phi": 0.3, "flange_a.phi": 0.75, "flange_a.tau": 4.0, "flange_b.tau": -10.0}
-    assert misfits(gp.IdealGear(ratio=2.5), values) == {}
+    assert misfits(gp.IdealGear(ratio=2.5), values) == []
     on_housing = values | {"support.phi": 0.1, "flange_a.phi": 0.1 + 2.5 * 0.2, "support.tau": 6.0}
-    assert misfits(gp.IdealGear(ratio=2.5, use_support=True), on_housing) == {}
+    assert misfits(gp.IdealGear(ratio=2.5, use_support=True), on_housing) == []
 
 
 def test_a_planetary_set_turns_as_willis_says_and_shares_torque_by_its_ratio() -> None:
@@ -24,7 +24,7 @@ def test_a_planetary_set_turns_as_willis_says_and_shares_torque_by_its_ratio() -
     ring = carrier - (sun - carrier) / 2.5
     values = {"ratio": 2.5, "sun.phi": sun, "carrier.phi": carrier, "ring.phi": ring}
     torques = {"sun.tau": 4.0, "ring.tau": 10.0, "carrier.tau": -14.0}
-    assert misfits(gp.IdealPlanetary(ratio=2.5), values | torques) == {}
+    assert misfits(gp.IdealPlanetary(ratio=2.5), values | torques) == []
 
 
 @pytest.mark.parametrize("use_support_r", [False, True])
@@ -40,7 +40,7 @@ def test_a_rack_and_a_wheel_of_an_eighth_of_a_metre(
         **size, "support_r.phi": turned, "support_t.s": moved, "flange_t.s": moved + 0.2,
         "flange_r.phi": turned + 1.6, "flange_r.tau": 0.5, "flange_t.f": -4.0, "support_r.tau": -0.5, "support_t.f": 4.0,
     }  # fmt: skip
-    assert misfits(part, values) == {}
+    assert misfits(part, values) == []
 
 
 @pytest.mark.parametrize(

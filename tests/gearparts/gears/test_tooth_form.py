@@ -235,6 +235,8 @@ def test_a_flank_is_cut_under_below_the_well_known_number_of_teeth():
         assert ToothForm(z, 2e-3, x=limit + 1e-6, rho=rho).undercut == 0.0
         assert 0 < ToothForm(z, 2e-3, x=limit - 0.02, rho=rho).undercut < ToothForm(z, 2e-3, x=limit - 0.1, rho=rho).undercut
         assert ToothForm(z, 2e-3, x=limit - 0.1, rho=rho, ring=True).undercut == 0.0
+        for beside in np.geomspace(1e-15, 1e-9, 7):  # where the undercut begins at the base circle, to rounding
+            assert 0.0 <= ToothForm(z, 2e-3, x=limit - beside, rho=rho).undercut < 1e-8
 
 
 @pytest.mark.parametrize("given", [{"z": 20}, {"z": 9}, {"z": 40, "x": 0.4}, {"z": 30, "ring": True}, {"z": 12, "x": 0.9}])

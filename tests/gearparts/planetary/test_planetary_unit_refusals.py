@@ -127,7 +127,7 @@ def test_numbers_of_teeth_are_given_together() -> None:
     [
         (IDEAL, gp.IdealPlanetaryUnit),
         ({"level": "lossy"}, gp.LossyPlanetaryUnit),
-        ({}, gp.LumpedPlanetaryUnit),
+        ({"C_v": 3.0}, gp.LumpedPlanetaryUnit),
         ({"level": "elastic", "planet_meshes": "lumped"}, gp.LumpedPlanetaryUnit),
         (SEPARATE, gp.TorsionalPlanetaryUnit),
         (PLANAR, gp.TranslationalPlanetaryUnit),
@@ -162,13 +162,13 @@ def test_gears_are_drawn_where_all_numbers_of_teeth_are_known(known: tuple[str, 
     ("choice", "forces"),
     [
         (IDEAL, ((), ())),
-        ({}, (("sun_mesh.f",), ("ring_mesh.f",))),
+        ({"C_v": 3.0}, (("sun_mesh.f",), ("ring_mesh.f",))),
         (SEPARATE, (("sun_meshes[0].f", "sun_meshes[1].f"), ("ring_meshes[0].f", "ring_meshes[1].f"))),
         (PLANAR, (("planar.sun_mesh[0].f", "planar.sun_mesh[1].f"), ("planar.ring_mesh[0].f", "planar.ring_mesh[1].f"))),
     ],
 )
 def test_drawn_gears_stand_at_the_planets_angles_and_show_the_forces_of_the_level(
-    choice: dict[str, str], forces: tuple[tuple[str, ...], tuple[str, ...]]
+    choice: dict[str, Any], forces: tuple[tuple[str, ...], tuple[str, ...]]
 ) -> None:
     unit = gp.PlanetaryUnit(**UNIT | TEETH | {"planets": 2}, **choice)
     gears = unit.drawn_gears()

@@ -63,7 +63,7 @@ def test_lumped_units_of_the_xx_train_have_support_dampers() -> None:
     assert [found[f"second.support[{n}].d"] for n in range(3)] == pytest.approx([9.0 * 0.04] * 3)
 
 
-class Still(gl.Component):
+class TrainAtRest(gl.Component):
     """A train between bodies, with a transmission error."""
 
     kind = gl.Structural(gp.PXTrain)
@@ -83,5 +83,5 @@ class Still(gl.Component):
 def test_the_transmission_error_deflects_all_meshes_of_a_train_at_rest(
     probe: Callable[..., Any], kind: Any, meshes: list[str]
 ) -> None:
-    value = probe(Still(kind=kind)).values({})
+    value = probe(TrainAtRest(kind=kind)).values({})
     assert [value(f"train.{mesh}.v") for mesh in meshes] == pytest.approx([3e-3] * len(meshes), rel=1e-12)

@@ -131,6 +131,18 @@ def test_shafts_that_share_a_node_are_connected() -> None:
         assert nodes["O"][0] > max(x for n, (x, _) in nodes.items() if n != "O")
 
 
+@pytest.mark.parametrize(
+    ("kind", "labels"),
+    [("P", {r"$\alpha$", r"$\beta$", "$I$", "$O$", "$P$"}), ("X", {"$a$", "$b$", "$c$", "$I$", "$O$", "$N$", "$X$"})],
+)
+def test_shafts_of_a_p_unit_have_greek_letters_and_those_of_an_x_unit_latin_ones(kind: str, labels: set[str]) -> None:
+    ax = plt.figure().add_subplot()
+    assert unit_diagram(kind).draw(ax) is ax
+    assert {text.get_text() for text in ax.texts} == labels
+    assert ax.get_title() == f"{kind} unit"
+    plt.close(ax.figure)
+
+
 def test_a_loop_is_drawn_as_a_rectangle_between_its_input_and_output() -> None:
     """Units and nodes stand at its corners, a P unit in the middle of its lower side; I and O are equally far outside."""
     corners = {"XP": ("X", "J_1", "J_0", None), "PX": ("J_0", "X", None, "J_1"), "XX": ("X_1", "J_1", "J_0", "X_2")}

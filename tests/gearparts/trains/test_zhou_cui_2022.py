@@ -97,3 +97,11 @@ def test_wrong_bonds_are_refused() -> None:
         zc.BondParameters(params.m, {2: 1.0}, params.R, params.C)
     with pytest.raises(ValueError, match="23 numbers"):
         zc.BondParameters(params.m[1:], params.I, params.R, params.C)
+
+
+def test_every_numbered_element_has_a_flow() -> None:
+    """Inertias, springs, resistances and sources; each of the ten dependent momenta follows from the states."""
+    params = random_parameters(np.random.default_rng(4))
+    assert set(zc.flow_rows(params)) == {*zc.INERTIAS, *zc.COMPLIANCES, *zc.RESISTANCES, 1, 8, 32, 72}
+    assert (set(params.I), set(params.R), set(params.C)) == (set(zc.INERTIAS), set(zc.RESISTANCES), set(zc.COMPLIANCES))
+    assert zc.momentum_map(params).shape == (10, 8)
