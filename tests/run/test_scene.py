@@ -249,3 +249,22 @@ def test_errors_are_relative_to_the_size_that_a_variable_declares(method: str) -
 
     assert worst(1e-9) < 1e-3
     assert worst(1.0) > 0.1
+
+
+def test_a_discrete_variable_that_no_event_sets() -> None:
+    """It follows from parameters alone; x rises with it."""
+
+    class Constant(gl.Component):
+        k = gl.Parameter("any", default=2.0)
+        x, n = gl.Variable("any", start=0.0), gl.Discrete()
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), self.n), gl.Eq(self.n, 3 * self.k)]
+
+    system = gl.compile(Constant())
+    relations = system.translation.scene.relations
+    assert relations is not None
+    assert (len(relations.used), len(relations.discretes), len(relations.reinits)) == (0, 1, 0)
+    run = system.simulate(1.0, samples=3, parameters={"k": 4.0})
+    assert run["n"].tolist() == [12.0, 12.0, 12.0]
+    assert run["x"] == pytest.approx([0.0, 6.0, 12.0])
