@@ -10,7 +10,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.errors import ArgumentError, LoopError, NameLookupError
 from gearlib.linear.operating_point import operating_point
 from gearlib.run.translation import asked_scene, output_nodes, translate
 from tests.program.test_derivatives import Bound
@@ -214,3 +214,42 @@ def test_parts_are_those_of_the_compilation(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(Row, "count", 3)
     assert system.simulate(1.0, samples=2, parameters={"J": 0.0})["others[0].w"] == pytest.approx([0.0, 6.0])
     assert gl.compile(Row()).simulate(1.0, samples=2, parameters={"J": 0.0})["others[0].w"] == pytest.approx([0.0, 2.0])
+
+
+class Around(gl.Component):
+    """Two bodies that two discs join: the angles of both must be the same."""
+
+    one, other = gl.Parameter("rad", default=0.0), gl.Parameter("rad", default=0.0)
+    J = gl.Parameter("kg.m2", default=0.0)
+
+    def assemble(self) -> list[Any]:
+        self.a, self.b = gp.Inertia(J=1.0), gp.Inertia(J=1.0 + self.J)
+        self.first, self.second = gp.Disc(delta_phi=self.one), gp.Disc(delta_phi=self.other)
+        return [
+            gl.connect(self.a.flange_b, self.first.flange_a, self.second.flange_a),
+            gl.connect(self.b.flange_a, self.first.flange_b, self.second.flange_b),
+        ]
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_what_closes_a_loop_has_no_derivative(angle: float) -> None:
+    """Of the two angles neither may change alone, whether or not they are zero; the inertia may."""
+    translation = gl.compile(Around(one=angle, other=angle)).translation
+    numbers, index = translation.parameter_values({}), translation.model.parameters.index
+    for names in (["one"], ["other"], ["J", "one"]):
+        with pytest.raises(
+            LoopError, match=rf"^there is no derivative with respect to {names[-1]}: equations of .* follow from the"
+        ):
+            translation.parameter_changes(names, numbers, [])
+    changes = {translation.model.parameters.names[p]: w for p, _, w in translation.parameter_changes(["J"], numbers, [])}
+    assert changes["J"] == changes["b.J"] == 1.0
+    assert index["one"] not in {p for p, _, _ in translation.parameter_changes(["J"], numbers, [])}
+    with pytest.raises(LoopError):
+        translation.parameter_values({"one": angle + 0.1})
+
+
+def test_a_model_without_inputs_takes_none() -> None:
+    translation = gl.compile(gp.Inertia(J=1.0)).translation
+    assert translation.input_signals(None) == translation.input_signals({}) == []
+    with pytest.raises(NameLookupError, match=r"^the model has no unbound input 'torque.tau'; "):
+        translation.input_signals({"torque.tau": 1.0})
