@@ -78,6 +78,7 @@ def test_a_record_holds_each_history_once() -> None:
     x, y = (record.names.index(name) for name in "xy")
     assert record.columns[x] == record.columns[y]
     assert record.signs[x] == -record.signs[y]
+    assert set(record.signs) == {1, -1}
     assert record.history("x") == pytest.approx(X, abs=1e-12)
     assert record.history("y") == pytest.approx(-X, abs=1e-12)
     assert record.history("nothing").tolist() == [0.0] * 5
