@@ -268,3 +268,19 @@ def test_a_discrete_variable_that_no_event_sets() -> None:
     run = system.simulate(1.0, samples=3, parameters={"k": 4.0})
     assert run["n"].tolist() == [12.0, 12.0, 12.0]
     assert run["x"] == pytest.approx([0.0, 6.0, 12.0])
+
+
+@pytest.mark.parametrize(
+    ("rate", "flag", "on_time"),
+    [(1.0, 1.0, False), (gl.sin(gl.time), 1.0, True), (1.0, gl.time, True), (gl.sin(gl.time), gl.time, True)],
+)
+def test_time_in_rates_or_conditions(rate: Any, flag: Any, on_time: bool) -> None:
+    """Those on time alone do not count: steps end at their switches."""
+
+    class Timed(gl.Component):
+        x, n, m = gl.Variable("any", start=0.0), gl.Discrete(), gl.Discrete()
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), rate - self.x), gl.When(self.x > 0.5 * flag, gl.Eq(self.n, 1.0)), gl.When(gl.time > 0.5, gl.Eq(self.m, 1.0))]
+
+    assert gl.compile(Timed()).translation.scene.on_time == on_time
