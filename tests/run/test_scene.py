@@ -281,6 +281,33 @@ def test_time_in_rates_or_conditions(rate: Any, flag: Any, on_time: bool) -> Non
         x, n, m = gl.Variable("any", start=0.0), gl.Discrete(), gl.Discrete()
 
         def equations(self) -> list[Any]:
-            return [gl.Eq(gl.der(self.x), rate - self.x), gl.When(self.x > 0.5 * flag, gl.Eq(self.n, 1.0)), gl.When(gl.time > 0.5, gl.Eq(self.m, 1.0))]
+            return [
+                gl.Eq(gl.der(self.x), rate - self.x),
+                gl.When(self.x > 0.5 * flag, gl.Eq(self.n, 1.0)),
+                gl.When(gl.time > 0.5, gl.Eq(self.m, 1.0)),
+            ]
 
     assert gl.compile(Timed()).translation.scene.on_time == on_time
+
+
+def test_what_is_set_at_the_start_follows_from_no_other() -> None:
+    """gl.initial() is no discrete variable of the model."""
+
+    class Begun(gl.Component):
+        x, y = gl.Variable("any", start=0.0), gl.Variable("any", start=0.0)
+        first, second = gl.Discrete(), gl.Discrete()
+
+        def equations(self) -> list[Any]:
+            return [
+                gl.Eq(gl.der(self.x), self.second),
+                gl.Eq(gl.der(self.y), self.first),
+                gl.When(gl.time > 0.5, gl.Eq(self.first, 1.0)),
+                gl.When(gl.initial(), gl.Eq(self.second, 4.0)),
+            ]
+
+    translation = gl.compile(Begun()).translation
+    names = translation.model.discretes
+    for rate, own in (("der(x)", "second"), ("der(y)", "first")):
+        found = [names[k] for k in needed_discretes(translation.structure, [translation.scene.named(rate)[0]])]
+        assert [name for name in found if not name.startswith("when_")] == [own]
+        assert len(found) == 2

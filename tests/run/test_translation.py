@@ -253,3 +253,38 @@ def test_a_model_without_inputs_takes_none() -> None:
     assert translation.input_signals(None) == translation.input_signals({}) == []
     with pytest.raises(NameLookupError, match=r"^the model has no unbound input 'torque.tau'; "):
         translation.input_signals({"torque.tau": 1.0})
+
+
+class Modes(gl.Component):
+    """Two discrete variables with start values, one of which moves the state."""
+
+    x = gl.Variable("any", start=1.0)
+    n, m = gl.Discrete(start=2.0), gl.Discrete(start=3.0)
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), self.n + self.m),
+            gl.When(self.x > 100.0, gl.Eq(self.n, 0.0)),
+            gl.When(self.x > 200.0, gl.Eq(self.m, 0.0)),
+        ]
+
+
+def test_start_values_of_discrete_variables() -> None:
+    """Those that are given, beside those of the model; where none is given, none is kept."""
+    translation = gl.compile(Modes()).translation
+    scene, numbers = translation.scene, translation.parameter_values({})
+
+    def begun(start: Any) -> Any:
+        return translation.start(scene, numbers, 0.0, start, (), accepts_discrete=True)
+
+    names = list(translation.model.discretes)
+    for given, expected in (({"n": 7.0}, [7.0, 3.0]), ({"m": 8.0, "n": 7.0}, [7.0, 8.0]), ({"m": 8.0, "x": 4.0}, [2.0, 8.0])):
+        found = begun(given)
+        assert [found.given[names.index(name)] for name in ("n", "m")] == expected
+        place = translation.model.n_relations
+        assert [found.discrete[place + names.index(name)] for name in ("n", "m")] == expected
+        assert found.states.tolist() == [given.get("x", 1.0)]
+    assert begun({"x": 4.0}).given is None
+    assert translation.model.discrete_starts[[names.index("n"), names.index("m")]].tolist() == [2.0, 3.0]
+    with pytest.raises(NameLookupError, match=r"^n is a discrete variable; its start value is part of the model"):
+        translation.start(scene, numbers, 0.0, {"n": 7.0}, ())
