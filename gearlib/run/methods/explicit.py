@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from gearlib.run.methods.method import Method
 from gearlib.solvers.drive.driver import Driver
 from gearlib.solvers.problem import Problem
@@ -53,5 +51,5 @@ def order_of(problem: Problem) -> int:
     stepper = RungeKutta(5)
     pilot = Driver(problem, stepper)
     pilot.advance(PILOT)
-    passed = max(1, int(np.searchsorted(problem.time_events, pilot.t, side="right")))
+    passed = max(1, int((problem.time_events <= pilot.t).sum()))
     return 5 if stepper.wanted >= CUT * (pilot.t - problem.times[0]) / passed else 8
