@@ -12,6 +12,7 @@ from gearlib.run.scene import node_name
 from gearlib.run.scene_form import SceneForm, scene_form
 from gearlib.run.start_values import Start
 from tests.program.test_derivatives import Loop
+from tests.run.test_constrained import Pendulum
 
 
 def form(kind: str, **values: Any) -> SceneForm:
@@ -132,3 +133,16 @@ def test_first_values_of_linear_equations_are_their_guesses() -> None:
     assert found[len(scene.states) :].tolist() == [guess[v] if k == 0 else 0.0 for v, k in algebraic]
     assert any(k > 0 for _, k in algebraic)
     assert any(k == 0 for _, k in algebraic)
+
+
+def test_sizes_of_unknowns() -> None:
+    """Those that variables declare; derivatives have none of their own."""
+    own = scene_form(gl.compile(Loop(nominal={"a": 3.0, "b": 5.0, "w": 7.0})).translation.scene, "dae")
+    assert dict(zip(own.state_names, own.nominal.tolist(), strict=True)) == {"a": 3.0, "b": 5.0, "w": 7.0}
+    sizes = {"x": 3.0, "y": 4.0, "u": 5.0, "v": 6.0, "T": 7.0}
+    system = gl.compile(Pendulum(start={"x": 0.6}, guess={"y": -0.8}, nominal=sizes))
+    pendulum = scene_form(system.translation.scene, "dae")
+    found = dict(zip(pendulum.state_names, pendulum.nominal.tolist(), strict=True))
+    assert found == {name: sizes.get(name, 1.0) for name in found}
+    assert {"y", "T"} <= set(found)
+    assert 1.0 in found.values()
