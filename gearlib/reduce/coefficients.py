@@ -28,11 +28,11 @@ def partials_at(model: FlatModel, g: int, column: int, parameters: Floats, known
 
 
 def rest_at(model: FlatModel, g: int, parameters: Floats, known: Floats) -> Floats:
-    """Constant terms of a group's equations; NaN if they vary with time. Arguments as for `partials_at`."""
+    """Constant terms of a group's equations; NaN if they vary with time or at events. Arguments as for `partials_at`."""
     group = model.groups[g]
-    if group.template.on_time:
-        return np.full(len(group), np.nan)
     kernel = residual_kernel(group.template, frozenset(range(len(group.template.columns))))
+    if group.template.on_time or kernel.relations:
+        return np.full(len(group), np.nan)
     return _values(model, g, kernel, parameters, known, 0.0)
 
 

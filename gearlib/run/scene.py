@@ -23,7 +23,7 @@ from gearlib.program.program import Newton, Program
 from gearlib.program.relations import Relations, relations_of
 from gearlib.recent import recent
 from gearlib.reduce.reduction import Structure
-from gearlib.run.time_switches import FastestDrive, TimeSwitches, fastest_drive, time_switches
+from gearlib.run.time_switches import FastestDrive, TimeSwitches, driven, fastest_drive, time_switches
 from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import reach
 
@@ -166,8 +166,8 @@ class Scene:
 
     @cached_property
     def on_time(self) -> bool:
-        """Whether the equations or relations depend on time explicitly."""
-        return self.program.on_time or (self.relations is not None and self.relations.program.on_time)
+        """Whether the equations or relations depend on time explicitly, other than conditions on time alone."""
+        return any(True for _ in driven(self.program, self.relations))
 
     @cached_property
     def time_switches(self) -> TimeSwitches:

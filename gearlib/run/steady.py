@@ -441,7 +441,8 @@ def _sticking(search: Search, x: Floats, discrete: Floats) -> tuple[Floats, Floa
         if np.abs(change).max() > NEAR * np.abs(x / search.scale).max():
             return before, None
         x = x + search.scale * change
-    return x, np.linalg.qr(np.array(rows).T)[0] if rows else None
+    held, sizes, _ = np.linalg.svd(np.reshape(rows, (-1, n)).T, full_matrices=False)  # several may hold one direction
+    return x, held[:, sizes > SINGULAR * sizes[0]] if rows else None
 
 
 def _at_rest(search: Search, x: Floats) -> End:

@@ -171,7 +171,7 @@ def fastest_drive(program: Program, relations: Relations | None) -> FastestDrive
     """The fastest explicit functions of time in the equations of a scene and in its event functions."""
     known, constant = True, 0.0
     varying: list[tuple[Callable[..., Any], NDArray[np.int64]]] = []
-    for batch in _driven(program, relations):
+    for batch in driven(program, relations):
         rates = time_rates(batch.kernel)
         if rates is None:
             known = False
@@ -185,7 +185,7 @@ def fastest_drive(program: Program, relations: Relations | None) -> FastestDrive
     return FastestDrive(known, constant, tuple(varying))
 
 
-def _driven(program: Program, relations: Relations | None) -> Iterable[Batch]:
+def driven(program: Program, relations: Relations | None) -> Iterable[Batch]:
     """Batches that contain time, except conditions on time alone: steps end exactly at their switches."""
     programs = [program] if relations is None else [program, relations.program]
     for step in (step for p in programs for step in p.steps):

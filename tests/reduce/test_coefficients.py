@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -95,3 +97,50 @@ def test_what_is_identically_zero_counts_as_zero_in_coefficients() -> None:
     (g,) = [g for g, group in enumerate(model.groups) if ("x", 0) in group.template.columns]
     column = model.groups[g].template.columns.index(("x", 0))
     assert abs(float(partials_at(model, g, column, model.parameters.defaults, known)[0])) == 2.0
+
+
+class Kept(gl.Component):
+    """Two unknowns whose equations contain a discrete variable, a condition, or numbers."""
+
+    k = gl.Parameter("any", default=2.0)
+    x, p, q, r = gl.Variable("any"), gl.Variable("any"), gl.Variable("any"), gl.Variable("any")
+    h = gl.Discrete(start=0.0)
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), self.p),
+            gl.Eq(self.p + 3 * self.q, self.k * self.h),
+            gl.Eq(3 * self.p + self.q, gl.Piecewise((self.k, self.x > 0.5), (0.0, True))),
+            gl.Eq(self.r + 2 * self.q, self.k),
+            gl.When(gl.time >= 1.0, gl.Eq(self.h, 1.0)),
+        ]
+
+
+def test_right_hand_sides_that_change_at_events_are_no_constants() -> None:
+    model = flatten(Kept())
+    parameters = model.parameters.defaults
+    known = at_start(model, parameters)
+    found = {group.template.label: rest_at(model, g, parameters, known).tolist() for g, group in enumerate(model.groups)}
+    kept, condition = (next(v for label, v in found.items() if mark in label) for mark in ("h*k", "Piecewise"))
+    assert np.isnan([*kept, *condition]).all()
+    assert next(v for label, v in found.items() if label.endswith("2*q + r = k")) == [-2.0]
+
+
+@pytest.mark.parametrize("first", [0.0, 1.0])
+def test_two_unknowns_of_what_is_kept_do_not_contradict_each_other(first: float) -> None:
+    """p + 3 q = h k and 3 p + q = -h k, whatever h is at first: p = -h k / 2 and q = h k / 2."""
+
+    class Pair(gl.Component):
+        k = gl.Parameter("any", default=2.0)
+        p, q, h = gl.Variable("any"), gl.Variable("any"), gl.Discrete(start=first)
+
+        def equations(self) -> list[Any]:
+            return [
+                gl.Eq(self.p + 3 * self.q, self.k * self.h),
+                gl.Eq(3 * self.p + self.q, -self.k * self.h),
+                gl.When(gl.time >= 1.0, gl.Eq(self.h, 4.0)),
+            ]
+
+    run = gl.compile(Pair()).simulate(2.0, times=[0.0, 0.5, 1.5])
+    assert run["p"] == pytest.approx([-first, -first, -4.0])
+    assert run["q"] == pytest.approx([first, first, 4.0])

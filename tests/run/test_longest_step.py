@@ -126,3 +126,21 @@ def test_a_release_in_every_half_period(method: str) -> None:
 def test_a_limit_that_is_none(free: gl.System, wrong: Any) -> None:
     with pytest.raises(ArgumentError, match=r"max_step is .*expected a positive number of seconds"):
         free.simulate(1.0, max_step=wrong)
+
+
+class Compared(gl.Component):
+    """Counts how often a sine that only a condition contains rises above a state that hardly moves."""
+
+    x, n = gl.Variable("1", start=0.5), gl.Discrete()
+
+    def equations(self) -> list[Any]:
+        rises = gl.sin(200 * gl.time) > self.x
+        return [gl.Eq(gl.der(self.x), 1e-9 * (1 - self.x**2)), gl.When(rises, gl.Eq(self.n, gl.pre(self.n) + 1))]
+
+
+@pytest.mark.parametrize("method", ["rk", "ida", "auto"])
+def test_a_fast_sine_in_a_condition_is_seen(method: str) -> None:
+    """At pi / 6 of each turn: 2000 rad are 318.3 turns."""
+    run = gl.compile(Compared()).simulate(10.0, samples=2, method=method)
+    assert run["n"][-1] == 319
+    assert [t for t, _ in run.events][::2] == pytest.approx((np.pi / 6 + 2 * np.pi * np.arange(319)) / 200, abs=1e-6)

@@ -78,6 +78,7 @@ def test_a_record_holds_each_history_once() -> None:
     x, y = (record.names.index(name) for name in "xy")
     assert record.columns[x] == record.columns[y]
     assert record.signs[x] == -record.signs[y]
+    assert set(record.signs) == {1, -1}
     assert record.history("x") == pytest.approx(X, abs=1e-12)
     assert record.history("y") == pytest.approx(-X, abs=1e-12)
     assert record.history("nothing").tolist() == [0.0] * 5
@@ -170,6 +171,26 @@ def test_times_of_a_picture_lie_in_the_run() -> None:
     for t in (0.04, 0.11, [0.06, 0.11], [0.04, 0.06]):
         with pytest.raises(ArgumentError, match=r"^t is .*; the run goes from 0\.05 to 0\.1 s$"):
             found.gear_view("mesh", t=t)
+
+
+def test_a_picture_moves_in_a_hundred_steps_over_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Or at the times that are asked for, with values on lines between the samples."""
+    asked: list[Any] = []
+
+    def in_motion(component: Any, part: Any, times: Any, values: Any, gears: Any) -> Any:
+        asked.append((part, np.asarray(times), values("a.w")))
+        return "picture"
+
+    monkeypatch.setattr("gearlib.language.gears_of.in_motion", in_motion)
+    found = gl.compile(Pair()).simulate(0.1, samples=3, t_start=0.05)
+    assert found.gear_view("mesh") == "picture"
+    part, times, speeds = asked.pop()
+    assert part == "mesh"
+    assert times.tolist() == np.linspace(0.05, 0.1, 100).tolist()
+    assert speeds == pytest.approx(np.interp(times, found.time, found["a.w"]))
+    found.gear_view(t=[0.05, 0.1])
+    found.gear_view(t=0.075)
+    assert [np.ravel(times).tolist() for _, times, _ in asked] == [[0.05, 0.1], [0.075]]
 
 
 def test_statistics_that_cost_a_run() -> None:

@@ -249,3 +249,65 @@ def test_errors_are_relative_to_the_size_that_a_variable_declares(method: str) -
 
     assert worst(1e-9) < 1e-3
     assert worst(1.0) > 0.1
+
+
+def test_a_discrete_variable_that_no_event_sets() -> None:
+    """It follows from parameters alone; x rises with it."""
+
+    class Constant(gl.Component):
+        k = gl.Parameter("any", default=2.0)
+        x, n = gl.Variable("any", start=0.0), gl.Discrete()
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), self.n), gl.Eq(self.n, 3 * self.k)]
+
+    system = gl.compile(Constant())
+    relations = system.translation.scene.relations
+    assert relations is not None
+    assert (len(relations.used), len(relations.discretes), len(relations.reinits)) == (0, 1, 0)
+    run = system.simulate(1.0, samples=3, parameters={"k": 4.0})
+    assert run["n"].tolist() == [12.0, 12.0, 12.0]
+    assert run["x"] == pytest.approx([0.0, 6.0, 12.0])
+
+
+@pytest.mark.parametrize(
+    ("rate", "flag", "on_time"),
+    [(1.0, 1.0, False), (gl.sin(gl.time), 1.0, True), (1.0, gl.time, True), (gl.sin(gl.time), gl.time, True)],
+)
+def test_time_in_rates_or_conditions(rate: Any, flag: Any, on_time: bool) -> None:
+    """Those on time alone do not count: steps end at their switches."""
+
+    class Timed(gl.Component):
+        x, n, m = gl.Variable("any", start=0.0), gl.Discrete(), gl.Discrete()
+
+        def equations(self) -> list[Any]:
+            return [
+                gl.Eq(gl.der(self.x), rate - self.x),
+                gl.When(self.x > 0.5 * flag, gl.Eq(self.n, 1.0)),
+                gl.When(gl.time > 0.5, gl.Eq(self.m, 1.0)),
+            ]
+
+    assert gl.compile(Timed()).translation.scene.on_time == on_time
+
+
+def test_what_is_set_at_the_start_follows_from_no_other() -> None:
+    """gl.initial() is no discrete variable of the model."""
+
+    class Begun(gl.Component):
+        x, y = gl.Variable("any", start=0.0), gl.Variable("any", start=0.0)
+        first, second = gl.Discrete(), gl.Discrete()
+
+        def equations(self) -> list[Any]:
+            return [
+                gl.Eq(gl.der(self.x), self.second),
+                gl.Eq(gl.der(self.y), self.first),
+                gl.When(gl.time > 0.5, gl.Eq(self.first, 1.0)),
+                gl.When(gl.initial(), gl.Eq(self.second, 4.0)),
+            ]
+
+    translation = gl.compile(Begun()).translation
+    names = translation.model.discretes
+    for rate, own in (("der(x)", "second"), ("der(y)", "first")):
+        found = [names[k] for k in needed_discretes(translation.structure, [translation.scene.named(rate)[0]])]
+        assert [name for name in found if not name.startswith("when_")] == [own]
+        assert len(found) == 2

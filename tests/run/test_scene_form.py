@@ -12,6 +12,7 @@ from gearlib.run.scene import node_name
 from gearlib.run.scene_form import SceneForm, scene_form
 from gearlib.run.start_values import Start
 from tests.program.test_derivatives import Loop
+from tests.run.test_constrained import Pendulum
 
 
 def form(kind: str, **values: Any) -> SceneForm:
@@ -100,3 +101,48 @@ def test_events_of_what_a_constant_block_determines(kind: str, p: float) -> None
     assert [t for t, _ in found.events] == pytest.approx([(p + 1) / (3 * p)], rel=1e-7)
     assert found["z"] == pytest.approx(3 * found.time / (p + 1), rel=1e-7, abs=1e-9)
     assert found["on"].tolist() == [float(t >= (p + 1) / (3 * p)) for t in found.time]
+
+
+def test_first_values_of_linear_equations_are_their_guesses() -> None:
+    """Of variables; derivatives begin at zero. IDA finds the rest."""
+
+    class Linear(gl.Component):
+        """Two masses that a rigid lever joins: the constraint between their places is differentiated twice."""
+
+        L = gl.Parameter("any", default=2.0)
+        x, y = gl.Variable("any", start=1.0), gl.Variable("any")
+        u, v, force = gl.Variable("any"), gl.Variable("any"), gl.Variable("any")
+
+        def equations(self) -> list[Any]:
+            return [
+                gl.Eq(gl.der(self.x), self.u),
+                gl.Eq(gl.der(self.y), self.v),
+                gl.Eq(gl.der(self.u), -self.force - self.x),
+                gl.Eq(gl.der(self.v), self.L * self.force),
+                gl.Eq(self.x, self.L * self.y),
+            ]
+
+    scene = gl.compile(Linear()).translation.scene
+    own, model = scene_form(scene, "dae"), scene.model
+    assert scene.program.is_linear
+    guess = np.arange(1.0, 1.0 + model.n_variables)
+    start = Start(np.full(len(scene.states), 0.5), guess, ())
+    found = own.first(scene.prepared(model.parameters.defaults), 0.0, start, np.zeros(0), np.zeros(0), None)
+    assert found[: len(scene.states)].tolist() == [0.5] * len(scene.states)
+    algebraic = own.equations.algebraic
+    assert found[len(scene.states) :].tolist() == [guess[v] if k == 0 else 0.0 for v, k in algebraic]
+    assert any(k > 0 for _, k in algebraic)
+    assert any(k == 0 for _, k in algebraic)
+
+
+def test_sizes_of_unknowns() -> None:
+    """Those that variables declare; derivatives have none of their own."""
+    own = scene_form(gl.compile(Loop(nominal={"a": 3.0, "b": 5.0, "w": 7.0})).translation.scene, "dae")
+    assert dict(zip(own.state_names, own.nominal.tolist(), strict=True)) == {"a": 3.0, "b": 5.0, "w": 7.0}
+    sizes = {"x": 3.0, "y": 4.0, "u": 5.0, "v": 6.0, "T": 7.0}
+    system = gl.compile(Pendulum(start={"x": 0.6}, guess={"y": -0.8}, nominal=sizes))
+    pendulum = scene_form(system.translation.scene, "dae")
+    found = dict(zip(pendulum.state_names, pendulum.nominal.tolist(), strict=True))
+    assert found == {name: sizes.get(name, 1.0) for name in found}
+    assert {"y", "T"} <= set(found)
+    assert 1.0 in found.values()

@@ -10,7 +10,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.errors import ArgumentError, LoopError, NameLookupError
 from gearlib.linear.operating_point import operating_point
 from gearlib.run.translation import asked_scene, output_nodes, translate
 from tests.program.test_derivatives import Bound
@@ -190,3 +190,101 @@ def test_progress_of_a_translation() -> None:
     assert told == sorted(told)
     assert all(0.0 < share <= 1.0 for share in told)
     assert told
+
+
+class Row(gl.Component):
+    """A torque on a body that may have no mass, and so many others behind a shaft."""
+
+    count = 1
+    J = gl.Parameter("kg.m2", default=1.0)
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.first = gp.Torque(tau=6.0), gp.Inertia(J=self.J)
+        self.shaft, self.others = gp.SpringDamper(c=10.0, d=1.0), [gp.Inertia(J=1.0) for _ in range(type(self).count)]
+        return [
+            gl.connect(self.torque.flange, self.first.flange_a),
+            gl.connect(self.first.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, *(body.flange_a for body in self.others)),
+        ]
+
+
+def test_parts_are_those_of_the_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where zeros have equations derived anew, what assemble() would make by now does not count."""
+    system = gl.compile(Row(), outputs=["others[0].w"])
+    monkeypatch.setattr(Row, "count", 3)
+    assert system.simulate(1.0, samples=2, parameters={"J": 0.0})["others[0].w"] == pytest.approx([0.0, 6.0])
+    assert gl.compile(Row()).simulate(1.0, samples=2, parameters={"J": 0.0})["others[0].w"] == pytest.approx([0.0, 2.0])
+
+
+class Around(gl.Component):
+    """Two bodies that two discs join: the angles of both must be the same."""
+
+    one, other = gl.Parameter("rad", default=0.0), gl.Parameter("rad", default=0.0)
+    J = gl.Parameter("kg.m2", default=0.0)
+
+    def assemble(self) -> list[Any]:
+        self.a, self.b = gp.Inertia(J=1.0), gp.Inertia(J=1.0 + self.J)
+        self.first, self.second = gp.Disc(delta_phi=self.one), gp.Disc(delta_phi=self.other)
+        return [
+            gl.connect(self.a.flange_b, self.first.flange_a, self.second.flange_a),
+            gl.connect(self.b.flange_a, self.first.flange_b, self.second.flange_b),
+        ]
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_what_closes_a_loop_has_no_derivative(angle: float) -> None:
+    """Of the two angles neither may change alone, whether or not they are zero; the inertia may."""
+    translation = gl.compile(Around(one=angle, other=angle)).translation
+    numbers, index = translation.parameter_values({}), translation.model.parameters.index
+    for names in (["one"], ["other"], ["J", "one"]):
+        with pytest.raises(
+            LoopError, match=rf"^there is no derivative with respect to {names[-1]}: equations of .* follow from the"
+        ):
+            translation.parameter_changes(names, numbers, [])
+    changes = {translation.model.parameters.names[p]: w for p, _, w in translation.parameter_changes(["J"], numbers, [])}
+    assert changes["J"] == changes["b.J"] == 1.0
+    assert index["one"] not in {p for p, _, _ in translation.parameter_changes(["J"], numbers, [])}
+    with pytest.raises(LoopError):
+        translation.parameter_values({"one": angle + 0.1})
+
+
+def test_a_model_without_inputs_takes_none() -> None:
+    translation = gl.compile(gp.Inertia(J=1.0)).translation
+    assert translation.input_signals(None) == translation.input_signals({}) == []
+    with pytest.raises(NameLookupError, match=r"^the model has no unbound input 'torque.tau'; "):
+        translation.input_signals({"torque.tau": 1.0})
+
+
+class Modes(gl.Component):
+    """Two discrete variables with start values, one of which moves the state."""
+
+    x = gl.Variable("any", start=1.0)
+    n, m = gl.Discrete(start=2.0), gl.Discrete(start=3.0)
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), self.n + self.m),
+            gl.When(self.x > 100.0, gl.Eq(self.n, 0.0)),
+            gl.When(self.x > 200.0, gl.Eq(self.m, 0.0)),
+        ]
+
+
+def test_start_values_of_discrete_variables() -> None:
+    """Those that are given, beside those of the model; where none is given, none is kept."""
+    translation = gl.compile(Modes()).translation
+    scene, numbers = translation.scene, translation.parameter_values({})
+
+    def begun(start: Any) -> Any:
+        return translation.start(scene, numbers, 0.0, start, (), accepts_discrete=True)
+
+    names = list(translation.model.discretes)
+    for given, expected in (({"n": 7.0}, [7.0, 3.0]), ({"m": 8.0, "n": 7.0}, [7.0, 8.0]), ({"m": 8.0, "x": 4.0}, [2.0, 8.0])):
+        found = begun(given)
+        assert [found.given[names.index(name)] for name in ("n", "m")] == expected
+        place = translation.model.n_relations
+        assert [found.discrete[place + names.index(name)] for name in ("n", "m")] == expected
+        assert found.states.tolist() == [given.get("x", 1.0)]
+    assert begun({"x": 4.0}).given is None
+    assert translation.model.discrete_starts[[names.index("n"), names.index("m")]].tolist() == [2.0, 3.0]
+    with pytest.raises(NameLookupError, match=r"^n is a discrete variable; its start value is part of the model"):
+        translation.start(scene, numbers, 0.0, {"n": 7.0}, ())

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ModelError, SingularError
-from gearlib.run.zeros import factors, nothing_special, special_values, sums
+from gearlib.run.zeros import can_be_solved, factors, nothing_special, special_values, sums
 
 c = gl.connect
 
@@ -216,3 +216,47 @@ def test_values_at_which_a_coefficient_vanishes() -> None:
     both[zero, 1] = 0.0
     assert special_values(multiplied, added, both[:, 1]) == {(zero, 0.0), (place, 1.0)}
     assert nothing_special(multiplied, added, both).tolist() == [False, False]
+
+
+class Iterated(gl.Component):
+    """Two unknowns of nonlinear equations: one has a factor that varies, the other a constant one."""
+
+    p, q, k = (gl.Parameter("any", default=v) for v in (1.0, 2.0, 3.0))
+    x, y, z = gl.Variable("any", start=1.0), gl.Variable("any"), gl.Variable("any")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), -self.y),
+            gl.Eq(self.p * self.y + self.q * self.y**3 + self.z, self.x),
+            gl.Eq(self.k * self.z + self.y * self.z**2, self.x),
+        ]
+
+
+@pytest.mark.parametrize(
+    ("values", "solved"), [({}, True), ({"p": 0.0}, True), ({"q": 0.0}, True), ({"p": 0.0, "q": 0.0}, True)]
+)
+def test_factors_that_vary_in_a_run_are_not_judged_before_it(values: dict[str, float], solved: bool) -> None:
+    translation = gl.compile(Iterated()).translation
+    assert can_be_solved(translation.scene, translation.parameter_values(values)) == solved
+
+
+def test_a_constant_factor_in_equations_that_are_iterated() -> None:
+    """Zero, it is a divisor of the matrix: k, which multiplies z alone."""
+
+    class Mixed(gl.Component):
+        k = gl.Parameter("any", default=3.0)
+        x, y, z = gl.Variable("any", start=1.0), gl.Variable("any"), gl.Variable("any")
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(gl.der(self.x), -self.y),
+                gl.Eq(self.y + self.y**3 + self.z, self.x),
+                gl.Eq(self.k * self.z + self.y**2, self.x),
+            ]
+
+    translation = gl.compile(Mixed()).translation
+    assert can_be_solved(translation.scene, translation.parameter_values({}))
+    assert not can_be_solved(translation.scene, translation.parameter_values({"k": 0.0}))
+    alone = gl.compile(First()).translation
+    assert can_be_solved(alone.scene, alone.parameter_values({}))
+    assert not can_be_solved(alone.scene, alone.parameter_values({"q": 3.0}))

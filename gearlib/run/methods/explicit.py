@@ -51,4 +51,5 @@ def order_of(problem: Problem) -> int:
     stepper = RungeKutta(5)
     pilot = Driver(problem, stepper)
     pilot.advance(PILOT)
-    return 5 if stepper.wanted >= CUT * (pilot.t - problem.times[0]) / PILOT else 8
+    passed = max(1, int((problem.time_events <= pilot.t).sum()))
+    return 5 if stepper.wanted >= CUT * (pilot.t - problem.times[0]) / passed else 8

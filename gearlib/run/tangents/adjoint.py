@@ -172,6 +172,8 @@ class Adjoint:
         scene, n = self.scene, len(self.scene.states)
         due = {float(t): jump for t, jump in zip(self.times, jumps, strict=True) if jump.any()}
         edges, h = self._steps(steps, sorted(due))
+        if not len(h):  # the only sample is the start
+            return np.asarray(jumps.sum(axis=0) @ self.start, float)
         nodes = (edges[:-1, None] + h[:, None] * NODES).ravel()
         states = self.motion(nodes)
         _, evaluator = scene.compiled_numbers(self.parameters)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 
 import gearlib as gl
 from gearlib.errors import ArgumentError, SolverError, StartError
-from gearlib.run.refusals.limits import refuse_start, refuse_too_small_in, too_small
+from gearlib.run.refusals.limits import refuse_start, refuse_too_small, refuse_too_small_in, too_small
 
 
 class Limits(gl.Component):
@@ -161,3 +162,51 @@ def test_values_that_are_given_for_all_variables() -> None:
         with pytest.raises(ArgumentError) as refused:
             refuse_too_small_in(model, np.array(values))
         assert str(refused.value) == text
+
+
+def test_a_start_is_the_first_sample_of_the_first_part() -> None:
+    """A later part, or a later sample, fell below on the way."""
+    whole: Any = SYSTEM.simulate(0.5, samples=3, method="rk")
+    fine = whole._segments[0]
+    x = SCENE.state_names.index("x")
+
+    def below(*samples: int) -> Any:
+        states = fine.states.copy()
+        states[list(samples), x] = -1.0
+        return replace(fine, states=states, known={}, computed=[])
+
+    refuse_too_small([fine, fine], 1e-6)
+    for parts, kind, t in (
+        ([below(0, 1)], StartError, "0"), ([below(1)], SolverError, "0.25"), ([fine, below(0)], SolverError, "0"),
+        ([fine, below(2)], SolverError, "0.5"), ([below(0), below(1)], StartError, "0"),
+    ):  # fmt: skip
+        with pytest.raises(kind, match=rf"^x is -1 rad/s .* at t = {t} s; {'choose' if kind is StartError else 'only'}"):
+            refuse_too_small(parts, 1e-6)
+    with pytest.raises(StartError, match=r"^gap is 1 m .* at t = 0\.5 s; the equations hold down to there"):
+        SYSTEM.simulate(1.0, samples=3, start=whole, parameters={"shift": 1.0}, method="rk")
+
+
+class Guarded(gl.Component):
+    """A gap that is open where z is positive."""
+
+    a, z = gl.Variable("m", start=6.0), gl.Variable("m", start=1.0)
+    gap = gl.Variable("m", "guarded", min=0)
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.a), 0.0),
+            gl.Eq(gl.der(self.z), 0.0),
+            gl.Eq(self.gap, gl.Piecewise((self.a - 5.0, self.z > 0.0), (1.0, True))),
+        ]
+
+
+@pytest.mark.parametrize(("short", "refused"), [(4.9e-8, False), (5.1e-8, True), (1e-3, True)])
+@pytest.mark.parametrize("z", [1e6, 1.0])
+def test_what_only_decides_between_equations_is_no_operand(short: float, refused: bool, z: float) -> None:
+    """However large it is: 1e-8 of a = 5 m."""
+    scene = gl.compile(Guarded()).translation.scene
+    numbers, begin = scene.numbers(scene.model.parameters.defaults), SimpleNamespace(guess=np.zeros(scene.model.n_variables))
+    x = np.array([{"a": 5.0 - short, "z": z}[name] for name in scene.state_names])
+    said = too_small(scene, numbers, 0.0, x, np.empty(0), begin)  # type: ignore[arg-type]
+    assert said.startswith("gap is -") == refused
+    assert (said == "") != refused

@@ -11,7 +11,13 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError
-from gearlib.run.sampling.controllers import Controller, controllers_of, read_by_controllers, refuse_controllers
+from gearlib.run.sampling.controllers import (
+    Controller,
+    controllers_of,
+    read_by_controllers,
+    refuse_controllers,
+    refuse_instants,
+)
 
 
 def controller(period: float = 0.25, offset: float = 0.0, function: Any = None, gives: int = 1) -> Controller:
@@ -130,3 +136,43 @@ def test_analyses_that_need_equations_refuse_both_by_name() -> None:
     with pytest.raises(ArgumentError, match=r"^it needs equations, and law is a Python function \(gl.Sampled\); leave it out"):
         refuse_controllers(made(Governed()), "it")
     refuse_controllers(made(gp.Inertia(J=1.0)), "it")
+
+
+class Held(gl.Component):
+    """x is driven by what was kept at an instant; z only by itself, and is set to 0 at instants."""
+
+    k = gl.Parameter("any", default=1.0)
+    x, z = gl.Variable("any", start=1.0), gl.Variable("any", start=1.0)
+    kept, late = gl.Discrete(), gl.Discrete()
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), -self.kept),
+            gl.Eq(gl.der(self.z), -self.k * self.z),
+            gl.When(gl.sample(0.1), gl.Eq(self.kept, self.x)),
+            gl.When(gl.sample(0.2), gl.reinit(self.z, 0.0)),
+            gl.When(self.x < 0.5, gl.Eq(self.late, 1.0)),
+        ]
+
+
+def test_what_acts_at_single_instants_is_refused_where_it_is_held_in_rates() -> None:
+    """By the part that it stands in; not for rates that do not depend on it."""
+    scene = gl.compile(Held()).translation.scene
+    by_name = dict(zip(scene.state_names, scene.states, strict=True))
+    with pytest.raises(
+        ArgumentError, match=r"^it needs equations that act at all times, and the model acts at single instants \(gl"
+    ):
+        refuse_instants(scene.structure, [by_name["x"], by_name["z"]], "it")
+    refuse_instants(scene.structure, [by_name["z"]], "it")
+
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.first, self.second = Held(), Held()
+            return []
+
+    both = gl.compile(Two()).translation.scene
+    with pytest.raises(ArgumentError, match=r"times, and first, second acts at single instants"):
+        refuse_instants(both.structure, both.states, "it")
+    own = dict(zip(both.state_names, both.states, strict=True))
+    with pytest.raises(ArgumentError, match=r"times, and second acts at single instants"):
+        refuse_instants(both.structure, [own["second.x"], own["first.z"]], "it")

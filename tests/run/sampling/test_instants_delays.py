@@ -108,3 +108,9 @@ def test_two_delays_of_one_signal() -> None:
         ArgumentError, match=r"^method='exact' does not know the history of one; use method='auto', 'rk' or 'ida'$"
     ):
         gl.compile(Two()).simulate(1.5, method="exact")
+
+
+def test_a_delay_of_nothing_gives_nothing() -> None:
+    """Of a signal that is zero wherever it goes."""
+    found = gl.compile(B.FixedDelay(u=0.0, delay_time=0.4)).simulate(1.0, samples=6, method="rk")
+    assert found["y"].tolist() == [0.0] * 6

@@ -197,3 +197,10 @@ def test_events_are_refused_by_name(tmp_path: Any) -> None:
     run.save(tmp_path / "run.nc")
     with pytest.raises(ArgumentError, match="from a file has no gradients"):
         gl.load_result(tmp_path / "run.nc").gradient({"h": np.ones(3)}, ["e"])
+
+
+def test_a_weight_at_the_start_only() -> None:
+    """The start value is what it is, whatever follows; also where there is no other sample."""
+    for times, weights in (([0.0], [2.0]), ([0.0, 1.0, 2.0], [2.0, 0.0, 0.0])):
+        run = gl.compile(Decay()).simulate(2.0, times=times)
+        assert run.gradient({"x": weights}, ["k", "start(x)"]) == pytest.approx({"k": 0.0, "start(x)": 2.0}, abs=1e-12)

@@ -139,3 +139,33 @@ def test_tangents_without_states() -> None:
     result = gl.compile(Counted()).simulate(1.2, times=[0.0, 0.4, 0.7, 1.2], sensitivities=["k"])
     assert result["y"].tolist() == [2.0, 2.0, 4.0, 6.0]
     assert result.sensitivity("y", "k").tolist() == [1.0, 1.0, 2.0, 3.0]
+
+
+class Block(gl.Component):
+    """Rates of a and b that follow from two equations together: k h / (m - 1) and its opposite, where h is what x = k t was at 1 s."""
+
+    k, m = gl.Parameter("any", default=2.0), gl.Parameter("any", default=3.0)
+    a, b, x = gl.Variable("any", start=0.0), gl.Variable("any", start=0.0), gl.Variable("any", start=0.0)
+    p, q, h = gl.Variable("any"), gl.Variable("any"), gl.Discrete()
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), self.k),
+            gl.Eq(gl.der(self.a), self.p),
+            gl.Eq(gl.der(self.b), self.q),
+            gl.Eq(self.m * self.p + self.q, self.k * self.h + 0 * self.a),
+            gl.Eq(self.p + self.m * self.q, -self.k * self.h),
+            gl.When(gl.time >= 1.0, gl.Eq(self.h, self.x)),
+        ]
+
+
+@pytest.mark.parametrize("method", ["rk", "ida"])
+def test_tangents_of_a_block_that_depends_on_what_is_kept(method: str) -> None:
+    """a = k^2 (t - 1) / (m - 1) from 1 s on."""
+    t = np.array([0.0, 0.5, 1.5, 2.0, 3.0])
+    result = gl.compile(Block()).simulate(3.0, times=t, method=method, rtol=1e-9, sensitivities=["k", "m"])
+    since = np.maximum(t - 1.0, 0.0)
+    for name, sign in (("a", 1.0), ("b", -1.0)):
+        assert result[name] == pytest.approx(sign * 2.0 * since, abs=1e-8)
+        assert result.sensitivity(name, "k") == pytest.approx(sign * 2.0 * since, abs=1e-7)
+        assert result.sensitivity(name, "m") == pytest.approx(-sign * since, abs=1e-7)

@@ -1,0 +1,52 @@
+"""What "auto" chooses, and why: exponentials, series or Runge-Kutta, and IDA where nothing moves."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import pytest
+
+import gearlib as gl
+
+
+class Decay(gl.Component):
+    """x' = u + w - x^2 or, if it is linear, u + w - x; the motion may be driven by time."""
+
+    linear, driven = gl.Structural(False), gl.Structural(False)
+    x, u = gl.Variable("any", start=1.0), gl.Input("any")
+
+    def equations(self) -> list[Any]:
+        drive = gl.sin(gl.time) if self.driven else 0.0
+        return [gl.Eq(gl.der(self.x), self.u + drive - (self.x if self.linear else self.x**2))]
+
+
+@cache
+def system(**kind: bool) -> gl.System:
+    return gl.compile(Decay(**kind))
+
+
+NOT_LINEAR = "the equations are not linear with constant coefficients"
+STEADY = f"{NOT_LINEAR}; the run begins in a steady state, which nothing leaves with time"
+
+
+@pytest.mark.parametrize(
+    ("kind", "start", "u", "why", "implicit"),
+    [
+        ({"linear": True}, None, 4.0, "the scene is linear and time-invariant", False),
+        ({}, None, 4.0, NOT_LINEAR, False),
+        ({}, {"x": 2.0}, 4.0, NOT_LINEAR, False),  # steady, too, but that is not known
+        ({}, "steady", 4.0, STEADY, True),
+        ({"driven": True}, "steady", 4.0, NOT_LINEAR, False),
+        ({}, "steady", gl.Table([0.0, 1.0], [4.0, 9.0]), NOT_LINEAR, False),
+        ({}, "steady", lambda t: 4.0, NOT_LINEAR, False),
+        ({"linear": True}, None, lambda t: 4.0, "an input is a Python function", False),
+    ],
+)
+def test_the_choice_and_its_reason(kind: dict[str, bool], start: Any, u: Any, why: str, implicit: bool) -> None:
+    run = system(**kind).simulate(0.25, samples=3, start=start, inputs={"u": u})
+    assert run.stats["why"] == why
+    assert (run.stats["method"] == "ida") == implicit
+    assert (run.stats["method"] == "exact") == (why.startswith("the scene is linear"))
+    if implicit:
+        assert run["x"] == pytest.approx([2.0] * 3, rel=1e-9)

@@ -1,0 +1,113 @@
+"""Steady states at which something sticks: Coulomb's friction on a spring."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.run import steady as steady_module
+from gearlib.run.steady import Search, search_steady
+
+
+class Rubbed(gl.Component):
+    """A body on a spring of 10 N m/rad in a bearing that holds 3 N m, with a torque from outside."""
+
+    def assemble(self) -> list[Any]:
+        self.push, self.body, self.spring, self.wall = gp.Torque(), gp.Inertia(J=1.0), gp.Spring(c=10.0), gp.Fixed()
+        self.bearing = gp.BearingFriction(tau_pos=((0.0, 3.0), (10.0, 3.0)))
+        return [
+            gl.connect(self.push.flange, self.body.flange_a, self.bearing.flange_a),
+            gl.connect(self.body.flange_b, self.spring.flange_a),
+            gl.connect(self.spring.flange_b, self.wall.flange),
+        ]
+
+
+@cache
+def rubbed() -> gl.System:
+    return gl.compile(Rubbed())
+
+
+def steady(phi: float, tau: float = 0.0) -> dict[str, float]:
+    """The steady state that the motion from a deflection, without speed, reaches."""
+    translation = rubbed().translation
+    scene, numbers = translation.scene, translation.parameter_values({})
+    begin = translation.start(scene, numbers, 0.0, {"body.phi": phi, "body.w": 0.0}, (tau,))
+    found = search_steady(scene, scene.prepared(numbers), begin, np.array([tau]), 0.0)
+    return dict(zip(scene.state_names, found.tolist(), strict=True))
+
+
+@pytest.mark.parametrize("phi", [0.2, -0.29])
+def test_a_body_that_its_spring_does_not_move_rests_where_it_is(phi: float) -> None:
+    assert steady(phi) == {"body.w": 0.0, "spring.phi_rel": -phi}
+
+
+def search() -> Search:
+    translation = rubbed().translation
+    scene, numbers = translation.scene, translation.parameter_values({})
+    begin = translation.start(scene, numbers, 0.0, {"body.phi": 0.2, "body.w": 0.0}, (0.0,))
+    return Search(scene, scene.prepared(numbers), begin, np.zeros(1), 0.0, np.zeros((2, 0)))
+
+
+@pytest.mark.parametrize("slip", [1e-6, -1e-6, 1e-8, -1e-4])
+def test_a_slip_of_the_size_of_a_tolerance_is_taken_away(slip: float) -> None:
+    """What a run that ends stuck leaves of a speed would start as sliding; the direction in which it would slide is held."""
+    own = search()
+    stuck = own.discrete(np.array([0.0, -0.2]))[:, 0]
+    moved, held = steady_module._sticking(own, np.array([slip, -0.2]), stuck)
+    assert abs(moved[0]) < 1e-10
+    assert moved[1] == -0.2
+    assert own.discrete(moved)[:, 0].tolist() == stuck.tolist()
+    assert held is not None
+    assert np.abs(held) == pytest.approx(np.array([[1.0], [0.0]]), abs=1e-12)
+
+
+def test_what_slides_or_is_far_from_sticking_stays() -> None:
+    own = search()
+    stuck = own.discrete(np.array([0.0, -0.2]))[:, 0]
+    far = np.array([1.1e-4 * 0.2 / own.scale[1], -0.2])  # more than 1e-4 of the largest state, in nominal values
+    moved, held = steady_module._sticking(own, far, stuck)
+    assert (moved.tolist(), held) == (far.tolist(), None)
+    for w in (1.0, -1.0):
+        x = np.array([w, -0.2])
+        moved, held = steady_module._sticking(own, x, own.discrete(x)[:, 0])
+        assert (moved.tolist(), held) == (x.tolist(), None)
+
+
+def test_what_sticks_already_is_held_where_it_is() -> None:
+    own = search()
+    x = np.array([0.0, -0.2])
+    moved, held = steady_module._sticking(own, x, own.discrete(x)[:, 0])
+    assert moved.tolist() == x.tolist()
+    assert held is not None
+    assert np.abs(held) == pytest.approx(np.array([[1.0], [0.0]]), abs=1e-12)
+
+
+class Both(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.first, self.second = Rubbed(), Rubbed()
+        return []
+
+
+@pytest.mark.parametrize("speed", [1.0, -1.0])
+def test_one_sticks_while_another_slides(speed: float) -> None:
+    """Only the slip of what sticks is taken away and held."""
+    translation = gl.compile(Both()).translation
+    scene, numbers = translation.scene, translation.parameter_values({})
+    begin = translation.start(scene, numbers, 0.0, {"first.body.w": 0.0, "second.body.w": 0.0}, (0.0, 0.0))
+    own = Search(scene, scene.prepared(numbers), begin, np.zeros(2), 0.0, np.zeros((4, 0)))
+    first, second = (scene.state_names.index(f"{part}.body.w") for part in ("first", "second"))
+    x = np.zeros(4)
+    x[second] = speed
+    discrete = own.discrete(x)[:, 0]
+    x[first] = 1e-6
+    moved, held = steady_module._sticking(own, x, discrete)
+    assert abs(moved[first]) < 1e-10
+    assert np.delete(moved, first).tolist() == np.delete(x, first).tolist()
+    assert held is not None
+    assert np.abs(held[:, 0]) == pytest.approx(np.eye(4)[first], abs=1e-12)
+    assert held.shape == (4, 1)
