@@ -71,49 +71,6 @@ def test_parameters_of_the_first_run(drive: gl.System) -> None:
         assert _first_parameters(own, as_samples({"motor.J": [first, 1.0]}), request, {}) is request.parameters
 
 
-def test_what_is_kept_of_runs_side_by_side(drive: gl.System) -> None:
-    """Histories of states alone need no results, nor do their last values; what is made of anything else does."""
-    varied, scene = {"J": J}, drive.translation.scene
-    place = scene.place_of[scene.named("load.w")[0]]
-    for outputs, reduce, whole, kept, last in (
-        (["load.w"], None, False, (place,), False),
-        ([], {"end": gl.final("load.w")}, False, (place,), True),
-        ([], {"end": gl.final("load.w"), "top": gl.peak("load.w")}, False, (place,), False),
-        (["load.w"], {"end": gl.final("load.w")}, False, (place,), False),
-        (["load.w", "shaft.tau"], None, True, (), False),
-        ([], {"end": gl.final("shaft.tau")}, True, (), False),
-        ([], {"n": len, "end": gl.final("load.w")}, True, (), False),
-    ):
-        engine = task(drive, varied, outputs=outputs, reduce=reduce).together_by
-        assert isinstance(engine, ExactSweep)
-        assert (engine.whole, engine.kept, engine.last) == (whole, kept, last)
-        count = len(scene.states) if whole else 1
-        assert len(engine.columns) == count
-        assert len(engine.sampled) == (2 if last else 5)
-        assert engine.column("load.w") == (-1 if whole else 0)
-        assert engine.column("shaft.tau") == -1
-
-
-@pytest.mark.parametrize(
-    ("times", "grid", "hidden", "of_the_last"),
-    [
-        ([0.0, 0.5, 1.0], [0.0, 0.5, 1.0], 0, ([0.0, 1.0], 1)),
-        ([0.5, 1.0], [0.0, 0.5, 1.0], 1, ([0.0, 1.0], 1)),
-        ([1.0], [0.0, 1.0], 1, ([0.0, 1.0], 1)),
-        ([0.0, 1.0], [0.0, 1.0], 0, ([0.0, 1.0], 0)),
-    ],
-)
-def test_times_at_which_runs_are_computed(drive: gl.System, times: Any, grid: Any, hidden: int, of_the_last: Any) -> None:
-    """The start comes before them, and is hidden; for the last value no others are needed."""
-    options: dict[str, Any] = {"samples": None, "times": times}
-    whole = task(drive, {"J": J}, outputs=["load.w"], **options).together_by
-    last = task(drive, {"J": J}, reduce={"end": gl.final("load.w")}, outputs=[], **options).together_by
-    assert isinstance(whole, ExactSweep)
-    assert isinstance(last, ExactSweep)
-    assert (whole.grid.tolist(), whole.sampled.tolist(), whole.hidden) == (grid, grid, hidden)
-    assert (last.grid.tolist(), last.sampled.tolist(), last.hidden) == (grid, *of_the_last)
-
-
 def test_ways_in_which_runs_are_carried_out(drive: gl.System) -> None:
     tables = [gl.Table([0.0, 1.0], [0.0, k]) for k in J]
     functions = [lambda t: t] * 11

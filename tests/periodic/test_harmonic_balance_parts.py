@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gearlib as gl
-from gearlib.errors import ArgumentError
+from gearlib.errors import ArgumentError, BoundError
 from gearlib.periodic.harmonic_balance import _check_numbers, _Watch
 
 
@@ -78,7 +78,7 @@ def test_numbers_of_a_branch(changes: dict[str, Any], said: str) -> None:
 class Driven(gl.Component):
     """An oscillator, and what is proportional to the frequency that drives it."""
 
-    w = gl.Parameter("rad/s", default=1.0)
+    w = gl.Parameter("rad/s", default=1.0, max=2.0)
     x, v, y = gl.Variable("1"), gl.Variable("1"), gl.Variable("1/s")
 
     def equations(self) -> list[gl.Eq]:
@@ -95,3 +95,46 @@ def test_outputs_know_the_frequency_of_their_point() -> None:
     assert found.amplitude("x") == pytest.approx(1 / np.abs(1 - found.omega**2 + 0.1j * found.omega))
     assert found.amplitude("y") == pytest.approx(found.omega * found.amplitude("x"))
     assert found.mean("y") == pytest.approx(found.omega)
+
+
+def test_progress_is_told_from_the_first_frequency_to_the_last() -> None:
+    told: list[float] = []
+    found = gl.harmonic_balance(
+        gl.compile(Driven()), 0.5, 0.6, frequency="w", outputs=["x"], step=0.4, progress=lambda part, seconds: told.append(part)
+    )
+    assert found.harmonics == 4
+    assert found.error.max() < 1e-9
+    assert told == sorted(told)
+    assert 0.0 <= told[0] < 1.0
+    assert told[-1] == 1.0
+
+
+@pytest.mark.parametrize(("start", "end", "refused"), [(1.99, 2.0, False), (1.9, 2.1, True), (2.1, 1.9, True)])
+def test_bounds_of_the_frequency_hold_at_both_ends(start: float, end: float, refused: bool) -> None:
+    """In between, frequencies a little beyond them may be tried."""
+    options: dict[str, Any] = {"frequency": "w", "harmonics": 1, "outputs": ["x"], "step": 1.0}
+    if not refused:
+        assert gl.harmonic_balance(gl.compile(Driven()), start, end, **options).omega[-1] == end
+        return
+    with pytest.raises(BoundError, match=r"w is 2\.1"):
+        gl.harmonic_balance(gl.compile(Driven()), start, end, **options)
+
+
+def test_samples_of_a_period_that_are_given_are_taken() -> None:
+    found = [
+        gl.harmonic_balance(
+            gl.compile(Driven()),
+            0.5,
+            0.51,
+            frequency="w",
+            harmonics=2,
+            samples=samples,
+            outputs=["x"],
+            points=2,
+            guess={"x": 7.0},
+        )
+        for samples in (6, 40)
+    ]
+    assert found[0].coefficients == pytest.approx(found[1].coefficients, abs=1e-9)
+    assert len(found[0]) == 2
+    assert not found[0].complete or found[0].omega[-1] == 0.51
