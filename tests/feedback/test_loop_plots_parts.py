@@ -258,6 +258,16 @@ def test_a_nichols_plot_shows_the_images_of_the_point_that_are_near(
     assert ax.get_xlim() == pytest.approx((min(*x, *points) - 25, max(*x, *points) + 25))
 
 
+def shown(model: Any) -> Any:
+    return pytest.approx(gl.nichols_plot(model).get_ylim(), abs=0.1)
+
+
+def test_a_nichols_plot_shows_twelve_decibels_up_and_down_at_least() -> None:
+    assert shown(control.tf([1.0, 2.0], [1, 1])) == (-18.0, 18.0)  # from 6 dB to 0 dB
+    assert shown(control.tf([10.0, 200.0], [1, 10])) == (-18.0, 32.0)  # from 26 dB to 20 dB
+    assert shown(control.tf([0.1, 0.5], [1, 10.0])) == (-32.0, 18.0)
+
+
 @pytest.mark.parametrize(
     ("numerator", "denominator"),
     [
@@ -269,16 +279,6 @@ def test_a_nichols_plot_shows_the_images_of_the_point_that_are_near(
         ([2.0], np.poly([-1.0] * 7)),
     ],
 )
-def shown(model: Any) -> Any:
-    return pytest.approx(gl.nichols_plot(model).get_ylim(), abs=0.1)
-
-
-def test_a_nichols_plot_shows_twelve_decibels_up_and_down_at_least() -> None:
-    assert shown(control.tf([1.0, 2.0], [1, 1])) == (-18.0, 18.0)  # from 6 dB to 0 dB
-    assert shown(control.tf([10.0, 200.0], [1, 10])) == (-18.0, 32.0)  # from 26 dB to 20 dB
-    assert shown(control.tf([0.1, 0.5], [1, 10.0])) == (-32.0, 18.0)
-
-
 def test_phases_are_those_of_the_response_but_for_whole_turns(numerator: Any, denominator: Any) -> None:
     model = control.tf(numerator, denominator)
     _, phase = gl.bode_plot(model)
