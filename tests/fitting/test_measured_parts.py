@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
+import gearlib as gl
 from gearlib.errors import ArgumentError, NameLookupError
 from gearlib.fitting.measured import as_real, checked_noise, split
 
@@ -29,3 +32,12 @@ def test_noise_by_name() -> None:
 def test_parameters_and_start_values_are_told_apart() -> None:
     assert split({"a.c": 1.0, "start(b.w)": 2.0, "d": 3.0}) == ({"a.c": 1.0, "d": 3.0}, {"b.w": 2.0})
     assert split({}) == ({}, {})
+
+
+@pytest.mark.parametrize("number", [2, 3])
+def test_modes_of_a_train_that_turns_are_those_that_vibrate(chain: Any, number: int) -> None:
+    """Three bodies: it turns in one way, and vibrates in two."""
+    found = gl.MeasuredModes([1.0, 2.0], numbers=[1, 0]).predicted(chain(n=3), {"d": 1.0})
+    assert found.values[0] == pytest.approx(gl.modes(chain(n=3), parameters={"d": 1.0}).frequencies[[2, 1]])
+    with pytest.raises(ArgumentError, match=f"numbers names mode {number}; the system has 2 that vibrate"):
+        gl.MeasuredModes([1.0], numbers=[number]).predicted(chain(n=3), {"d": 1.0})

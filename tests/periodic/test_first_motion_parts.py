@@ -162,6 +162,9 @@ def test_a_run_is_made_where_newtons_method_finds_no_motion_from_the_start_value
     begun, c = found.balance.coefficients(found.z), plain.balance.coefficients(plain.z)
     assert begun == pytest.approx(c, abs=1e-9)
     x = scene.state_names.index("x")
+    begin = np.zeros((5, 2))
+    begin[0, x] = 0.25
+    assert calls[0].reshape(5, -1) * np.maximum(scene.nominal, 1e-300) == pytest.approx(begin)
     after = (calls[1].reshape(5, -1) * np.maximum(scene.nominal, 1e-300))[:, x]  # where Newton's method begins after the run
     assert after[1:3] == pytest.approx([response(0.7).real, -response(0.7).imag], rel=1e-4)
     assert np.abs(after[[0, 3, 4]]).max() < 1e-3

@@ -8,8 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
+from gearlib.periodic import floquet
 from gearlib.periodic.floquet import _eigenvalues, _null, _panels, _product, vibration_multipliers
+from gearlib.periodic.periods import moments
+from tests.periodic.test_floquet import pumped
 
 
 @pytest.mark.parametrize("count", range(1, 12))
@@ -102,3 +106,18 @@ def test_a_phase_that_is_idle_already_takes_no_other_multiplier(off: float, coun
     growth = 5.0 * np.array([1.0, off, 0.0])
     found = vibration_multipliers(over_period, np.empty((3, 0)), np.eye(3)[:, :1], growth)
     assert sorted(found.real.tolist()) == [-0.8, 0.97][: 1 + count]
+
+
+def test_beyond_the_most_panels_coefficients_count_as_constant_in_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As the mean of two places: of ``y'' + 0.1 y' + (1 + 3 x(t)^2) y = 0``, in sixteen panels of which each is too long."""
+    monkeypatch.setattr(floquet, "MOST", 16)
+    omega, c = 0.5, np.array([[0.2, 0.0], [0.8, 0.0], [0.5, 0.0]])
+    driven = pumped().driven(pumped().scene(["x", "v"]))(omega)
+    found = floquet.monodromy(driven, c, moments(driven, c, 32), None, 32)
+    expected = np.eye(2)
+    h = 2 * np.pi / 16
+    for k in range(16):
+        places = h * (k + 0.5 + np.array([-1, 1]) * np.sqrt(3) / 6)
+        x = 0.2 + 0.8 * np.cos(places) + 0.5 * np.sin(places)
+        expected = expm(h / omega * np.array([[0.0, 1.0], [-1.0 - 3 * np.mean(x**2), -0.1]])) @ expected
+    assert found == pytest.approx(expected, rel=1e-4, abs=1e-4)

@@ -206,6 +206,32 @@ def test_directions_in_which_a_train_turns_are_those_that_are_not_given_as_turni
     assert _free(still, scale, none).shape == (4, 0)
 
 
+class Pair(gl.Component):
+    """Two bodies on a shaft, with the angle of each."""
+
+    F = gl.Input("1")
+    x, y = gl.Variable("1", nominal=1e-2), gl.Variable("1", nominal=10.0)
+    v, u = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        between = 9.0 * (self.x - self.y)
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.y), self.u),
+            gl.Eq(gl.der(self.v), self.F - between),
+            gl.Eq(gl.der(self.u), between),
+        ]
+
+
+def test_a_direction_in_which_all_turn_alike_is_scaled_with_its_states() -> None:
+    task = Forced(gl.compile(Pair()).translation, None, {}, {"F": lambda phase, w: np.cos(phase)}, 1, {})
+    scene = task.scene(["x", "y"])
+    scale = np.array([{"x": 2.0, "y": 5.0}.get(name, 7.0) for name in scene.state_names])
+    (found,) = _free(task.driven(scene)(0.7), scale, np.empty((4, 0))).T
+    alike = np.array([1.0 if name in ("x", "y") else 0.0 for name in scene.state_names]) / scale
+    assert abs(found @ alike) == pytest.approx(np.linalg.norm(alike), rel=1e-9)
+
+
 @pytest.mark.parametrize("off", [0.0, 1e-8, 1e-5])
 def test_mean_rates_that_nothing_balances_vanish(off: float) -> None:
     """To a ten-millionth of the largest rate."""
