@@ -224,8 +224,11 @@ def test_between_samples_of_any_size_a_zero_is_that_of_their_cubic(seed: int) ->
         assert np.polyval(cubic, share) == pytest.approx(0.0, abs=1e-9 * np.abs(four).max())
 
 
-def test_a_flag_that_changes_though_its_expression_does_not_cross_zero_changes_between_two_samples() -> None:
-    found = cuts_of(Known(lambda p: 1.0 + 0 * p, flags=lambda p: ((p > 1.0) & (p < 4.0))[None]), 100)
+@pytest.mark.parametrize(
+    "expression", [lambda p: 1.0 + 0 * p, lambda p: 0.5 + 0.1 * np.sin(3 * p), lambda p: -0.5 - 0.1 * np.cos(p)]
+)
+def test_a_flag_that_changes_though_its_expression_does_not_cross_zero_changes_between_two_samples(expression: Any) -> None:
+    found = cuts_of(Known(expression, flags=lambda p: ((p > 1.0) & (p < 4.0))[None]), 100)
     grid = 2 * np.pi * np.arange(100) / 100
     edges = [grid[grid < 1.0][-1], grid[grid < 4.0][-1]]
     assert found.cuts == pytest.approx([edge + np.pi / 100 for edge in edges])
