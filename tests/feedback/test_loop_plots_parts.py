@@ -124,6 +124,7 @@ def test_contours_are_named_at_their_tops_or_their_left_ends_within_the_axes(ax:
         x, y = np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
         centre = (-180.0, 180.0)[k // 6]
         assert centre - 180 <= np.nanmin(x) < np.nanmax(x) <= centre + 180
+        assert np.nanmax(x) - centre == pytest.approx(centre - np.nanmin(x), abs=1.0)  # on both sides of the point
         if k < 6:
             contours[f"{(6, 3, 1, -3, -6, -12)[k]:+g} dB"] = x, y
     assert len(ax.lines) == 12

@@ -136,15 +136,20 @@ def test_a_run_is_made_where_newtons_method_finds_no_motion_from_the_start_value
     made: list[float] = []
     settled, solved = Forced._settled, first_motion._solved
 
+    phases: list[float] = []
+
     def watched(*given: Any) -> Any:
         made.append(given[2])
-        return settled(*given)
+        phases.clear()
+        found = settled(*given)
+        assert 0.0 <= min(phases) <= 0.1 < 6.2 < max(phases) < 2 * np.pi, "inputs are asked for within one turn"
+        return found
 
     asked: list[Any] = []
     run = first_motion.run
     monkeypatch.setattr(first_motion, "run", lambda translation, request: asked.append(request) or run(translation, request))
     monkeypatch.setattr(Forced, "_settled", watched)
-    task = forced(F=lambda phase, w: np.cos(phase))
+    task = forced(F=lambda phase, w: phases.append(phase) or np.cos(phase))
     scene = task.scene(["x"])
     plain = task.first(scene, 0.7, 16, None)
     assert made == []
