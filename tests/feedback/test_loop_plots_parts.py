@@ -202,6 +202,14 @@ def test_limits_of_a_root_locus() -> None:
     assert ax.get_ylim()[1] == pytest.approx(1.25 * max(2.0, -low))
 
 
+@pytest.mark.parametrize(("zero", "seen"), [(20.0, True), (24.0, True), (26.0, False)])
+def test_zeros_of_a_root_locus_are_shown_up_to_four_times_its_reach(zero: float, seen: bool) -> None:
+    """Of ``(s + z) / (s^2 + s)``, whose closed-loop poles are as far as the root of z: a quarter more is the reach."""
+    ax = gl.root_locus_plot(control.tf([1.0, zero], [1, 1, 0]), gains=[0.0, 1.0])
+    assert ax.get_ylim()[1] == pytest.approx(1.25 * np.sqrt(zero))
+    assert data(ax, "zeros")[0] == (pytest.approx([-zero]) if seen else [])
+
+
 def test_the_first_crossing_of_a_root_locus_is_marked_apart() -> None:
     """Stable for gains between two crossings, at which pairs of poles lie on the axis."""
     model = control.tf([1.0, 2, 1], np.polymul([1, 0, 0, 0], np.polymul([0.02, 1], [0.02, 1])))

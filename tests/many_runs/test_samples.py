@@ -107,6 +107,7 @@ def test_runs_have_the_shape_of_what_varies() -> None:
     assert found["a"].tolist() == [[1, 1, 1], [2, 2, 2]]
     assert list(found.errors) == [(0, 1), (1, 1)]
     assert ("peak" in found, "a" in found, 3 in found) == (True, False, False)
+    assert list(found.parameters) == ["a", "b", "c"]
     assert found.parameters["c"] == 7.0
     assert found.parameters["b"].tolist() == [[3, 4, 5], [3, 4, 5]]
     assert found.time.tolist() == [0.0, 0.5, 1.0]
