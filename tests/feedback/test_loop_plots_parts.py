@@ -273,6 +273,8 @@ def shown(model: Any) -> Any:
 
 def test_a_nichols_plot_shows_twelve_decibels_up_and_down_at_least() -> None:
     assert shown(control.tf([1.0, 2.0], [1, 1])) == (-18.0, 18.0)  # from 6 dB to 0 dB
+    levels = [list(line.get_ydata()) for line in plt.gca().lines if list(line.get_xdata()) == [0, 1]]
+    assert levels == [[0, 0]]
     assert shown(control.tf([10.0, 200.0], [1, 10])) == (-18.0, 32.0)  # from 26 dB to 20 dB
     assert shown(control.tf([0.1, 0.5], [1, 10.0])) == (-32.0, 18.0)
 
