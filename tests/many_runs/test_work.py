@@ -1,15 +1,16 @@
-"""Names of what is done in the runs of a sweep: each stands for one thing."""
+"""Names of what is done in the runs of a sweep: each stands for one thing; and rows that are no others'."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gearlib as gl
 from gearlib.errors import ArgumentError
 from gearlib.many_runs.samples import as_samples
-from gearlib.many_runs.work import check_names
+from gearlib.many_runs.work import ManyRows, Row, blank, check_names, put
 
 
 @pytest.mark.parametrize(
@@ -33,3 +34,17 @@ def test_a_name_stands_for_one_thing(given: Any, results: list[str], axes: list[
     with pytest.raises(ArgumentError) as refused:
         check_names(samples, results, axes)
     assert str(refused.value) == f"{said}; give the result another name: reduce={{'name': function}}"
+
+
+def test_a_number_does_not_stand_for_several() -> None:
+    """Nor do the real parts of complex numbers for these."""
+    values = blank({"a": np.ones(2), "b": 3.0}, 4)
+    with pytest.raises(
+        ArgumentError, match=r"^a has the shape \(1,\) in this run and \(2,\) in the first one; all must be alike$"
+    ):
+        put(values, {}, 1, Row({"a": np.zeros(1), "b": 1.0}))
+    with pytest.raises(ArgumentError, match=r"^a has the shape \(1,\) in this run"):
+        put(values, {}, np.array([0, 2]), ManyRows({"a": np.zeros((2, 1)), "b": np.zeros(2)}, {}))
+    with pytest.raises(ArgumentError, match=r"^b is complex in this run and was real in the first one; all must be alike$"):
+        put(values, {}, np.array([0, 2]), ManyRows({"a": np.zeros((2, 2)), "b": np.array([1j, 2.0])}, {}))
+    assert all(np.isnan(column).all() for column in values.values())

@@ -199,6 +199,7 @@ class Aside(gl.Component):
 
 @pytest.mark.parametrize("size", [1e-5, 1.0, 1e5])
 def test_states_are_scaled_by_their_vibration_or_as_others_are_in_nominal_values(size: float) -> None:
+    """By `_rescaled`, once the first motion is known."""
     task = Forced(gl.compile(Aside()).translation, None, {}, {"F": lambda phase, w: size * np.cos(phase)}, 2, {})
     scene = task.scene(["x", "z", "y"])
     found = task.first(scene, 0.7, 16, None)
