@@ -150,7 +150,7 @@ def test_a_train_that_is_held_has_no_rigid_motion() -> None:
     assert found.means.tolist().count(2.0) == 2
 
 
-class Integrals(gl.Component):
+class Integrated(gl.Component):
     """An oscillator, the integral of its speed, and that of its square, on which nothing depends."""
 
     F = gl.Input("1")
@@ -168,7 +168,7 @@ class Integrals(gl.Component):
 
 def test_integrals_on_which_nothing_depends_may_grow() -> None:
     """Both are free and idle; no combination needs to balance."""
-    task = Forced(gl.compile(Integrals()).translation, None, {}, {"F": lambda phase, w: np.cos(phase)}, 1, {})
+    task = Forced(gl.compile(Integrated()).translation, None, {}, {"F": lambda phase, w: np.cos(phase)}, 1, {})
     scene = task.scene(["x", "p", "q"])
     integral = np.diag([float(name in ("p", "q")) for name in scene.state_names])
     found = rigid_motions(task.driven(scene)(0.7), np.ones(4), np.ones(4), np.ones(4))
@@ -206,7 +206,7 @@ def test_directions_in_which_a_train_turns_are_those_that_are_not_given_as_turni
     assert _free(still, scale, none).shape == (4, 0)
 
 
-class Pair(gl.Component):
+class TwoOnAShaft(gl.Component):
     """Two bodies on a shaft, with the angle of each."""
 
     F = gl.Input("1")
@@ -224,7 +224,7 @@ class Pair(gl.Component):
 
 
 def test_a_direction_in_which_all_turn_alike_is_scaled_with_its_states() -> None:
-    task = Forced(gl.compile(Pair()).translation, None, {}, {"F": lambda phase, w: np.cos(phase)}, 1, {})
+    task = Forced(gl.compile(TwoOnAShaft()).translation, None, {}, {"F": lambda phase, w: np.cos(phase)}, 1, {})
     scene = task.scene(["x", "y"])
     scale = np.array([{"x": 2.0, "y": 5.0}.get(name, 7.0) for name in scene.state_names])
     (found,) = _free(task.driven(scene)(0.7), scale, np.empty((4, 0))).T

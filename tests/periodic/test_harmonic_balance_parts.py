@@ -75,7 +75,7 @@ def test_numbers_of_a_branch(changes: dict[str, Any], said: str) -> None:
     assert str(refused.value) == said
 
 
-class Driven(gl.Component):
+class Swept(gl.Component):
     """An oscillator, and what is proportional to the frequency that drives it."""
 
     w = gl.Parameter("rad/s", default=1.0, max=2.0)
@@ -90,7 +90,7 @@ class Driven(gl.Component):
 
 
 def test_outputs_know_the_frequency_of_their_point() -> None:
-    found = gl.harmonic_balance(gl.compile(Driven()), 0.5, 0.6, frequency="w", harmonics=1, outputs=["x", "y"], step=0.4)
+    found = gl.harmonic_balance(gl.compile(Swept()), 0.5, 0.6, frequency="w", harmonics=1, outputs=["x", "y"], step=0.4)
     assert len(found) > 2
     assert found.amplitude("x") == pytest.approx(1 / np.abs(1 - found.omega**2 + 0.1j * found.omega))
     assert found.amplitude("y") == pytest.approx(found.omega * found.amplitude("x"))
@@ -100,7 +100,7 @@ def test_outputs_know_the_frequency_of_their_point() -> None:
 def test_progress_is_told_from_the_first_frequency_to_the_last() -> None:
     told: list[float] = []
     found = gl.harmonic_balance(
-        gl.compile(Driven()), 0.5, 0.6, frequency="w", outputs=["x"], step=0.4, progress=lambda part, seconds: told.append(part)
+        gl.compile(Swept()), 0.5, 0.6, frequency="w", outputs=["x"], step=0.4, progress=lambda part, seconds: told.append(part)
     )
     assert found.harmonics == 4
     assert found.error.max() < 1e-9
@@ -114,16 +114,16 @@ def test_bounds_of_the_frequency_hold_at_both_ends(start: float, end: float, ref
     """In between, frequencies a little beyond them may be tried."""
     options: dict[str, Any] = {"frequency": "w", "harmonics": 1, "outputs": ["x"], "step": 1.0}
     if not refused:
-        assert gl.harmonic_balance(gl.compile(Driven()), start, end, **options).omega[-1] == end
+        assert gl.harmonic_balance(gl.compile(Swept()), start, end, **options).omega[-1] == end
         return
     with pytest.raises(BoundError, match=r"w is 2\.1"):
-        gl.harmonic_balance(gl.compile(Driven()), start, end, **options)
+        gl.harmonic_balance(gl.compile(Swept()), start, end, **options)
 
 
 def test_samples_of_a_period_that_are_given_are_taken() -> None:
     found = [
         gl.harmonic_balance(
-            gl.compile(Driven()),
+            gl.compile(Swept()),
             0.5,
             0.51,
             frequency="w",
