@@ -63,6 +63,9 @@ def test_rounding_is_that_of_the_terms_which_cancel() -> None:
     terms = 2e8 + 0.5
     assert float(loop.rounding(0.0)) == pytest.approx(1e2 * np.finfo(float).eps * terms, rel=0.01)
     assert loop.rounding([1j, 2j]).shape == (2,)
+    for d in (5.0, -5.0):  # beside a feedthrough that is as large as the rest: of 3 / (s + 2)
+        plain = Loop(np.array([[-2.0]]), np.array([3.0]), np.array([-1.0]), d, "u", "y")
+        assert float(plain.rounding(1.5j)) == pytest.approx(1e2 * np.finfo(float).eps * (3.0 / 2.5 + 5.0), rel=1e-9)
 
 
 @pytest.mark.parametrize("decades", [1.0, 2.0])
