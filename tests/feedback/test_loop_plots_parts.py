@@ -188,6 +188,13 @@ def test_gains_of_a_root_locus_go_beyond_the_last_margin_and_bring_the_curve_to_
     assert (np.diff(found) > 0).all()
 
 
+def test_axes_of_the_plane_go_through_its_origin() -> None:
+    for ax in (*gl.nyquist_plot(control.tf([2.0], [1, 1])), gl.root_locus_plot(control.tf([2.0], [1, 1]), gains=[0.0, 1.0])):
+        lines = [(list(line.get_xdata()), list(line.get_ydata())) for line in ax.lines]
+        assert lines.count(([0, 1], [0, 0])) == 1
+        assert lines.count(([0, 0], [0, 1])) == 1
+
+
 def test_limits_of_a_root_locus() -> None:
     """A quarter beyond the farthest pole; sideways beyond poles, zeros and the origin by two fifths of what lies between them."""
     ax = gl.root_locus_plot(control.tf([1.0], [1, 0, 4.0]), gains=[0.0, 1.0, 2.0])
