@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import gearlib as gl
-from gearlib.feedback.feedback_loop import as_loop
+from gearlib.feedback.feedback_loop import Loop, as_loop
 from gearlib.feedback.loop_plots import (
     _closed_loop_lines,
     _gains,
@@ -19,6 +19,7 @@ from gearlib.feedback.loop_plots import (
     _margin_labels,
     _nichols_margins,
     _nyquist_margins,
+    _paths,
     _say_where_it_is,
     mark_frequencies,
 )
@@ -241,6 +242,27 @@ def test_a_bode_plot_draws_the_phases_at_which_the_curve_is_on_the_negative_axis
     f = np.asarray(gain.lines[0].get_xdata(), float)
     scale = as_loop(control.tf([4.0], np.poly([-1.0] * lags))).scale
     assert (f[0], f[-1]) == pytest.approx((scale[0] / 100 / (2 * np.pi), scale[1] * 100 / (2 * np.pi)))
+
+
+def test_paths_of_poles_do_not_depend_on_the_units_of_the_states() -> None:
+    """Of ``k / (s + 1)^3``: real and complex ones on three rays from -1."""
+    A, unit = -np.eye(3) + np.diag([1.0, 1.0], 1), np.array([1.0, 1e5, 1e-3])
+    loop = Loop(A * unit / unit[:, None], np.array([0.0, 0.0, 1.0]) / unit, np.array([1.0, 0.0, 0.0]) * unit, 0.0, "u", "y")
+    factors = np.array([0.1, 1.0, 8.0])
+    found = _paths(loop, factors)
+    assert found.shape == (3, 3)
+    assert (found + 1) ** 3 == pytest.approx(-np.tile(factors[:, None], 3), rel=1e-6)
+    for path in found.T:
+        assert np.angle(path[1:] + 1) == pytest.approx(np.angle(path[:-1] + 1)) or np.abs(np.angle(path + 1)) == pytest.approx(
+            np.pi
+        )
+
+
+def test_a_bode_plot_has_gain_over_phase_over_frequency() -> None:
+    gain, phase = gl.bode_plot(control.tf([0.5], [1, 1]))
+    assert (gain.get_ylabel(), phase.get_ylabel()) == ("gain |L|, dB", "phase of L, deg")
+    assert (gain.get_xlabel(), phase.get_xlabel()) == ("", "frequency, Hz")
+    assert (gain.get_title(), phase.get_title()) == ("Bode plot of the loop u[0] → y[0]", "")
 
 
 def test_a_bode_plot_names_margins_that_there_are_not() -> None:
