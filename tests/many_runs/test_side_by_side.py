@@ -74,6 +74,15 @@ def test_runs_begin_where_all_are_told_to(drive: gl.System, method: str, start: 
 
 
 @pytest.mark.parametrize("method", ["exact", "rk5"])
+def test_start_values_that_vary_complete_those_of_all_runs(drive: gl.System, method: str) -> None:
+    options: dict[str, Any] = {"samples": 5, "method": method, "inputs": {"torque.tau": 3.0}}
+    runs = drive.sweep({"start(load.w)": J}, 1.0, start={"motor.w": 20.0}, **options)
+    single = drive.simulate(1.0, start={"motor.w": 20.0, "load.w": J[7]}, **options)
+    assert runs["load.w"][7] == pytest.approx(single["load.w"], rel=1e-5)
+    assert np.abs(runs["load.w"][7] - drive.simulate(1.0, start={"load.w": J[7]}, **options)["load.w"]).max() > 0.1
+
+
+@pytest.mark.parametrize("method", ["exact", "rk5"])
 def test_start_values_alone_may_vary(drive: gl.System, method: str) -> None:
     options: dict[str, Any] = {"samples": 5, "method": method, "inputs": {"torque.tau": 3.0}}
     runs = drive.sweep({"start(load.w)": J}, 1.0, **options)

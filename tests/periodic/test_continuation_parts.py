@@ -168,3 +168,15 @@ def test_points_are_shown_with_all_their_unknowns() -> None:
     assert [z for z, _ in shown] == path.z[1:].tolist()
     assert [w for _, w in shown] == path.w[1:].tolist()
     assert path.z == pytest.approx(path.w[:, None] * [3.0, 1.0], rel=1e-9)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_step_that_leaves_the_branch_is_halved(side: int) -> None:
+    """Both branches of ``z**2 = (w - 1)**2 + 0.003**2`` come nearer to each other than a step."""
+
+    def hyperbola(z: Floats, w: float) -> tuple[Floats, Floats, Floats]:
+        return z**2 - (w - 1) ** 2 - 0.003**2, np.diag(2 * z), np.array([-2 * (w - 1)])
+
+    path = follow(hyperbola, np.array([side * np.hypot(1.0, 0.003)]), 0.0, 2.0, 0.05, 1000)
+    assert path.complete
+    assert path.z[:, 0] == pytest.approx(side * np.hypot(path.w - 1, 0.003), rel=1e-6)
