@@ -13,7 +13,8 @@ import pytest
 import gearlib as gl
 from gearlib.errors import ArgumentError
 from gearlib.feedback import stability as module
-from gearlib.feedback.stability import StabilityReport, _at_zero, _rad, stability
+from gearlib.feedback import stability as parts
+from gearlib.feedback.stability import StabilityReport, stability
 from tests.feedback.test_reports import TURN, of
 
 TRANSFER = control.tf([3.0], [1, 3.0, 2.0])
@@ -110,13 +111,13 @@ def test_what_is_computed_later_is_that_of_the_parameters_that_were_given(chain:
 )
 def test_what_poles_at_zero_stand_for(found: dict[str, Any], said: str) -> None:
     modes: Any = SimpleNamespace(**{"free": 0, "gaps": {}, "preloads": 0, "positions": ()} | found)
-    assert _at_zero(modes) == said
+    assert parts._at_zero(modes) == said
 
 
 def test_frequencies_in_words() -> None:
-    assert _rad(TURN) == "6.28319 rad/s (1 Hz)"
-    assert _rad(0.0) == "0 rad/s (0 Hz)"
-    assert _rad(np.inf) == "infinite frequency"
+    assert parts._rad(TURN) == "6.28319 rad/s (1 Hz)"
+    assert parts._rad(0.0) == "0 rad/s (0 Hz)"
+    assert parts._rad(np.inf) == "infinite frequency"
 
 
 def test_the_table_of_a_notebook_has_a_row_for_each_pole() -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gearlib.feedback import stability_sensitivity as parts
 from gearlib.feedback.feedback_loop import Loop
 from gearlib.feedback.margins import Margins, PhaseCrossing, margins
-from gearlib.feedback.stability_sensitivity import _margins, closed_loop, closed_loop_change
+from gearlib.feedback.stability_sensitivity import closed_loop, closed_loop_change
 from gearlib.linear.linear_model import Matrices
 
 
@@ -25,12 +26,12 @@ def test_the_closed_loop_moves_as_differences_say(feedthrough: float) -> None:
 @pytest.mark.parametrize("d", [-3.0, -1.0, -0.2, 0.5])
 def test_how_margins_at_infinite_frequency_move_with_the_feedthrough(d: float) -> None:
     """The gain margin is -1 / d; the distance from the point is the size of 1 + d, which has no derivative at -1."""
-    parts = np.array([[-1.0]]), np.array([[1.0]]), np.array([[0.5]]), np.array([[d]])
-    loop = Loop(parts[0], parts[1][:, 0], parts[2][0], d, "u", "y")
+    given = np.array([[-1.0]]), np.array([[1.0]]), np.array([[0.5]]), np.array([[d]])
+    loop = Loop(given[0], given[1][:, 0], given[2][0], d, "u", "y")
     zero = np.zeros((1, 1))
     change = Matrices(zero, zero, zero, np.array([[2.0]]))
     own = Margins((PhaseCrossing(np.inf, -1 / d),) if d < 0 else (), (), abs(1 + d), np.inf, False)
-    gain, phase, delay, modulus = _margins(Matrices(*parts), change, loop, own)
+    gain, phase, delay, modulus = parts._margins(Matrices(*given), change, loop, own)
     assert gain == pytest.approx(2.0 / d**2 if d < 0 else np.nan, nan_ok=True)
     assert np.isnan([phase, delay]).all()
     assert modulus == pytest.approx(2.0 * np.sign(1 + d) if d != -1 else np.nan, nan_ok=True)
@@ -54,4 +55,4 @@ def test_how_margins_of_three_lags_move_with_their_pole(p: float, k: float) -> N
     assert (own.gain_margin, own.phase_margin, own.delay_margin) == pytest.approx(of(p))
     h = 1e-6
     expected = (np.array(of(p + h)) - of(p - h)) / (2 * h)
-    assert _margins(Matrices(A, b, c, zero), change, loop, own)[:3] == pytest.approx(expected, rel=1e-6)
+    assert parts._margins(Matrices(A, b, c, zero), change, loop, own)[:3] == pytest.approx(expected, rel=1e-6)

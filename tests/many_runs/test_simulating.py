@@ -9,10 +9,11 @@ import pytest
 
 import gearlib as gl
 from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.many_runs import simulating as parts
 from gearlib.many_runs.by_exponentials import ExactSweep
 from gearlib.many_runs.in_lanes import LaneSweep
 from gearlib.many_runs.samples import as_samples
-from gearlib.many_runs.simulating import Simulating, _first_parameters, functions_of, kind_of, simulating
+from gearlib.many_runs.simulating import Simulating, functions_of, kind_of, simulating
 from gearlib.run.simulate import checked_request
 from tests.many_runs.models import Drive, Thermostat
 
@@ -64,11 +65,11 @@ def test_parameters_of_the_first_run(drive: gl.System) -> None:
     own, request = checked_request(drive.translation, 1.0, inputs=TORQUE)
     index = own.model.parameters.index
     varied = as_samples({"J": [5.0, 6.0], "torque.tau": [1.0, 2.0], "start(load.w)": [7.0, 8.0]})
-    found = _first_parameters(own, varied, request, {"shaft.c": 300.0})
+    found = parts._first_parameters(own, varied, request, {"shaft.c": 300.0})
     assert (found[index["J"]], found[index["load.J"]], found[index["shaft.c"]]) == (5.0, 5.0, 300.0)
     assert found[index["shaft.d"]] == request.parameters[index["shaft.d"]] == 2.0
     for first in (0.0, -1.0):
-        assert _first_parameters(own, as_samples({"motor.J": [first, 1.0]}), request, {}) is request.parameters
+        assert parts._first_parameters(own, as_samples({"motor.J": [first, 1.0]}), request, {}) is request.parameters
 
 
 def test_ways_in_which_runs_are_carried_out(drive: gl.System) -> None:

@@ -10,12 +10,12 @@ import pytest
 
 import gearlib as gl
 from gearlib.errors import ArgumentError, BoundError
-from gearlib.periodic.harmonic_balance import _check_numbers, _Watch
+from gearlib.periodic import harmonic_balance as parts
 
 
-def watch(accuracy: float, errors: dict[float, float], seen: Any = None) -> _Watch:
+def watch(accuracy: float, errors: dict[float, float], seen: Any = None) -> parts._Watch:
     balance: Any = SimpleNamespace(error=lambda z, omega: (np.nan, errors[omega]))
-    return _Watch(balance, accuracy, seen)
+    return parts._Watch(balance, accuracy, seen)
 
 
 def test_a_point_is_accepted_while_its_error_is_within_the_accuracy() -> None:
@@ -68,10 +68,10 @@ GOOD: dict[str, Any] = {"start": 1.0, "end": 2.0, "harmonics": None, "step": 0.0
 )
 def test_numbers_of_a_branch(changes: dict[str, Any], said: str) -> None:
     if not said:
-        _check_numbers(**GOOD | changes)
+        parts._check_numbers(**GOOD | changes)
         return
     with pytest.raises(ArgumentError) as refused:
-        _check_numbers(**GOOD | changes)
+        parts._check_numbers(**GOOD | changes)
     assert str(refused.value) == said
 
 
