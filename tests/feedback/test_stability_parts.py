@@ -14,7 +14,7 @@ import gearlib as gl
 from gearlib.errors import ArgumentError
 from gearlib.feedback import stability as module
 from gearlib.feedback import stability as parts
-from gearlib.feedback.stability import StabilityReport, stability
+from gearlib.feedback.stability import StabilityReport, pole_table, stability
 from tests.feedback.test_reports import TURN, of
 
 TRANSFER = control.tf([3.0], [1, 3.0, 2.0])
@@ -130,3 +130,10 @@ def test_the_table_of_a_notebook_has_a_row_for_each_pole() -> None:
     assert numbers == [pytest.approx(row, rel=1e-3) for row in expected]
     for head in ("real part, 1/s", "imaginary part, rad/s", "frequency, Hz", "damping ratio"):
         assert head in html
+
+
+def test_a_table_has_each_pair_once_however_slow_it_is() -> None:
+    """The rows of `pole_table` are those of the poles above the real axis, and on it."""
+    rows = [" ".join(line.split()) for line in pole_table(of(-0.1 + 0.6j, -0.2 + 1e-3j, -0.5))[1:]]
+    assert sorted(row.split()[0] for row in rows) == ["-0.1", "-0.2", "-0.5"]
+    assert sum("+-" in row for row in rows) == 2

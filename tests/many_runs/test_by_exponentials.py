@@ -54,6 +54,19 @@ def test_runs_are_those_of_simulate(drive: gl.System, method: str, torque: Any) 
             assert close(runs[name][k], single[name])
 
 
+def test_statistics_of_a_run_by_exponentials(drive: gl.System) -> None:
+    """No step, no evaluation; eight runs at least are done at once."""
+
+    def told(result: gl.Result) -> list[float]:
+        s = result.stats
+        assert s["method"] == "exact"
+        assert s["why"].startswith("the scene is linear")
+        return [s["steps"], s["rhs"], s["events"], s["states"]]
+
+    runs = drive.sweep({"J": J}, 1.0, samples=3, reduce={"told": told}, inputs={"torque.tau": 3.0})
+    assert runs["told"].tolist() == [[0.0, 0.0, 0.0, float(len(drive.states))]] * len(J)
+
+
 @pytest.mark.parametrize("times", [[0.02], [0.0, 0.001, 0.0013, 0.05], np.linspace(0.0, 0.05, 300)])
 def test_the_papers_train_at_any_times(train: gl.System, times: Any) -> None:
     options: dict[str, Any] = {"times": times, "inputs": {"tau_in": 100.0}}

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import gearlib as gl
-from gearlib.errors import ArgumentError, BoundError
+from gearlib.errors import ArgumentError, BoundError, SolverError
 from gearlib.periodic import harmonic_balance as parts
+from gearlib.periodic.first_motion import Forced
 
 
 def watch(accuracy: float, errors: dict[float, float], seen: Any = None) -> parts._Watch:
@@ -138,3 +139,29 @@ def test_samples_of_a_period_that_are_given_are_taken() -> None:
     assert found[0].coefficients == pytest.approx(found[1].coefficients, abs=1e-9)
     assert len(found[0]) == 2
     assert not found[0].complete or found[0].omega[-1] == 0.51
+
+
+class StifferOneWay(gl.Component):
+    """A spring that is stiffer on one side."""
+
+    F = gl.Input("1")
+    x, v = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        spring = gl.Piecewise((3 * self.x, self.x > 0), (self.x, True))
+        return [gl.Eq(gl.der(self.x), self.v), gl.Eq(gl.der(self.v), self.F - 0.2 * self.v - spring)]
+
+
+@pytest.mark.parametrize(("kind", "samples"), [(Swept, 64), (StifferOneWay, 256)])
+def test_a_period_has_more_samples_where_something_switches(kind: Any, samples: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+
+    def first(task: Any, scene: Any, omega: float, count: int, *_: Any) -> Any:
+        asked.append(count)
+        raise SolverError("that is enough")
+
+    monkeypatch.setattr(Forced, "first", first)
+    given: dict[str, Any] = {"inputs": {"F": lambda phase, w: np.cos(phase)}} if kind is StifferOneWay else {"frequency": "w"}
+    with pytest.raises(SolverError, match="that is enough"):
+        gl.harmonic_balance(gl.compile(kind()), 0.5, 0.6, outputs=["x"], **given)
+    assert asked == [samples]
