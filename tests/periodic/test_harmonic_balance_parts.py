@@ -165,3 +165,36 @@ def test_a_period_has_more_samples_where_something_switches(kind: Any, samples: 
     with pytest.raises(SolverError, match="that is enough"):
         gl.harmonic_balance(gl.compile(kind()), 0.5, 0.6, outputs=["x"], **given)
     assert asked == [samples]
+
+
+@pytest.mark.parametrize(
+    ("output", "growth", "said"),
+    [
+        (lambda phase, x: np.cos(phase) + 5.0, 0.0, ""),
+        (lambda phase, x: 5.0 + 0 * phase, 0.0, ""),
+        (lambda phase, x: np.cos(x), 1.0, ""),
+        (lambda phase, x: 3 * phase, 0.0, "y grows by 18.8496 in each period; leave it out, or take its rate"),
+        (lambda phase, x: -2 * x, 1.0, "y grows by -12.5664 in each period; leave it out, or take its rate"),
+        (lambda phase, x: np.cos(0.5 * phase), 0.0, "y does not repeat after 2 pi / 2.5 rad/s, but differs by up to "),
+        (lambda phase, x: np.cos(x), 0.5, "y does not repeat after 2 pi / 2.5 rad/s, but differs by up to "),
+        (lambda phase, x: np.cos(phase) + 1e-7 * phase, 0.0, ""),  # a millionth of the swing is rounding
+        (lambda phase, x: np.cos(phase) + 1e-6 * phase, 0.0, "y "),
+        (lambda phase, x: 1e6 + 1e-7 * phase, 0.0, ""),  # and a part in 1e12 of the size
+        (lambda phase, x: 1e6 + 1e-6 * phase, 0.0, "y "),
+        (lambda phase, x: 1e3 * (x - 1.0) + 5e-10 * phase / (2 * np.pi), 0.0, ""),  # what rounding of the states makes
+        (lambda phase, x: 1e3 * (x - 1.0) + 5e-9 * phase / (2 * np.pi), 0.0, "y grows by 5e-09"),
+    ],
+)
+def test_outputs_repeat_but_for_rounding(monkeypatch: pytest.MonkeyPatch, output: Any, growth: float, said: str) -> None:
+    """By `_check_repeating`: of an output that is a function of the phase and of a state, which is 1 or grows."""
+    monkeypatch.setattr(parts, "_observed", lambda driven, phase, x, discrete: np.array([0 * phase, output(phase, x[0])]))
+    driven: Any = SimpleNamespace(
+        states=lambda phase, c: (1.0 + growth * phase)[None], discrete=lambda phase, x: None, omega=2.5,
+    )  # fmt: skip
+    given: Any = ["z", "y"], driven, np.zeros((1, 1)), np.array([growth]), [0, 1]
+    if not said:
+        parts._check_repeating(*given)
+        return
+    with pytest.raises(ArgumentError) as refused:
+        parts._check_repeating(*given)
+    assert str(refused.value).startswith(said)
