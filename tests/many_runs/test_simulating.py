@@ -72,6 +72,12 @@ def test_parameters_of_the_first_run(drive: gl.System) -> None:
         assert parts._first_parameters(own, as_samples({"motor.J": [first, 1.0]}), request, {}) is request.parameters
 
 
+@pytest.mark.parametrize("lanes", [1, "auto"])
+def test_outputs_that_there_are_not_are_refused_before_the_runs(drive: gl.System, lanes: Any) -> None:
+    with pytest.raises(NameLookupError, match=r"lod\.w"):
+        task(drive, {"J": J}, outputs=["load.w", "lod.w"], lanes=lanes)
+
+
 def test_ways_in_which_runs_are_carried_out(drive: gl.System) -> None:
     tables = [gl.Table([0.0, 1.0], [0.0, k]) for k in J]
     functions = [lambda t: t] * 11
