@@ -519,8 +519,8 @@ class Notice:
 
 @cache
 def words(function: Callable[..., Any]) -> set[str]:
-    """The words in a test's source."""
-    return set(re.findall(r"\w+", inspect.getsource(function)))
+    """The words in a test's source; names without underscores around them, as those of `definition` are."""
+    return {word.strip("_") for word in re.findall(r"\w+", inspect.getsource(function))}
 
 
 def in_child(

@@ -13,7 +13,20 @@ import pytest
 
 import gearlib as gl
 from gearlib.errors import SingularError
-from tests.mutation import FOUND, Mutant, accepted, around, is_claim, is_compiled, logged, mirrors, source, summary
+from tests.mutation import (
+    FOUND,
+    Mutant,
+    accepted,
+    around,
+    definition,
+    is_claim,
+    is_compiled,
+    logged,
+    mirrors,
+    source,
+    summary,
+    words,
+)
 
 
 def raised(error: BaseException) -> Any:
@@ -73,6 +86,23 @@ def test_a_mutant_is_first_tried_by_the_tests_of_its_module_and_by_those_around_
     )
     names = [getattr(node, "name", "") for node in around(module, line)]
     assert names == ["", "__init__", "Notice"]
+
+
+def test_a_test_names_a_function_by_calling_it() -> None:
+    """One with an underscore as well: such tests are run first."""
+
+    def calling(_private: Any, public: Any) -> None:
+        _private(public())
+
+    module = "gearlib/periodic/floquet.py"
+    line = (
+        source(module)
+        .splitlines()
+        .index("def _panels(found: Moments, longest: float) -> tuple[Floats, Floats, Floats, list[int]]:")
+        + 2
+    )
+    assert definition(module, line) == ("periodic", "panels")
+    assert {"calling", "private", "public"} <= words(calling)
 
 
 def test_what_is_compiled_is_not_tried_in_place() -> None:

@@ -25,7 +25,6 @@ from gearlib.run.subject import is_compiled, translation_of
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-BESIDE = 1e-7  # relative to its frequency: distance of the nearest samples from a pole on the imaginary axis
 
 
 @dataclass(frozen=True, eq=False)

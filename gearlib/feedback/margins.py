@@ -9,10 +9,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.feedback.feedback_loop import BESIDE, Loop
+from gearlib.feedback.feedback_loop import Loop
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+BESIDE = 1e-7  # relative to its frequency: a sign that changes this near a pole on the imaginary axis is the pole's
 
 
 @dataclass(frozen=True)

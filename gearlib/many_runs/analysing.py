@@ -115,7 +115,7 @@ def kept(result: Any) -> Row:
     """
     if isinstance(result, Modes):
         n, shapes = len(result.states), result.shapes[:, result.free :]
-        room = [(0, 0), (0, max(0, n - shapes.shape[1]))]  # in other runs, a mode may be overdamped
+        room = [(0, 0), (0, n - shapes.shape[1])]  # in other runs, a mode may be overdamped
         values = np.pad(result.eigenvalues[result.free :].astype(complex), room[1], constant_values=np.nan)
         return Row({EIGENVALUES: values, SHAPES: np.pad(shapes.astype(complex), room, constant_values=np.nan)})
     if isinstance(result, StabilityReport):

@@ -12,6 +12,7 @@ import pytest
 import gearlib as gl
 from gearlib.errors import ArgumentError, NameLookupError
 from gearlib.feedback.feedback_loop import Loop, as_loop, refine
+from gearlib.linear.linear_model import full
 
 
 def random_loop(n: int, seed: int, d: float = 0.0) -> Loop:
@@ -63,6 +64,9 @@ def test_rounding_is_that_of_the_terms_which_cancel() -> None:
     terms = 2e8 + 0.5
     assert float(loop.rounding(0.0)) == pytest.approx(1e2 * np.finfo(float).eps * terms, rel=0.01)
     assert loop.rounding([1j, 2j]).shape == (2,)
+    for d in (5.0, -5.0):  # beside a feedthrough that is as large as the rest: of 3 / (s + 2)
+        plain = Loop(np.array([[-2.0]]), np.array([3.0]), np.array([-1.0]), d, "u", "y")
+        assert float(plain.rounding(1.5j)) == pytest.approx(1e2 * np.finfo(float).eps * (3.0 / 2.5 + 5.0), rel=1e-9)
 
 
 @pytest.mark.parametrize("decades", [1.0, 2.0])
@@ -127,6 +131,29 @@ def test_the_gain_of_a_loop_is_said_with_the_unit_that_makes_it_a_number(paper: 
     assert as_loop(paper, ("tau_in", "w_out"), gain=2.5).gain == "2.5 N·m per rad/s"
     assert as_loop(paper, ("tau_in", "train.x_unit.ring.tau"), gain=2.5).gain == "2.5"
     assert as_loop(two(), ("a", "x"), gain=2.5).gain == ""
+
+
+def test_a_loop_in_a_system_knows_how_its_matrices_change(chain: Any) -> None:
+    """With the gain in the input; one in a linear model of other origin does not."""
+    system, names = chain(n=2, grounded=True), ("torque.tau", "body[0].w")
+    once, thrice = (as_loop(system, names, gain=gain, parameters={"d": 0.5}) for gain in (1.0, 3.0))
+    assert once.whole is not None
+    assert thrice.whole is not None
+    assert once.changes is not None
+    assert thrice.changes is not None
+    n = len(full(once.whole.A))
+    assert [full(part).shape for part in (once.whole.B, once.whole.C, once.whole.D)] == [(n, 1), (1, n), (1, 1)]
+    assert full(thrice.whole.B) == pytest.approx(3.0 * full(once.whole.B))
+    assert full(thrice.whole.C) == pytest.approx(full(once.whole.C))
+    h = 1e-5
+    ahead, back = (as_loop(system, names, parameters={"d": 0.5 + s}).whole for s in (h, -h))
+    assert ahead is not None
+    assert back is not None
+    (change,) = once.changes(["d"])
+    for part in ("A", "B", "C", "D"):
+        expected = (full(getattr(ahead, part)) - full(getattr(back, part))) / (2 * h)
+        assert full(getattr(change, part)) == pytest.approx(expected, rel=1e-6, abs=1e-6)
+    assert (as_loop(two(), ("a", "x")).whole, as_loop(two(), ("a", "x")).changes) == (None, None)
 
 
 @pytest.mark.parametrize(

@@ -11,17 +11,9 @@ import numpy as np
 import pytest
 
 import gearlib as gl
-from gearlib.feedback.feedback_loop import as_loop
-from gearlib.feedback.loop_plots import (
-    _closed_loop_lines,
-    _gains,
-    _is_free,
-    _margin_labels,
-    _nichols_margins,
-    _nyquist_margins,
-    _say_where_it_is,
-    mark_frequencies,
-)
+from gearlib.feedback import loop_plots as parts
+from gearlib.feedback.feedback_loop import Loop, as_loop
+from gearlib.feedback.loop_plots import mark_frequencies
 from gearlib.feedback.margins import GainCrossing, Margins, PhaseCrossing, margins
 
 
@@ -47,8 +39,8 @@ def data(ax: Any, label: str) -> tuple[list[float], list[float]]:
 
 
 def test_labels_of_margins() -> None:
-    assert _margin_labels(of((1.0, 10.0), gain=((2.0, -30.0),))) == ("gain margin 20.00 dB", "phase margin -30.00°")
-    assert _margin_labels(of()) == ("gain margin infinite", "phase margin infinite")
+    assert parts._margin_labels(of((1.0, 10.0), gain=((2.0, -30.0),))) == ("gain margin 20.00 dB", "phase margin -30.00°")
+    assert parts._margin_labels(of()) == ("gain margin infinite", "phase margin infinite")
 
 
 @pytest.mark.parametrize(
@@ -63,7 +55,7 @@ def test_labels_of_margins() -> None:
     ],
 )
 def test_the_neighbourhood_of_the_point_shows_crossings_that_are_near(ax: Any, points: list[float], near: float) -> None:
-    _nyquist_margins(ax, of(*((1.0, -1 / x) for x in points), gain=((1.0, 60.0), (2.0, -90.0))))
+    parts._nyquist_margins(ax, of(*((1.0, -1 / x) for x in points), gain=((1.0, 60.0), (2.0, -90.0))))
     assert ax.get_xlim() == pytest.approx((-1 - near, -1 + 1.2 * near))
     assert ax.get_ylim() == pytest.approx((-1.1 * near, 1.1 * near))
     x, y = data(ax, "gain margin")
@@ -74,7 +66,7 @@ def test_the_neighbourhood_of_the_point_shows_crossings_that_are_near(ax: Any, p
 
 
 def test_a_curve_without_crossings_has_no_marks_on_the_circle(ax: Any) -> None:
-    _nyquist_margins(ax, of())
+    parts._nyquist_margins(ax, of())
     assert np.isnan(data(ax, "phase margin")[0]).all()
 
 
@@ -92,7 +84,7 @@ def test_a_curve_without_crossings_has_no_marks_on_the_circle(ax: Any) -> None:
 def test_a_curve_that_is_not_seen_is_spoken_of_in_its_place(ax: Any, point: complex, said: bool) -> None:
     ax.set_xlim(-2, 0.5)
     ax.set_ylim(-1, 1)
-    _say_where_it_is(ax, np.array([point, 100.0, -100j]), of(modulus=2.5))
+    parts._say_where_it_is(ax, np.array([point, 100.0, -100j]), of(modulus=2.5))
     texts = [(t.get_text(), t.get_position()) for t in ax.texts]
     assert texts == (
         [("the curve is not seen here:\nit comes no nearer to −1\nthan 2.5", (-0.75, pytest.approx(0.6)))] if said else []
@@ -103,11 +95,11 @@ def test_crossings_lie_at_the_image_of_the_point_that_is_nearest_to_their_phase(
     """And at their gain; where the curve crosses the circle, at its own phase."""
     omega, phase = np.array([0.1, 1.0, 10.0]), np.array([-100.0, -185.0, -530.0])
     m = of((1.0, 10.0), (10.0, 0.1), (np.inf, 3.0), gain=((0.55, 10.0),))
-    _nichols_margins(ax, m, omega, phase)
+    parts._nichols_margins(ax, m, omega, phase)
     assert data(ax, "gain margin") == ([-180.0, -540.0], pytest.approx([-20.0, 20.0]))
     assert data(ax, "phase margin") == (pytest.approx([-142.5]), [0.0])
     ax.cla()
-    _nichols_margins(ax, of(), omega, phase)
+    parts._nichols_margins(ax, of(), omega, phase)
     for label in ("gain margin", "phase margin"):
         assert np.isnan(data(ax, label)[0]).all()
 
@@ -116,7 +108,7 @@ def test_contours_are_named_at_their_tops_or_their_left_ends_within_the_axes(ax:
     """Around the first image of the point only; at least three hundredths away from the border."""
     ax.set_xlim(-350.0, 350.0)
     ax.set_ylim(-20.0, 25.0)
-    taken = _closed_loop_lines(ax, [-180.0, 180.0])
+    taken = parts._closed_loop_lines(ax, [-180.0, 180.0])
     named = {t.get_text(): t.get_position() for t in ax.texts}
     assert len(named) == len(ax.texts) == len(taken) >= 4
     contours: dict[str, Any] = {}
@@ -124,6 +116,7 @@ def test_contours_are_named_at_their_tops_or_their_left_ends_within_the_axes(ax:
         x, y = np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
         centre = (-180.0, 180.0)[k // 6]
         assert centre - 180 <= np.nanmin(x) < np.nanmax(x) <= centre + 180
+        assert np.nanmax(x) - centre == pytest.approx(centre - np.nanmin(x), abs=1.0)  # on both sides of the point
         if k < 6:
             contours[f"{(6, 3, 1, -3, -6, -12)[k]:+g} dB"] = x, y
     assert len(ax.lines) == 12
@@ -133,13 +126,13 @@ def test_contours_are_named_at_their_tops_or_their_left_ends_within_the_axes(ax:
         best = np.argmax(np.where(inside, y, -np.inf)) if text.startswith("+") else np.argmin(np.where(inside, x, np.inf))
         assert place == (x[best], y[best])
     assert np.array(taken) == pytest.approx(ax.transData.transform(list(named.values())))
-    assert all(_is_free(a, [b], 26.0, 10.0) for i, a in enumerate(taken) for b in taken[:i])
+    assert all(parts._is_free(a, [b], 26.0, 10.0) for i, a in enumerate(taken) for b in taken[:i])
 
 
 def test_contours_out_of_view_have_no_name(ax: Any) -> None:
     ax.set_xlim(-100.0, -10.0)
     ax.set_ylim(40.0, 60.0)
-    assert _closed_loop_lines(ax, [-180.0]) == []
+    assert parts._closed_loop_lines(ax, [-180.0]) == []
     assert not ax.texts
 
 
@@ -149,8 +142,8 @@ def test_contours_out_of_view_have_no_name(ax: Any) -> None:
 )
 def test_a_label_is_free_of_others_beside_or_above_them(place: tuple[float, float], free: bool) -> None:
     others = [np.array([500.0, 500.0]), np.array([0.0, 0.0])]
-    assert _is_free(np.array(place, float), others, 42.0, 14.0) == free
-    assert _is_free(np.array(place, float), [], 42.0, 14.0)
+    assert parts._is_free(np.array(place, float), others, 42.0, 14.0) == free
+    assert parts._is_free(np.array(place, float), [], 42.0, 14.0)
 
 
 def test_frequencies_are_marked_where_the_curve_is_in_view(ax: Any) -> None:
@@ -182,9 +175,16 @@ def test_frequencies_are_marked_where_the_curve_is_in_view(ax: Any) -> None:
 )
 def test_gains_of_a_root_locus_go_beyond_the_last_margin_and_bring_the_curve_to_the_circle(model: Any, last: float) -> None:
     loop = as_loop(model)
-    found = _gains(loop, margins(loop))
+    found = parts._gains(loop, margins(loop))
     assert (found[0], found[1], found[-1]) == (0.0, pytest.approx(1e-5 * last, rel=1e-3), pytest.approx(last, rel=1e-3))
     assert (np.diff(found) > 0).all()
+
+
+def test_axes_of_the_plane_go_through_its_origin() -> None:
+    for ax in (*gl.nyquist_plot(control.tf([2.0], [1, 1])), gl.root_locus_plot(control.tf([2.0], [1, 1]), gains=[0.0, 1.0])):
+        lines = [(list(line.get_xdata()), list(line.get_ydata())) for line in ax.lines]
+        assert lines.count(([0, 1], [0, 0])) == 1
+        assert lines.count(([0, 0], [0, 1])) == 1
 
 
 def test_limits_of_a_root_locus() -> None:
@@ -199,6 +199,14 @@ def test_limits_of_a_root_locus() -> None:
     low, high = min(closed), 3.0
     assert ax.get_xlim() == pytest.approx((low - 0.4 * (high - low), high + 0.4 * (high - low)))
     assert ax.get_ylim()[1] == pytest.approx(1.25 * max(2.0, -low))
+
+
+@pytest.mark.parametrize(("zero", "seen"), [(20.0, True), (24.0, True), (26.0, False)])
+def test_zeros_of_a_root_locus_are_shown_up_to_four_times_its_reach(zero: float, seen: bool) -> None:
+    """Of ``(s + z) / (s^2 + s)``, whose closed-loop poles are as far as the root of z: a quarter more is the reach."""
+    ax = gl.root_locus_plot(control.tf([1.0, zero], [1, 1, 0]), gains=[0.0, 1.0])
+    assert ax.get_ylim()[1] == pytest.approx(1.25 * np.sqrt(zero))
+    assert data(ax, "zeros")[0] == (pytest.approx([-zero]) if seen else [])
 
 
 def test_the_first_crossing_of_a_root_locus_is_marked_apart() -> None:
@@ -225,6 +233,27 @@ def test_a_bode_plot_draws_the_phases_at_which_the_curve_is_on_the_negative_axis
     f = np.asarray(gain.lines[0].get_xdata(), float)
     scale = as_loop(control.tf([4.0], np.poly([-1.0] * lags))).scale
     assert (f[0], f[-1]) == pytest.approx((scale[0] / 100 / (2 * np.pi), scale[1] * 100 / (2 * np.pi)))
+
+
+def test_paths_of_poles_do_not_depend_on_the_units_of_the_states() -> None:
+    """Of ``k / (s + 1)^3``: real and complex ones on three rays from -1."""
+    A, unit = -np.eye(3) + np.diag([1.0, 1.0], 1), np.array([1.0, 1e5, 1e-3])
+    loop = Loop(A * unit / unit[:, None], np.array([0.0, 0.0, 1.0]) / unit, np.array([1.0, 0.0, 0.0]) * unit, 0.0, "u", "y")
+    factors = np.array([0.1, 1.0, 8.0])
+    found = parts._paths(loop, factors)
+    assert found.shape == (3, 3)
+    assert (found + 1) ** 3 == pytest.approx(-np.tile(factors[:, None], 3), rel=1e-6)
+    for path in found.T:
+        assert np.angle(path[1:] + 1) == pytest.approx(np.angle(path[:-1] + 1)) or np.abs(np.angle(path + 1)) == pytest.approx(
+            np.pi
+        )
+
+
+def test_a_bode_plot_has_gain_over_phase_over_frequency() -> None:
+    gain, phase = gl.bode_plot(control.tf([0.5], [1, 1]))
+    assert (gain.get_ylabel(), phase.get_ylabel()) == ("gain |L|, dB", "phase of L, deg")
+    assert (gain.get_xlabel(), phase.get_xlabel()) == ("", "frequency, Hz")
+    assert (gain.get_title(), phase.get_title()) == ("Bode plot of the loop u[0] → y[0]", "")
 
 
 def test_a_bode_plot_names_margins_that_there_are_not() -> None:
@@ -258,6 +287,18 @@ def test_a_nichols_plot_shows_the_images_of_the_point_that_are_near(
     assert ax.get_xlim() == pytest.approx((min(*x, *points) - 25, max(*x, *points) + 25))
 
 
+def shown(model: Any) -> Any:
+    return pytest.approx(gl.nichols_plot(model).get_ylim(), abs=0.1)
+
+
+def test_a_nichols_plot_shows_twelve_decibels_up_and_down_at_least() -> None:
+    assert shown(control.tf([1.0, 2.0], [1, 1])) == (-18.0, 18.0)  # from 6 dB to 0 dB
+    levels = [list(line.get_ydata()) for line in plt.gca().lines if list(line.get_xdata()) == [0, 1]]
+    assert levels == [[0, 0]]
+    assert shown(control.tf([10.0, 200.0], [1, 10])) == (-18.0, 32.0)  # from 26 dB to 20 dB
+    assert shown(control.tf([0.1, 0.5], [1, 10.0])) == (-32.0, 18.0)
+
+
 @pytest.mark.parametrize(
     ("numerator", "denominator"),
     [
@@ -269,16 +310,6 @@ def test_a_nichols_plot_shows_the_images_of_the_point_that_are_near(
         ([2.0], np.poly([-1.0] * 7)),
     ],
 )
-def shown(model: Any) -> Any:
-    return pytest.approx(gl.nichols_plot(model).get_ylim(), abs=0.1)
-
-
-def test_a_nichols_plot_shows_twelve_decibels_up_and_down_at_least() -> None:
-    assert shown(control.tf([1.0, 2.0], [1, 1])) == (-18.0, 18.0)  # from 6 dB to 0 dB
-    assert shown(control.tf([10.0, 200.0], [1, 10])) == (-18.0, 32.0)  # from 26 dB to 20 dB
-    assert shown(control.tf([0.1, 0.5], [1, 10.0])) == (-32.0, 18.0)
-
-
 def test_phases_are_those_of_the_response_but_for_whole_turns(numerator: Any, denominator: Any) -> None:
     model = control.tf(numerator, denominator)
     _, phase = gl.bode_plot(model)

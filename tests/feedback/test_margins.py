@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import gearlib as gl
+from gearlib.feedback import margins as parts
 from gearlib.feedback.feedback_loop import Loop, as_loop
 from gearlib.feedback.gain_range import gains_in_words, stable_gains
-from gearlib.feedback.margins import GainCrossing, Margins, PhaseCrossing, _least, _roots, margins
-from gearlib.feedback.stability_sensitivity import _margins, stability_sensitivity
+from gearlib.feedback.margins import GainCrossing, Margins, PhaseCrossing, margins
+from gearlib.feedback.stability_sensitivity import stability_sensitivity
 from gearlib.linear.linear_model import Matrices
 from gearlib.linear.poles import poles
 
@@ -303,7 +304,7 @@ def test_crossings_of_an_integrating_loop_in_any_unit_of_time(unit: float) -> No
 
 def test_the_least_value_between_two_frequencies() -> None:
     for w in (1e-6, 2.0, 1e9):
-        value, at = _least(lambda x, w=w: (x / w - 1) ** 2 + 3.0, (0.4 * w, 3 * w))
+        value, at = parts._least(lambda x, w=w: (x / w - 1) ** 2 + 3.0, (0.4 * w, 3 * w))
         assert (value, at) == (pytest.approx(3.0), pytest.approx(w, rel=1e-7))
 
 
@@ -313,53 +314,18 @@ def test_roots_are_sign_changes_but_no_jumps() -> None:
 
     def values(f: Any) -> list[float]:
         with np.errstate(divide="ignore"):
-            return _roots(grid, np.array([f(x) for x in grid]), f)
+            return parts._roots(grid, np.array([f(x) for x in grid]), f)
 
     assert values(lambda x: (x - np.sqrt(2.0)) * (x - 3.5)) == pytest.approx([np.sqrt(2.0), 3.5], rel=1e-14)
     assert values(lambda x: (x - 2.0) * (x - 3.5)) == [2.0, pytest.approx(3.5)]
     assert values(lambda x: 1.0 + x) == []
     assert values(lambda x: 1.0 / np.float64(x - 1.25)) == []  # a pole, which halving meets
     assert values(lambda x: 1.0 / np.float64(x - 2.0)) == []
-    assert _roots(np.array([1.0, 2.0]), np.array([-1e-20, 1.0]), lambda x: 1e-20 if x < 1.5 else 1.0) == [1.0]
-    assert _roots(np.array([1.0, 2.0]), np.array([-1.0, 1e-20]), lambda x: -1.0 if x < 1.5 else -1e-20) == [2.0]
-
-
-@pytest.mark.parametrize("d", [-3.0, -1.0, -0.2, 0.5])
-def test_how_margins_at_infinite_frequency_move_with_the_feedthrough(d: float) -> None:
-    """The gain margin is -1 / d; the distance from the point is the size of 1 + d, which has no derivative at -1."""
-    parts = np.array([[-1.0]]), np.array([[1.0]]), np.array([[0.5]]), np.array([[d]])
-    loop = Loop(parts[0], parts[1][:, 0], parts[2][0], d, "u", "y")
-    zero = np.zeros((1, 1))
-    change = Matrices(zero, zero, zero, np.array([[2.0]]))
-    own = Margins((PhaseCrossing(INFINITE, -1 / d),) if d < 0 else (), (), abs(1 + d), INFINITE, False)
-    gain, phase, delay, modulus = _margins(Matrices(*parts), change, loop, own)
-    assert gain == pytest.approx(2.0 / d**2 if d < 0 else np.nan, nan_ok=True)
-    assert np.isnan([phase, delay]).all()
-    assert modulus == pytest.approx(2.0 * np.sign(1 + d) if d != -1 else np.nan, nan_ok=True)
+    assert parts._roots(np.array([1.0, 2.0]), np.array([-1e-20, 1.0]), lambda x: 1e-20 if x < 1.5 else 1.0) == [1.0]
+    assert parts._roots(np.array([1.0, 2.0]), np.array([-1.0, 1e-20]), lambda x: -1.0 if x < 1.5 else -1e-20) == [2.0]
 
 
 def test_a_loop_that_sees_nothing_has_no_margin_but_its_distance() -> None:
     found = margins(Loop(np.diag([-1.0, -3.0]), np.ones(2), np.zeros(2), 0.0, "u", "y"))
     assert (found.phase_crossings, found.gain_crossings) == ((), ())
     assert (found.modulus_margin, found.gain_margin, found.phase_margin) == (1.0, INFINITE, INFINITE)
-
-
-@pytest.mark.parametrize(("p", "k"), [(1.0, 20.0), (0.5, 3.0), (3.0, 100.0)])
-def test_how_margins_of_three_lags_move_with_their_pole(p: float, k: float) -> None:
-    """Of ``k / (s + p)^3``: the gain margin is 8 p^3 / k, at a frequency that moves as well."""
-
-    def of(p: float) -> tuple[float, float, float]:
-        w = np.sqrt(k ** (2 / 3) - p**2)
-        phase = np.pi - 3 * np.arctan(w / p)
-        return 8 * p**3 / k, np.degrees(phase), (phase % (2 * np.pi)) / w
-
-    A = np.diag([-p] * 3) + np.diag([1.0, 1.0], 1)
-    b, c = np.array([[0.0], [0.0], [1.0]]), np.array([[k, 0.0, 0.0]])
-    loop = Loop(A, b[:, 0], c[0], 0.0, "u", "y")
-    zero = np.zeros((1, 1))
-    change = Matrices(-np.eye(3), 0 * b, 0 * c, zero)
-    own = margins(loop)
-    assert (own.gain_margin, own.phase_margin, own.delay_margin) == pytest.approx(of(p))
-    h = 1e-6
-    expected = (np.array(of(p + h)) - of(p - h)) / (2 * h)
-    assert _margins(Matrices(A, b, c, zero), change, loop, own)[:3] == pytest.approx(expected, rel=1e-6)

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import re
-from types import SimpleNamespace
-from typing import Any
-
 import control
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
 import gearlib as gl
-from gearlib.feedback.stability import StabilityReport, _at_zero, _rad, motions, pole_table
+from gearlib.feedback.stability import motions, pole_table
 from gearlib.linear.poles import Poles, poles
 
 TURN = 2 * np.pi
@@ -118,45 +114,3 @@ def test_a_report_that_is_not_of_a_system_has_no_sensitivity() -> None:
     report = gl.stability(control.tf([1.0], [1, 1]))
     assert (report.passivity, report.conditions, report.at_zero) == (None, (), "")
     assert report.damping.tolist() == [1.0]
-
-
-@pytest.mark.parametrize(
-    ("found", "said"),
-    [
-        ({}, ""),
-        ({"free": 1}, "the train turns freely"),
-        ({"free": 3}, "the train turns freely in 3 ways"),
-        (
-            {"gaps": {4: "mesh b", 5: "mesh a", 7: "mesh b"}},
-            "a free relative motion across mesh b; a free relative motion across mesh a",
-        ),
-        ({"preloads": 1}, "a loop of meshes keeps a preload"),
-        ({"preloads": 2}, "loops of meshes keep preloads"),
-        ({"positions": ("a.phi", "b.phi")}, "nothing here depends on a.phi, b.phi"),
-        (
-            {"free": 1, "preloads": 1, "positions": ("a.phi",)},
-            "the train turns freely; a loop of meshes keeps a preload; nothing here depends on a.phi",
-        ),
-    ],
-)
-def test_what_poles_at_zero_stand_for(found: dict[str, Any], said: str) -> None:
-    modes: Any = SimpleNamespace(**{"free": 0, "gaps": {}, "preloads": 0, "positions": ()} | found)
-    assert _at_zero(modes) == said
-
-
-def test_frequencies_in_words() -> None:
-    assert _rad(TURN) == "6.28319 rad/s (1 Hz)"
-    assert _rad(0.0) == "0 rad/s (0 Hz)"
-    assert _rad(np.inf) == "infinite frequency"
-
-
-def test_the_table_of_a_notebook_has_a_row_for_each_pole() -> None:
-    found = of(-3.0 + 4.0j, -0.5)
-    html = StabilityReport("train", found)._repr_html_()
-    rows = [re.findall("<td[^>]*>([^<]*)</td>", row) for row in html.split("<tr")]
-    numbers = sorted([float(cell) for cell in row] for row in rows if row)
-    hertz = 5 / TURN
-    expected = sorted([[-3.0, 4.0, hertz, 0.6], [-3.0, -4.0, hertz, 0.6], [-0.5, 0.0, 0.5 / TURN, 1.0]])
-    assert numbers == [pytest.approx(row, rel=1e-3) for row in expected]
-    for head in ("real part, 1/s", "imaginary part, rad/s", "frequency, Hz", "damping ratio"):
-        assert head in html

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from types import SimpleNamespace
 from typing import Any
 
 import control
@@ -11,7 +13,9 @@ import pytest
 import gearlib as gl
 from gearlib.errors import ArgumentError
 from gearlib.feedback import stability as module
-from gearlib.feedback.stability import stability
+from gearlib.feedback import stability as parts
+from gearlib.feedback.stability import StabilityReport, pole_table, stability
+from tests.feedback.test_reports import TURN, of
 
 TRANSFER = control.tf([3.0], [1, 3.0, 2.0])
 
@@ -84,3 +88,52 @@ def test_what_is_computed_later_is_that_of_the_parameters_that_were_given(chain:
         assert float(np.trace(report.passivity.W)) == pytest.approx(
             float(np.trace(gl.passivity(system, parameters={"d": 0.5}).W))
         )
+
+
+@pytest.mark.parametrize(
+    ("found", "said"),
+    [
+        ({}, ""),
+        ({"free": 1}, "the train turns freely"),
+        ({"free": 3}, "the train turns freely in 3 ways"),
+        (
+            {"gaps": {4: "mesh b", 5: "mesh a", 7: "mesh b"}},
+            "a free relative motion across mesh b; a free relative motion across mesh a",
+        ),
+        ({"preloads": 1}, "a loop of meshes keeps a preload"),
+        ({"preloads": 2}, "loops of meshes keep preloads"),
+        ({"positions": ("a.phi", "b.phi")}, "nothing here depends on a.phi, b.phi"),
+        (
+            {"free": 1, "preloads": 1, "positions": ("a.phi",)},
+            "the train turns freely; a loop of meshes keeps a preload; nothing here depends on a.phi",
+        ),
+    ],
+)
+def test_what_poles_at_zero_stand_for(found: dict[str, Any], said: str) -> None:
+    modes: Any = SimpleNamespace(**{"free": 0, "gaps": {}, "preloads": 0, "positions": ()} | found)
+    assert parts._at_zero(modes) == said
+
+
+def test_frequencies_in_words() -> None:
+    assert parts._rad(TURN) == "6.28319 rad/s (1 Hz)"
+    assert parts._rad(0.0) == "0 rad/s (0 Hz)"
+    assert parts._rad(np.inf) == "infinite frequency"
+
+
+def test_the_table_of_a_notebook_has_a_row_for_each_pole() -> None:
+    found = of(-3.0 + 4.0j, -0.5)
+    html = StabilityReport("train", found)._repr_html_()
+    rows = [re.findall("<td[^>]*>([^<]*)</td>", row) for row in html.split("<tr")]
+    numbers = sorted([float(cell) for cell in row] for row in rows if row)
+    hertz = 5 / TURN
+    expected = sorted([[-3.0, 4.0, hertz, 0.6], [-3.0, -4.0, hertz, 0.6], [-0.5, 0.0, 0.5 / TURN, 1.0]])
+    assert numbers == [pytest.approx(row, rel=1e-3) for row in expected]
+    for head in ("real part, 1/s", "imaginary part, rad/s", "frequency, Hz", "damping ratio"):
+        assert head in html
+
+
+def test_a_table_has_each_pair_once_however_slow_it_is() -> None:
+    """The rows of `pole_table` are those of the poles above the real axis, and on it."""
+    rows = [" ".join(line.split()) for line in pole_table(of(-0.1 + 0.6j, -0.2 + 1e-3j, -0.5))[1:]]
+    assert sorted(row.split()[0] for row in rows) == ["-0.1", "-0.2", "-0.5"]
+    assert sum("+-" in row for row in rows) == 2

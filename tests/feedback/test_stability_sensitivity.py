@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gearlib.feedback import stability_sensitivity as parts
+from gearlib.feedback.feedback_loop import Loop
+from gearlib.feedback.margins import Margins, PhaseCrossing, margins
 from gearlib.feedback.stability_sensitivity import closed_loop, closed_loop_change
 from gearlib.linear.linear_model import Matrices
 
@@ -18,3 +21,38 @@ def test_the_closed_loop_moves_as_differences_say(feedthrough: float) -> None:
     h = 1e-5
     low, high = (closed_loop(Matrices(*(m + side * dm for m, dm in zip(here, change, strict=True)))) for side in (-h, h))
     assert closed_loop_change(Matrices(*here), Matrices(*change)) == pytest.approx((high - low) / (2 * h), rel=1e-6, abs=1e-7)
+
+
+@pytest.mark.parametrize("d", [-3.0, -1.0, -0.2, 0.5])
+def test_how_margins_at_infinite_frequency_move_with_the_feedthrough(d: float) -> None:
+    """The gain margin is -1 / d; the distance from the point is the size of 1 + d, which has no derivative at -1."""
+    given = np.array([[-1.0]]), np.array([[1.0]]), np.array([[0.5]]), np.array([[d]])
+    loop = Loop(given[0], given[1][:, 0], given[2][0], d, "u", "y")
+    zero = np.zeros((1, 1))
+    change = Matrices(zero, zero, zero, np.array([[2.0]]))
+    own = Margins((PhaseCrossing(np.inf, -1 / d),) if d < 0 else (), (), abs(1 + d), np.inf, False)
+    gain, phase, delay, modulus = parts._margins(Matrices(*given), change, loop, own)
+    assert gain == pytest.approx(2.0 / d**2 if d < 0 else np.nan, nan_ok=True)
+    assert np.isnan([phase, delay]).all()
+    assert modulus == pytest.approx(2.0 * np.sign(1 + d) if d != -1 else np.nan, nan_ok=True)
+
+
+@pytest.mark.parametrize(("p", "k"), [(1.0, 20.0), (0.5, 3.0), (3.0, 100.0)])
+def test_how_margins_of_three_lags_move_with_their_pole(p: float, k: float) -> None:
+    """Of ``k / (s + p)^3``: the gain margin is 8 p^3 / k, at a frequency that moves as well."""
+
+    def of(p: float) -> tuple[float, float, float]:
+        w = np.sqrt(k ** (2 / 3) - p**2)
+        phase = np.pi - 3 * np.arctan(w / p)
+        return 8 * p**3 / k, np.degrees(phase), (phase % (2 * np.pi)) / w
+
+    A = np.diag([-p] * 3) + np.diag([1.0, 1.0], 1)
+    b, c = np.array([[0.0], [0.0], [1.0]]), np.array([[k, 0.0, 0.0]])
+    loop = Loop(A, b[:, 0], c[0], 0.0, "u", "y")
+    zero = np.zeros((1, 1))
+    change = Matrices(-np.eye(3), 0 * b, 0 * c, zero)
+    own = margins(loop)
+    assert (own.gain_margin, own.phase_margin, own.delay_margin) == pytest.approx(of(p))
+    h = 1e-6
+    expected = (np.array(of(p + h)) - of(p - h)) / (2 * h)
+    assert parts._margins(Matrices(A, b, c, zero), change, loop, own)[:3] == pytest.approx(expected, rel=1e-6)

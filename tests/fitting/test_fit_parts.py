@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gearlib.errors import ArgumentError, GearlibError, NameLookupError
-from gearlib.fitting.fit import Range, _begin, _Evaluator, _sizes, _spread
-from gearlib.fitting.measured import MeasuredSeries, Prediction, as_real, checked_noise, split
+from gearlib.errors import ArgumentError, GearlibError
+from gearlib.fitting import fit as parts
+from gearlib.fitting.fit import Range
+from gearlib.fitting.measured import MeasuredSeries, Prediction
 
 
 def test_a_range_is_logarithmic_or_not() -> None:
@@ -41,7 +42,33 @@ def test_a_range_is_logarithmic_or_not() -> None:
 )
 def test_a_first_guess_is_the_models_value_between_the_bounds(bounds: Range, begin: float) -> None:
     model: Any = SimpleNamespace(model=SimpleNamespace(parameters=SimpleNamespace(index={"a": 0, "c": 1})))
-    assert _begin(bounds, model, np.array([3.0, 400.0])) == pytest.approx(begin, rel=1e-12)
+    assert parts._begin(bounds, model, np.array([3.0, 400.0])) == pytest.approx(begin, rel=1e-12)
+
+
+def ranges(free: Any, *experiments: dict[str, float]) -> list[Range]:
+    """Of a model that has any parameter."""
+    model: Any = SimpleNamespace(model=SimpleNamespace(parameters=SimpleNamespace(number=lambda *_: 0)))
+    return parts._ranges(model, free, [SimpleNamespace(parameters=own) for own in experiments])  # type: ignore[misc]
+
+
+def test_ranges_are_logarithmic_where_both_bounds_are_positive() -> None:
+    found = ranges({"c": (1, 2.5), "d": [-1.0, 2.0], "e": np.array([0.0, 2.0])}, {"a": 1.0})
+    assert [(r.name, r.low, r.high, r.logarithmic) for r in found] == [
+        ("c", 1.0, 2.5, True), ("d", -1.0, 2.0, False), ("e", 0.0, 2.0, False),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("bounds", [(2.0, 1.0), (1.0, 1.0), 3.0, (1.0, 2.0, 3.0), (1.0,), [[1.0, 2.0]]])
+def test_bounds_are_two_numbers_the_lower_one_first(bounds: Any) -> None:
+    with pytest.raises(ArgumentError, match=r"^free\['c'\] is .*; expected \(low, high\), low below high$"):
+        ranges({"c": bounds})
+
+
+def test_what_is_free_is_not_given_in_any_experiment() -> None:
+    with pytest.raises(ArgumentError, match=r"^'c' is free, and given as 4\.0 in parameters; leave one of the two out$"):
+        ranges({"a": (1.0, 2.0), "c": (1.0, 2.0)}, {"d": 3.0}, {"d": 5.0, "c": 4.0})
+    with pytest.raises(ArgumentError, match=r"^free is empty; expected the parameters to find with their bounds"):
+        ranges({})
 
 
 @pytest.mark.parametrize(
@@ -59,7 +86,7 @@ def test_a_first_guess_is_the_models_value_between_the_bounds(bounds: Range, beg
     ],
 )
 def test_the_size_of_a_series_is_its_spread_or_that_of_its_numbers(numbers: list[float], spread: float) -> None:
-    assert _spread(np.array(numbers)) == pytest.approx(spread, rel=1e-3)
+    assert parts._spread(np.array(numbers)) == pytest.approx(spread, rel=1e-3)
 
 
 def series(name: str, values: Any, noise: float | None = None) -> MeasuredSeries:
@@ -70,42 +97,23 @@ def series(name: str, values: Any, noise: float | None = None) -> MeasuredSeries
 def test_residuals_are_sized_by_their_noise_or_by_their_spread() -> None:
     """A complex value is two residuals."""
     own = [series("a", [1.0, 3.0, 1.0, 3.0], 0.1), series("b", [1.0 + 2j, 3.0], 0.2)]
-    sizes, known = _sizes(own, {"a": 7.0})
+    sizes, known = parts._sizes(own, {"a": 7.0})
     assert (sizes.tolist(), known) == ([0.1] * 4 + [0.2] * 4, True)
     given = [series("a", [1.0, 3.0]), series("b", [1.0, 5.0])]
-    sizes, known = _sizes(given, {"a": 7.0, "b": 0.5})
+    sizes, known = parts._sizes(given, {"a": 7.0, "b": 0.5})
     assert (sizes.tolist(), known) == ([7.0, 7.0, 0.5, 0.5], True)
-    sizes, known = _sizes(given, {})
+    sizes, known = parts._sizes(given, {})
     assert (sizes.tolist(), known) == ([1.0, 1.0, 2.0, 2.0], False)
+
+
+def test_noise_is_given_for_all_series_or_for_none() -> None:
+    given = [series("a", [1.0, 3.0]), series("b", [1.0, 5.0])]
     for some, missing in (({"a": 7.0}, "b"), ({"b": 7.0}, "a")):
         with pytest.raises(ArgumentError, match=rf"^the noise of {missing} is not given, that of others is; give all, or none"):
-            _sizes(given, some)
+            parts._sizes(given, some)
 
 
-def test_parts_of_complex_values_follow_each_other() -> None:
-    assert as_real([1.0 + 2j, 3.0 - 4j]).tolist() == [1.0, 3.0, 2.0, -4.0]
-    assert as_real([[1j, 2.0]]).tolist() == [[0.0, 2.0], [1.0, 0.0]]
-    assert as_real([1, 2]).tolist() == [1.0, 2.0]
-    assert as_real([1, 2]).dtype == float
-
-
-def test_noise_by_name() -> None:
-    assert checked_noise(None, ["a", "b"]) == {}
-    assert checked_noise(2, ["a", "b"]) == {"a": 2.0, "b": 2.0}
-    assert checked_noise({"b": 3}, ["a", "b"]) == {"b": 3.0}
-    with pytest.raises(NameLookupError, match="noise names 'c', which was not measured"):
-        checked_noise({"c": 3}, ["a", "b"])
-    for wrong in (0.0, -1e-300):
-        with pytest.raises(ArgumentError, match=f"noise of a is {wrong}; expected a standard deviation above 0"):
-            checked_noise({"a": wrong}, ["a"])
-
-
-def test_parameters_and_start_values_are_told_apart() -> None:
-    assert split({"a.c": 1.0, "start(b.w)": 2.0, "d": 3.0}) == ({"a.c": 1.0, "d": 3.0}, {"b.w": 2.0})
-    assert split({}) == ({}, {})
-
-
-def evaluator(**changes: Any) -> tuple[_Evaluator, list[Any]]:
+def evaluator(**changes: Any) -> tuple[parts._Evaluator, list[Any]]:
     """Of two experiments that predict the parameters themselves, a twice and a times b; and what they were asked for."""
     asked: list[Any] = []
 
@@ -126,7 +134,7 @@ def evaluator(**changes: Any) -> tuple[_Evaluator, list[Any]]:
         "ranges": [Range("a", 1.0, 100.0, True), Range("b", -5.0, 5.0, False)],
         "names": ["u", "v", "v"], "measured": np.array([1.0, 0.5, 2.0]), "sizes": np.array([0.5, 0.1, 4.0]),
     }  # fmt: skip
-    return _Evaluator(**given | changes), asked
+    return parts._Evaluator(**given | changes), asked
 
 
 def test_residuals_and_their_derivatives_are_computed_once_at_each_point() -> None:

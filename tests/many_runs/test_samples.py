@@ -14,7 +14,7 @@ from gearlib.files.sweep_files import StoredArray
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import Samples, as_samples, rows
 from gearlib.many_runs.tracking import followed, nearest_first
-from gearlib.many_runs.work import ManyRows, Row, Work, blank, check_names, done, first_of, put, reduced
+from gearlib.many_runs.work import ManyRows, Row, Work, blank, done, first_of, put, reduced
 
 TABLES = [gl.Table([0, 1], [0, k]) for k in (1.0, 2.0)]
 
@@ -107,6 +107,7 @@ def test_runs_have_the_shape_of_what_varies() -> None:
     assert found["a"].tolist() == [[1, 1, 1], [2, 2, 2]]
     assert list(found.errors) == [(0, 1), (1, 1)]
     assert ("peak" in found, "a" in found, 3 in found) == (True, False, False)
+    assert list(found.parameters) == ["a", "b", "c"]
     assert found.parameters["c"] == 7.0
     assert found.parameters["b"].tolist() == [[3, 4, 5], [3, 4, 5]]
     assert found.time.tolist() == [0.0, 0.5, 1.0]
@@ -192,29 +193,6 @@ def test_runs_that_fail_are_named_by_their_place_and_left_open() -> None:
     assert np.isnan(chunk.values["name"]).tolist() == np.isnan(chunk.values["square"]).tolist()  # whole rows, or nothing
     assert (chunk.coordinates, chunk.warned) == ({"time": [0.0]}, ())
     assert 0.0 <= chunk.seconds < 10.0
-
-
-@pytest.mark.parametrize(
-    ("given", "results", "axes", "said"),
-    [
-        ({"a": [1.0, 2.0], "b": 3.0}, ["c"], ["time"], ""),
-        ({"a": [1.0, 2.0], "b": 3.0}, ["c", "b"], [], "b is given to the runs and is a result, too"),
-        ({"time": [1.0, 2.0]}, ["c"], ["time"], "time is given to the runs and is an axis of the results, too"),
-        ({"a": [1.0, 2.0]}, ["mode"], ["time", "mode"], "mode is a result and is an axis of the results, too"),
-        ({"a": [1.0, 2.0]}, ["run"], [], "run is a result and is an axis of the results, too"),
-        ({"run": 1.0}, ["c"], [], "run is given to the runs and is an axis of the results, too"),
-        (gl.grid(a=[1.0, 2.0]), ["run"], [], ""),  # whose axis is called a
-        (gl.grid(run=[1.0, 2.0]), ["c"], [], "run is given to the runs and is an axis of the results, too"),
-    ],
-)
-def test_a_name_stands_for_one_thing(given: Any, results: list[str], axes: list[str], said: str) -> None:
-    samples = as_samples(given)
-    if not said:
-        check_names(samples, results, axes)
-        return
-    with pytest.raises(ArgumentError) as refused:
-        check_names(samples, results, axes)
-    assert str(refused.value) == f"{said}; give the result another name: reduce={{'name': function}}"
 
 
 def test_rows_are_put_in_their_places_completely_or_not_at_all() -> None:

@@ -9,10 +9,11 @@ import pytest
 
 import gearlib as gl
 from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.many_runs import simulating as parts
 from gearlib.many_runs.by_exponentials import ExactSweep
 from gearlib.many_runs.in_lanes import LaneSweep
 from gearlib.many_runs.samples import as_samples
-from gearlib.many_runs.simulating import Simulating, _first_parameters, functions_of, kind_of, simulating
+from gearlib.many_runs.simulating import Simulating, functions_of, kind_of, simulating
 from gearlib.run.simulate import checked_request
 from tests.many_runs.models import Drive, Thermostat
 
@@ -64,54 +65,17 @@ def test_parameters_of_the_first_run(drive: gl.System) -> None:
     own, request = checked_request(drive.translation, 1.0, inputs=TORQUE)
     index = own.model.parameters.index
     varied = as_samples({"J": [5.0, 6.0], "torque.tau": [1.0, 2.0], "start(load.w)": [7.0, 8.0]})
-    found = _first_parameters(own, varied, request, {"shaft.c": 300.0})
+    found = parts._first_parameters(own, varied, request, {"shaft.c": 300.0})
     assert (found[index["J"]], found[index["load.J"]], found[index["shaft.c"]]) == (5.0, 5.0, 300.0)
     assert found[index["shaft.d"]] == request.parameters[index["shaft.d"]] == 2.0
     for first in (0.0, -1.0):
-        assert _first_parameters(own, as_samples({"motor.J": [first, 1.0]}), request, {}) is request.parameters
+        assert parts._first_parameters(own, as_samples({"motor.J": [first, 1.0]}), request, {}) is request.parameters
 
 
-def test_what_is_kept_of_runs_side_by_side(drive: gl.System) -> None:
-    """Histories of states alone need no results, nor do their last values; what is made of anything else does."""
-    varied, scene = {"J": J}, drive.translation.scene
-    place = scene.place_of[scene.named("load.w")[0]]
-    for outputs, reduce, whole, kept, last in (
-        (["load.w"], None, False, (place,), False),
-        ([], {"end": gl.final("load.w")}, False, (place,), True),
-        ([], {"end": gl.final("load.w"), "top": gl.peak("load.w")}, False, (place,), False),
-        (["load.w"], {"end": gl.final("load.w")}, False, (place,), False),
-        (["load.w", "shaft.tau"], None, True, (), False),
-        ([], {"end": gl.final("shaft.tau")}, True, (), False),
-        ([], {"n": len, "end": gl.final("load.w")}, True, (), False),
-    ):
-        engine = task(drive, varied, outputs=outputs, reduce=reduce).together_by
-        assert isinstance(engine, ExactSweep)
-        assert (engine.whole, engine.kept, engine.last) == (whole, kept, last)
-        count = len(scene.states) if whole else 1
-        assert len(engine.columns) == count
-        assert len(engine.sampled) == (2 if last else 5)
-        assert engine.column("load.w") == (-1 if whole else 0)
-        assert engine.column("shaft.tau") == -1
-
-
-@pytest.mark.parametrize(
-    ("times", "grid", "hidden", "of_the_last"),
-    [
-        ([0.0, 0.5, 1.0], [0.0, 0.5, 1.0], 0, ([0.0, 1.0], 1)),
-        ([0.5, 1.0], [0.0, 0.5, 1.0], 1, ([0.0, 1.0], 1)),
-        ([1.0], [0.0, 1.0], 1, ([0.0, 1.0], 1)),
-        ([0.0, 1.0], [0.0, 1.0], 0, ([0.0, 1.0], 0)),
-    ],
-)
-def test_times_at_which_runs_are_computed(drive: gl.System, times: Any, grid: Any, hidden: int, of_the_last: Any) -> None:
-    """The start comes before them, and is hidden; for the last value no others are needed."""
-    options: dict[str, Any] = {"samples": None, "times": times}
-    whole = task(drive, {"J": J}, outputs=["load.w"], **options).together_by
-    last = task(drive, {"J": J}, reduce={"end": gl.final("load.w")}, outputs=[], **options).together_by
-    assert isinstance(whole, ExactSweep)
-    assert isinstance(last, ExactSweep)
-    assert (whole.grid.tolist(), whole.sampled.tolist(), whole.hidden) == (grid, grid, hidden)
-    assert (last.grid.tolist(), last.sampled.tolist(), last.hidden) == (grid, *of_the_last)
+@pytest.mark.parametrize("lanes", [1, "auto"])
+def test_outputs_that_there_are_not_are_refused_before_the_runs(drive: gl.System, lanes: Any) -> None:
+    with pytest.raises(NameLookupError, match=r"lod\.w"):
+        task(drive, {"J": J}, outputs=["load.w", "lod.w"], lanes=lanes)
 
 
 def test_ways_in_which_runs_are_carried_out(drive: gl.System) -> None:

@@ -51,7 +51,7 @@ def test_without_a_gap_it_is_a_linear_spring() -> None:
 
 
 def test_far_beyond_and_far_inside_the_edges_it_is_linear_also_for_tiny_amplitudes() -> None:
-    for amplitude in (1e-300, 1e-12, 0.1):
+    for amplitude in (5e-324, 1e-300, 1e-12, 0.1):
         for mean, slope, force in ((2.0, 30.0, 30.0 * 1.5 + 4.0 * 0.5), (-2.0, 30.0, -47.0), (0.2, 4.0, 0.8)):
             found = gl.backlash_describing_function(amplitude, mean, c=30.0, b=1.0, c_gap=4.0)
             assert found == (pytest.approx(force, rel=1e-12), pytest.approx(slope, rel=1e-12))

@@ -169,7 +169,7 @@ def test_a_growing_phase_counts_by_its_growth_over_its_scale(turns: float, omega
         assert max(equations.error(equations.unknowns(c), omega)) < 1e-6
 
 
-class Free(gl.Component):
+class Unheld(gl.Component):
     """A body that nothing holds."""
 
     F = gl.Input("1")
@@ -183,4 +183,4 @@ class Free(gl.Component):
 def test_a_mean_force_that_nothing_holds_is_told_with_what_it_does(mean: float) -> None:
     said = rf"^there is no periodic motion at 5 rad/s: w changes by {mean / 2:g} per second on average, and nothing in the train can hold"
     with pytest.raises(SolverError, match=said):
-        gl.harmonic_balance(gl.compile(Free()), 5.0, 6.0, inputs={"F": lambda phase, w: mean + np.cos(phase)}, outputs=["y"])
+        gl.harmonic_balance(gl.compile(Unheld()), 5.0, 6.0, inputs={"F": lambda phase, w: mean + np.cos(phase)}, outputs=["y"])

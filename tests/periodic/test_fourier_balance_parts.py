@@ -11,17 +11,9 @@ import pytest
 
 import gearlib as gl
 from gearlib.errors import SolverError
+from gearlib.periodic import fourier_balance as parts
 from gearlib.periodic.first_motion import Forced
-from gearlib.periodic.fourier_balance import (
-    HarmonicEquations,
-    Rigid,
-    _free,
-    _kernel,
-    _natural,
-    _other_speed,
-    rigid_motions,
-    terms,
-)
+from gearlib.periodic.fourier_balance import HarmonicEquations, Rigid, rigid_motions, terms
 
 
 @pytest.mark.parametrize(
@@ -38,7 +30,7 @@ from gearlib.periodic.fourier_balance import (
 )
 def test_a_null_space_of_rows_in_any_unit(matrix: Any, kernel: Any) -> None:
     matrix = np.array(matrix, float)
-    found = _kernel(matrix)
+    found = parts._kernel(matrix)
     expected = np.array(kernel, float).reshape(len(kernel), matrix.shape[1])
     assert found.shape == expected.T.shape
     assert found.T @ found == pytest.approx(np.eye(len(expected)))
@@ -58,17 +50,17 @@ def test_terms_are_sums_of_sizes_before_they_cancel() -> None:
 def test_natural_units_are_those_in_which_states_act_on_each_other_alike() -> None:
     """Usual values count, and means where most are zero."""
     mutual = np.array([[0.0, 400.0], [1.0, 0.0]])
-    found = _natural(np.array([mutual, mutual, 1e9 * mutual]))
+    found = parts._natural(np.array([mutual, mutual, 1e9 * mutual]))
     assert np.abs(mutual * found / found[:, None])[[0, 1], [1, 0]] == pytest.approx([20.0, 20.0], rel=1.0)
     sometimes = np.zeros((3, 2, 2))
     sometimes[0] = mutual
-    assert _natural(sometimes)[0] / _natural(sometimes)[1] == found[0] / found[1]
+    assert parts._natural(sometimes)[0] / parts._natural(sometimes)[1] == found[0] / found[1]
 
 
 def test_a_speed_that_the_torques_determine_is_refused_by_the_names_of_what_turns() -> None:
     def said(*growth: float) -> str:
         scene = SimpleNamespace(state_names=("a.p", "w", "b.p"))
-        return str(_other_speed(SimpleNamespace(scene=scene, growth=np.array(growth), omega=12.5)))  # type: ignore[arg-type]
+        return str(parts._other_speed(SimpleNamespace(scene=scene, growth=np.array(growth), omega=12.5)))  # type: ignore[arg-type]
 
     assert said(0.0, 0.0, 1.0) == (
         "the train turns with b.p at a speed that its torques determine, which is not the one that 12.5 rad/s asks for; make the torques "
@@ -150,7 +142,7 @@ def test_a_train_that_is_held_has_no_rigid_motion() -> None:
     assert found.means.tolist().count(2.0) == 2
 
 
-class Integrals(gl.Component):
+class Integrated(gl.Component):
     """An oscillator, the integral of its speed, and that of its square, on which nothing depends."""
 
     F = gl.Input("1")
@@ -168,7 +160,7 @@ class Integrals(gl.Component):
 
 def test_integrals_on_which_nothing_depends_may_grow() -> None:
     """Both are free and idle; no combination needs to balance."""
-    task = Forced(gl.compile(Integrals()).translation, None, {}, {"F": lambda phase, w: np.cos(phase)}, 1, {})
+    task = Forced(gl.compile(Integrated()).translation, None, {}, {"F": lambda phase, w: np.cos(phase)}, 1, {})
     scene = task.scene(["x", "p", "q"])
     integral = np.diag([float(name in ("p", "q")) for name in scene.state_names])
     found = rigid_motions(task.driven(scene)(0.7), np.ones(4), np.ones(4), np.ones(4))
@@ -200,10 +192,36 @@ def test_directions_in_which_a_train_turns_are_those_that_are_not_given_as_turni
     _, at, driven = rigid(0.0)
     none, given = np.empty((4, 0)), np.eye(4)[:, [at["x"]]]
     scale = np.array([2.0, 3.0, 4.0, 5.0])
-    assert np.abs(_free(driven, scale, none).T) == pytest.approx(given.T, abs=1e-9)
-    assert _free(driven, scale, given).shape == (4, 0)
+    assert np.abs(parts._free(driven, scale, none).T) == pytest.approx(given.T, abs=1e-9)
+    assert parts._free(driven, scale, given).shape == (4, 0)
     _, _, still = rigid(5.0)
-    assert _free(still, scale, none).shape == (4, 0)
+    assert parts._free(still, scale, none).shape == (4, 0)
+
+
+class TwoOnAShaft(gl.Component):
+    """Two bodies on a shaft, with the angle of each."""
+
+    F = gl.Input("1")
+    x, y = gl.Variable("1", nominal=1e-2), gl.Variable("1", nominal=10.0)
+    v, u = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        between = 9.0 * (self.x - self.y)
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.y), self.u),
+            gl.Eq(gl.der(self.v), self.F - between),
+            gl.Eq(gl.der(self.u), between),
+        ]
+
+
+def test_a_direction_in_which_all_turn_alike_is_scaled_with_its_states() -> None:
+    task = Forced(gl.compile(TwoOnAShaft()).translation, None, {}, {"F": lambda phase, w: np.cos(phase)}, 1, {})
+    scene = task.scene(["x", "y"])
+    scale = np.array([{"x": 2.0, "y": 5.0}.get(name, 7.0) for name in scene.state_names])
+    (found,) = parts._free(task.driven(scene)(0.7), scale, np.empty((4, 0))).T
+    alike = np.array([1.0 if name in ("x", "y") else 0.0 for name in scene.state_names]) / scale
+    assert abs(found @ alike) == pytest.approx(np.linalg.norm(alike), rel=1e-9)
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-8, 1e-5])

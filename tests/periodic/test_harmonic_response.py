@@ -116,6 +116,7 @@ def test_stable_and_unstable_pieces_meet_and_folds_are_named_once() -> None:
         assert line.get_ydata() == pytest.approx(amplitude[piece])
     marks = [line for line in ax.lines if line.get_marker() == "o"]
     assert [(m.get_xdata()[0], m.get_ydata()[0]) for m in marks] == [(f[k], amplitude[k]) for k in (2, 3)]
+    assert [str(m.get_label()).startswith("_") for m in marks] == [False, True]
     assert [t.get_text() for t in ax.texts] == [f"{f[k]:.4g} Hz" for k in (2, 3)]
     assert sorted(t.get_text() for t in ax.get_legend().get_texts()) == ["fold", "stable", "unstable"]
     assert ax.get_ylabel() == "amplitude of w, harmonic 2, rad/s"
@@ -123,6 +124,11 @@ def test_stable_and_unstable_pieces_meet_and_folds_are_named_once() -> None:
     first = response(coefficients=SERIES[:, :3]).plot(ax=plt.figure().add_subplot())
     assert first.get_ylabel() == "amplitude of mesh.q, m"
     assert re.match("Harmonic balance, 1 harmonic,", first.get_title())
+    ends = response(multipliers=MULTIPLIERS[[0, 0, 2, 3, 3]]).plot(ax=plt.figure().add_subplot()).lines
+    assert [(line.get_linestyle(), len(line.get_xdata())) for line in ends if line.get_marker() == "None"] == [
+        ("-", 3),
+        ("--", 3),
+    ]
     pieces = response(multipliers=MULTIPLIERS[[2, 0, 0, 0, 3]]).plot(ax=plt.figure().add_subplot()).lines
     assert [line.get_linestyle() for line in pieces if line.get_marker() == "None"] == ["--", "-", "--"]
     plt.close("all")

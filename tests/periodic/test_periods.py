@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from gearlib.periodic import periods as parts
 from gearlib.periodic.periods import fourier, jumps, moments, turn
 from tests.periodic.models import FRICTION, STIFF, STOP, driven, motion
 
@@ -224,9 +225,29 @@ def test_between_samples_of_any_size_a_zero_is_that_of_their_cubic(seed: int) ->
         assert np.polyval(cubic, share) == pytest.approx(0.0, abs=1e-9 * np.abs(four).max())
 
 
-def test_a_flag_that_changes_though_its_expression_does_not_cross_zero_changes_between_two_samples() -> None:
-    found = cuts_of(Known(lambda p: 1.0 + 0 * p, flags=lambda p: ((p > 1.0) & (p < 4.0))[None]), 100)
+@pytest.mark.parametrize(
+    "expression", [lambda p: 1.0 + 0 * p, lambda p: 0.5 + 0.1 * np.sin(3 * p), lambda p: -0.5 - 0.1 * np.cos(p)]
+)
+def test_a_flag_that_changes_though_its_expression_does_not_cross_zero_changes_between_two_samples(expression: Any) -> None:
+    found = cuts_of(Known(expression, flags=lambda p: ((p > 1.0) & (p < 4.0))[None]), 100)
     grid = 2 * np.pi * np.arange(100) / 100
     edges = [grid[grid < 1.0][-1], grid[grid < 4.0][-1]]
     assert found.cuts == pytest.approx([edge + np.pi / 100 for edge in edges])
     assert found.relation.tolist() == [0, 0]
+
+
+@pytest.mark.parametrize(
+    "four", [[0.0, 1.0, -1.0, -2.0], [5.0, 1.0, -3.0, 0.0], [0.0, -2.0, 1.0, 0.0], [-3.0, -1e-9, 1.0, 8.0]]
+)
+@pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
+def test_a_zero_between_two_samples_is_that_of_the_cubic_through_their_neighbours(four: list[float], unit: float) -> None:
+    roots = np.roots(np.polyfit(np.arange(-1.0, 3.0), four, 3))
+    (root,) = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0) & (roots.real < 1)]
+    assert parts._zero(unit * np.array(four)) == pytest.approx(root, abs=1e-9)
+
+
+def test_a_zero_at_a_sample_is_there() -> None:
+    for other in (-3.0, 0.0, 3.0):
+        assert parts._zero(np.array([other, 0.0, 2.0, 5.0])) == 0.0
+        assert parts._zero(np.array([other, 2.0, 0.0, 5.0])) == 1.0
+    assert parts._zero(np.array([1.0, 0.0, 0.0, 1.0])) == 0.0
