@@ -71,6 +71,22 @@ def test_a_repeated_table_is_kept_while_it_reaches_far_enough() -> None:
     assert own.over(0.5, again.t[-1] + 0.5) is not again
 
 
+def test_a_part_may_begin_at_any_time() -> None:
+    """At a point it is the table from there on; without a beginning it is all of it up to its end."""
+    for kind in ("linear", "cubic"):
+        own = gl.Table(T, Y, kind)
+        whole = own.between(-np.inf, 1.0)
+        assert whole.t.tolist() == T[:3].tolist()
+        assert whole.coefficients.tolist() == own.coefficients[:, :3].tolist()
+        part = own.between(0.5, 1.0)
+        assert (part.t.tolist(), part.coefficients.tolist()) == (T[1:3].tolist(), own.coefficients[:, 1:3].tolist())
+        later = own.between(0.6, 0.7)
+        assert later.t.tolist() == [0.6]
+        t = np.array([0.6, 0.65, 0.79])
+        assert later(t) == pytest.approx(own(t), rel=1e-13)
+        assert later.y.tolist() == later.coefficients[0].tolist()
+
+
 def test_a_later_table_has_its_corners_later() -> None:
     both = concatenated([gl.Table([0.0, 1.0], [0.0, 1.0]).between(0.0, 1.0), gl.Table([1.0, 2.0], [5.0, 6.0])], [1.0, 0.5, 1.0])
     assert both.corners.tolist() == [0.5, 1.0]
