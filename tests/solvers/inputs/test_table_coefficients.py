@@ -111,3 +111,12 @@ def test_cells_of_a_grid() -> None:
     assert share.tolist() == [0.0, 0.0, 0.25, 0.0, 0.5, 1.0, 1.0]
     i, share = _cell(np.array([2.0]), np.array([1.0, 2.0, 3.0]))
     assert (i.tolist(), share.tolist()) == ([0] * 3, [0.0] * 3)
+
+
+def test_numbers_of_tables_cannot_be_changed() -> None:
+    """What was derived from them would not follow."""
+    own, grid = gl.Table(T, Y), gl.Table2D([0.0, 1.0], [0.0, 2.0], [[1.0, 2.0], [3.0, 4.0]])
+    for part in (own.t, own.y, own.coefficients, grid.x, grid.y, grid.z):
+        assert not part.flags.writeable
+        with pytest.raises(ValueError, match="read-only"):
+            part[0] = 7.0
