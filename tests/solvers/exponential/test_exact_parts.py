@@ -93,6 +93,21 @@ def test_conditions_that_do_not_tell_one_time_are_named() -> None:
     assert tangent_jumps(replace(switched(), changes=None), [0], forcing) == {}
 
 
+@pytest.mark.parametrize(
+    ("share", "one_time"), [(0.0, True), (0.9e-9, True), (-0.9e-9, True), (1.2e-9, False), (-1.2e-9, False), (0.3, False)]
+)
+def test_two_conditions_change_together_if_their_times_do(share: float, one_time: bool) -> None:
+    """In every direction, to a billionth, however little that moves them."""
+    step = known([STEPS[0]])
+    for size in (1.0, 1e-12):
+        one = MovedSwitch(0, TIME - 0.5, (sympy.Float(size), ZERO))
+        other = MovedSwitch(0, 2 * (TIME - 0.5), (sympy.Float(2.0 * size * (1.0 + share)), ZERO))
+        found = tangent_jumps(switched(one, other), [0], step)
+        assert isinstance(found, dict) == one_time
+        if isinstance(found, dict):
+            assert found[1] == pytest.approx(np.outer([-size, 0.0], [1.0, 0.0]) * -3.0, rel=1e-8, abs=0.0)
+
+
 @pytest.mark.parametrize(("off", "counts"), [(0.9e-9, True), (1.1e-9, False), (-0.9e-9, True), (-1.1e-9, False)])
 def test_a_condition_changes_where_its_zero_is_near(off: float, counts: bool) -> None:
     """Within a billionth of the time or of the length of the run, the longer one; whatever its slope."""
