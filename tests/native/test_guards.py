@@ -131,3 +131,38 @@ def test_each_divisor_has_a_side_of_its_own(longest: int, monkeypatch: pytest.Mo
             assert by_python(native.rhs.source, "rhs", 0.0, states, rates, data, native.index.copy()) == code
             at = native.rhs.layout.guards
             assert data[at : at + 3 * EACH].reshape(3, EACH).tolist() == [[1.0, 2.0, 2.0]] * 3
+
+
+class WatchedThree(gl.Component):
+    """Three of them, with an event."""
+
+    n = gl.Discrete()
+
+    def assemble(self) -> list[gl.Connection]:
+        self.parts = [Quotient() for _ in range(3)]
+        return []
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.When(self.parts[0].y > 7.0, gl.Eq(self.n, gl.pre(self.n) + 1))]
+
+
+@pytest.mark.parametrize("longest", [260, 0], ids=["written out", "loops"])
+def test_an_event_makes_the_signs_of_all_divisors_stale(longest: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are halved, and nothing else that is kept of the divisors is changed."""
+    monkeypatch.setattr("gearlib.native.source.LONGEST", longest)
+    translation = gl.compile(WatchedThree()).translation
+    scene = translation.scene
+    native, begun = scene.native, scene.prepared(translation.parameter_values({}))
+    data = scene.data(native, begun, np.zeros(0), np.zeros(scene.n_discrete), np.zeros(translation.model.n_variables))
+    states, rates = np.full(6, 2.0), np.zeros(6)
+    states[scene.state_names.index("parts[1].x")] = -2.0
+    assert by_python(native.rhs.source, "rhs", 0.0, states, rates, data, native.index.copy()) == 0
+    at = native.rhs.layout.guards
+    before = data[at : at + 3 * EACH].reshape(3, EACH).copy()
+    assert sorted(before[:, 0].tolist()) == [-1.0, 1.0, 1.0]
+    fired = np.zeros(1, np.int32)
+    assert by_python(native.update.source, "update", 0.0, states, fired, data, native.index.copy()) >= 0
+    after = data[at : at + 3 * EACH].reshape(3, EACH)
+    assert after[:, 0].tolist() == (0.5 * before[:, 0]).tolist()
+    assert after[:, 1:].tolist() == before[:, 1:].tolist()
+    assert fired.tolist() == [-2]  # the quotient is below 7

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from gearlib.native.jacobian import inverted_blocks, pattern_of
+from gearlib.native.jacobian import elimination_size, inverted_blocks, pattern_of
+from gearlib.native.sparse_solve import factors_size
 from gearlib.program.derivative_plan import derivative_plan, state_plan
 from gearlib.program.derivatives import At, dense, entries
-from gearlib.program.program import Linear
+from gearlib.program.program import Linear, Newton
+from gearlib.structure.elimination_order import EliminationOrder
 from tests.program.programs import KINDS, point
 
 
@@ -55,3 +59,20 @@ def test_blocks_whose_matrix_is_differentiated_are_inverted() -> None:
     expected = {int(t) // n for b in block.matrix for i, t in enumerate(b.targets) if one in b.parameters[i]}
     assert set(rows.tolist()) >= expected
     assert set(rows.tolist()) <= expected | set(block.known_rows.tolist())
+
+
+def test_an_elimination_has_room_for_its_matrix_and_what_solves_it() -> None:
+    """Entries and their largest magnitudes, the order of the columns and the determinant; of a sparse one, entries and factors."""
+    blocks = [step for kind in KINDS for step in point(kind).program.steps if isinstance(step, Linear | Newton)]
+    assert {type(block) for block in blocks} == {Linear, Newton}
+    for block in blocks:
+        n = len(block.unknowns)
+        order = None if isinstance(block, Linear) else block.order
+        dense_room = n * n + n * n + n + 1
+        assert elimination_size(block) == (dense_room if order is None else len(order.places) + factors_size(order))
+    newton = next(block for block in blocks if isinstance(block, Newton))
+    n, every = len(newton.unknowns), np.arange(len(newton.unknowns))
+    order = EliminationOrder(n, every * n + every, every, every, n)  # a diagonal
+    sparse = replace(newton)
+    vars(sparse)["order"] = order
+    assert elimination_size(sparse) == n + factors_size(order)

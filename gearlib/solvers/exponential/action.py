@@ -129,7 +129,7 @@ class Action:
         reach = min(limit / (e.real + e.imaginary), 2.0 / max(e.centre + e.real, 1e-300))
         if h > reach:
             return 1, math.ceil(h / reach)
-        return max(1, min(_SEVERAL, int(min(reach / h, 1e6)), count)), 1
+        return min(_SEVERAL, int(min(reach / h, 1e6)), count), 1
 
     def _tolerance(self, rtol: float, count: int, repeats: int) -> float:
         return max(rtol / (100.0 + float(count) * repeats), 1e-16)

@@ -319,3 +319,30 @@ def test_pieces_of_a_trace_have_room_for_two_steps_at_least(monkeypatch: pytest.
         trace = run.solution().trace
         assert trace is not None
         assert trace.states[:, 0] == pytest.approx(np.exp(-trace.times), rel=1e-2)
+
+
+@pytest.mark.parametrize("steps", [3, 40])
+def test_a_trace_goes_on_with_the_next_method(steps: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a further piece; a trace that was dropped, or never kept, does not begin again."""
+    monkeypatch.setattr("gearlib.solvers.drive.trace.FIRST", 64)
+
+    def handed_over(first: Driver) -> Any:
+        while first.record.steps < steps:
+            first.advance(1)
+        here = replace(first.problem, x0=first.x.copy(), traced=np.array([0]))
+        return integrate(Driver(here, RungeKutta(8), first)).trace
+
+    own = decay(traced=np.array([0]), longest_step=0.02)
+    first = driver(own, [0.0, 1.0], RungeKutta())
+    found = handed_over(first)
+    before = first.solution().trace
+    assert before is not None
+    assert found.times[: len(before.times)].tolist() == before.times.tolist()
+    assert found.states[: len(before.states)].tolist() == before.states.tolist()
+    assert len(before.pieces) == (1 if steps == 3 else 2)
+    assert len(found.pieces) > len(before.pieces)
+    assert (found.times[0], found.times[-1]) == (0.0, 1.0)
+    assert found.states[:, 0] == pytest.approx(np.exp(-found.times), rel=1e-6)
+    assert handed_over(driver(replace(own, traced=None), [0.0, 1.0], RungeKutta())) is None
+    monkeypatch.setattr("gearlib.solvers.drive.trace.MOST", 10)
+    assert handed_over(driver(own, [0.0, 1.0], RungeKutta())) is None

@@ -54,6 +54,19 @@ def test_tangents_jump_where_inputs_do_at_times_that_depend_on_directions() -> N
     assert found[2] == pytest.approx(np.outer([0.0, 1.5], [0.0, 5.0]) * (2.0 + 1.0), abs=1e-14)
 
 
+@pytest.mark.parametrize(
+    ("before", "after"), [(3.0, -3.0), (-3.0, 3.0), (0.0, 2.0), (2.0, 0.0), (1.0, 1.0 + 1e-12), (1.0, 1.0 + 1e-15)]
+)
+def test_an_input_jumps_if_it_changes_by_more_than_rounding(before: float, after: float) -> None:
+    step = known([sympy.Piecewise((before, TIME < 0.5), (after, True))])
+    found = tangent_jumps(switched(MovedSwitch(0, TIME - 0.5, (ONE,)), directions=1), [0], step)
+    assert isinstance(found, dict)
+    if abs(after - before) > 1e-13:
+        assert found[1].ravel() == pytest.approx([after - before, 0.0], rel=1e-3)
+    else:
+        assert found == {}
+
+
 def test_jumps_of_several_inputs_at_one_time_add_up() -> None:
     """The columns say which inputs there are."""
     steps = [sympy.Piecewise((1, TIME < 0.5), (4, True)), sympy.Piecewise((0, TIME < 0.5), (2, True))]
@@ -78,6 +91,21 @@ def test_conditions_that_do_not_tell_one_time_are_named() -> None:
     assert isinstance(tangent_jumps(switched(one, same, directions=1), [0], forcing), dict)
     assert tangent_jumps(switched(directions=1), [0], forcing) == {}
     assert tangent_jumps(replace(switched(), changes=None), [0], forcing) == {}
+
+
+@pytest.mark.parametrize(
+    ("share", "one_time"), [(0.0, True), (0.9e-9, True), (-0.9e-9, True), (1.2e-9, False), (-1.2e-9, False), (0.3, False)]
+)
+def test_two_conditions_change_together_if_their_times_do(share: float, one_time: bool) -> None:
+    """In every direction, to a billionth, however little that moves them."""
+    step = known([STEPS[0]])
+    for size in (1.0, 1e-12):
+        one = MovedSwitch(0, TIME - 0.5, (sympy.Float(size), ZERO))
+        other = MovedSwitch(0, 2 * (TIME - 0.5), (sympy.Float(2.0 * size * (1.0 + share)), ZERO))
+        found = tangent_jumps(switched(one, other), [0], step)
+        assert isinstance(found, dict) == one_time
+        if isinstance(found, dict):
+            assert found[1] == pytest.approx(np.outer([-size, 0.0], [1.0, 0.0]) * -3.0, rel=1e-8, abs=0.0)
 
 
 @pytest.mark.parametrize(("off", "counts"), [(0.9e-9, True), (1.1e-9, False), (-0.9e-9, True), (-1.1e-9, False)])

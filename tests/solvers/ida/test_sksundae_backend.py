@@ -15,6 +15,7 @@ from gearlib.errors import GearlibError, SolverError
 from gearlib.solvers.drive.driver import integrate
 from gearlib.solvers.ida.ida import ida
 from gearlib.solvers.problem import Problem
+from gearlib.solvers.rungekutta.rungekutta import RungeKutta
 from tests.run.python_problem import driver, native, problem
 
 
@@ -67,6 +68,19 @@ def stiff(analytic: bool = True, late: float = 0.0, **more: Any) -> Problem:
     return with_jacobian(own, [[0, 1, 0], [1, 0, 0], [1, 0, 1]], jac) if analytic else own
 
 
+def touching() -> Problem:
+    """x = sin t, which is above 0.9999 for 0.028 s; the crossings are counted."""
+
+    def update(t: float, x: Any, fired: Any, data: Any) -> int:
+        data[0] += fired[0] != 0
+        return 0
+
+    return problem(
+        lambda t, x, dx, data: dx.__setitem__(0, math.cos(t)), [0.0], roots=lambda t, x, g, data: g.__setitem__(0, 0.9999 - x[0]),
+        n_roots=1, update=update, discrete=slice(0, 1),
+    )  # fmt: skip
+
+
 def chained(kind: str = "") -> Problem:
     """Twelve masses in a row, numbered in no order, the last one driven; one crosses its place at rest again and again."""
     n, order = 24, np.random.default_rng(2).permutation(24)
@@ -87,6 +101,17 @@ def chained(kind: str = "") -> Problem:
 
     own = problem(rhs, np.zeros(n), roots=lambda t, x, g, data: g.__setitem__(0, x[place[18]] - 1e-3), n_roots=1)
     return with_jacobian(own, A != 0.0, lambda t, x, data: A)
+
+
+def hessenberg() -> Problem:
+    """Each of twenty states acts on the one behind it and on all before it: a band below the diagonal, all above it."""
+    A = np.triu(np.random.default_rng(1).normal(size=(20, 20)), -1) - 6.0 * np.eye(20)
+
+    def rhs(t: float, x: Any, dx: Any, data: Any) -> None:
+        for i, rate in enumerate(A @ [x[i] for i in range(20)]):
+            dx[i] = rate
+
+    return with_jacobian(problem(rhs, np.ones(20)), A != 0.0, lambda t, x, data: A)
 
 
 def constrained(analytic: bool = True, shift: float = 1.0, failing: Callable[[float, int], int] | None = None) -> Problem:
@@ -171,6 +196,8 @@ CASES: dict[str, tuple[Callable[[], Problem], Any, dict[str, Any]]] = {
     "tolerances of states": (stiff, T, {"atol": np.array([1e-5, 1e-7, 1e-3])}),
     "band": (stiff, T, {"linear_solver": "band"}),
     "chain": (chained, T[:3], {}),
+    "touching": (touching, np.array([0.0, 3.0]), {"rtol": 1e-2, "atol": 1e-4}),
+    "wide band": (hessenberg, T, {}),
     "sparse chain": (chained, T[:3], {"linear_solver": "sparse"}),
     "algebraic": (constrained, T, {}),
     "algebraic, wrong at first": (lambda: constrained(shift=-30.0), T, {}),
@@ -219,6 +246,36 @@ def test_both_roads_take_the_same_steps_to_the_same_events(case: str) -> None:
         if not isinstance(value, str | list):
             expected = pytest.approx(value, rel=share if counted else near, abs=0.0 if counted else 1e-3 * near)
         assert other[name] == expected, name
+
+
+def test_a_band_may_be_as_wide_as_the_matrix() -> None:
+    """It is chosen where there is little below the diagonal."""
+    stepper, own = ida(), hessenberg()
+    found = integrate(driver(own, [0.0, 1.0], stepper, rtol=1e-9))
+    assert found.stats["linear_solver"] == "band, 1 below and 19 above the diagonal"
+    assert found.stats["jac"] < 60  # a matrix that is read otherwise than it is written makes no progress
+    fine = integrate(driver(own, [0.0, 1.0], RungeKutta(8), rtol=1e-12))
+    assert found.x[-1] == pytest.approx(fine.x[-1], rel=1e-6, abs=1e-8)
+
+
+@pytest.mark.parametrize("native", [True, False])
+@pytest.mark.parametrize("analytic", [True, False])
+def test_a_single_sample_has_consistent_values(native: bool, analytic: bool) -> None:
+    """Of the algebraic unknown, which starts at 0.2: y + y**3 / 10 = 1."""
+    found = outcome(constrained(analytic), np.array([0.0]), native)
+    y = found["samples"][0, 1]
+    assert (found["status"], found["samples"][0, 0]) == ("done", 0.0)
+    assert y + 0.1 * y**3 == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("native", [True, False])
+def test_both_crossings_within_one_step_are_found(native: bool) -> None:
+    """The function turns away from zero in between."""
+    found = outcome(touching(), np.array([0.0, 3.0]), native, rtol=1e-2, atol=1e-4)
+    half = math.acos(0.9999)
+    assert found["event times"] == pytest.approx([0.5 * math.pi - half, 0.5 * math.pi + half], abs=0.02)
+    assert found["discrete"][-1].tolist() == [2.0]
+    assert found["attempts"] < 3.0 / (2.0 * half)  # most steps are longer than that
 
 
 @pytest.mark.parametrize("kind", ["dense", "band", "sparse"])

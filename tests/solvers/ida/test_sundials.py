@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gearlib.solvers.ida import sundials
+from gearlib.solvers.ida import ida, sundials
 from gearlib.solvers.ida.sundials import Solver, UnavailableError, _configuration, _open, _opened, load
 
 MADE = {
@@ -147,3 +147,15 @@ def test_libraries_are_found_by_a_word_in_their_names(tmp_path: Path, monkeypatc
         (tmp_path / name).write_text("")
     monkeypatch.setattr(ctypes, "CDLL", lambda path: Path(path).name)
     assert _opened(tmp_path, "core", "ida", "none") == ("core.dll", "libcore.dylib", "libida.so.7")
+
+
+def test_the_road_is_known_before_it_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert (ida.is_native(), ida.is_native(False)) == (True, False)
+
+    def nothing() -> None:
+        raise UnavailableError("no libraries here")
+
+    monkeypatch.setattr(ida, "load", nothing)
+    assert (ida.is_native(), ida.is_native(False)) == (False, False)
+    assert ida.ida().backend == "scikit-sundae: no libraries here"
+    assert ida.ida(False).backend == "scikit-sundae: asked for"

@@ -71,6 +71,22 @@ def test_a_repeated_table_is_kept_while_it_reaches_far_enough() -> None:
     assert own.over(0.5, again.t[-1] + 0.5) is not again
 
 
+def test_a_part_may_begin_at_any_time() -> None:
+    """At a point it is the table from there on; without a beginning it is all of it up to its end."""
+    for kind in ("linear", "cubic"):
+        own = gl.Table(T, Y, kind)
+        whole = own.between(-np.inf, 1.0)
+        assert whole.t.tolist() == T[:3].tolist()
+        assert whole.coefficients.tolist() == own.coefficients[:, :3].tolist()
+        part = own.between(0.5, 1.0)
+        assert (part.t.tolist(), part.coefficients.tolist()) == (T[1:3].tolist(), own.coefficients[:, 1:3].tolist())
+        later = own.between(0.6, 0.7)
+        assert later.t.tolist() == [0.6]
+        t = np.array([0.6, 0.65, 0.79])
+        assert later(t) == pytest.approx(own(t), rel=1e-13)
+        assert later.y.tolist() == later.coefficients[0].tolist()
+
+
 def test_a_later_table_has_its_corners_later() -> None:
     both = concatenated([gl.Table([0.0, 1.0], [0.0, 1.0]).between(0.0, 1.0), gl.Table([1.0, 2.0], [5.0, 6.0])], [1.0, 0.5, 1.0])
     assert both.corners.tolist() == [0.5, 1.0]
@@ -93,5 +109,16 @@ def test_cells_of_a_grid() -> None:
     i, share = _cell(knots, np.array([-1.0, 0.0, 0.25, 1.0, 2.5, 4.0, 9.0]))
     assert i.tolist() == [0, 0, 0, 1, 1, 1, 1]
     assert share.tolist() == [0.0, 0.0, 0.25, 0.0, 0.5, 1.0, 1.0]
+    i, share = _cell(knots[:2], np.array([0.5, 1.0, 9.0]))
+    assert (i.tolist(), share.tolist()) == ([0] * 3, [0.5, 1.0, 1.0])
     i, share = _cell(np.array([2.0]), np.array([1.0, 2.0, 3.0]))
     assert (i.tolist(), share.tolist()) == ([0] * 3, [0.0] * 3)
+
+
+def test_numbers_of_tables_cannot_be_changed() -> None:
+    """What was derived from them would not follow."""
+    own, grid = gl.Table(T, Y), gl.Table2D([0.0, 1.0], [0.0, 2.0], [[1.0, 2.0], [3.0, 4.0]])
+    for part in (own.t, own.y, own.coefficients, grid.x, grid.y, grid.z):
+        assert not part.flags.writeable
+        with pytest.raises(ValueError, match="read-only"):
+            part[0] = 7.0
