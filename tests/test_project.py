@@ -152,6 +152,13 @@ def test_tests_import_public_names_only() -> None:
             tree = ast.parse(path.read_text(encoding="utf-8"))
         names = {n for n in imports(tree, "tests") if inside(n, "gearlib") or inside(n, "gearparts")}
         assert not [name for name in names if re.search(r"\._(?!_)", name)], path
+        modules = {name.rpartition(".")[2]: ROOT / f"{name.replace('.', '/')}.py" for name in names}
+        reached = {
+            f"{n.value.id}.{n.attr}" for n in ast.walk(tree) if isinstance(n, ast.Attribute) and isinstance(n.value, ast.Name)
+        }
+        for module, name in (text.split(".") for text in reached):
+            if module in modules and modules[module].exists() and name.startswith("_"):
+                assert not re.search(rf"^(def|class) {name}\b", modules[module].read_text(encoding="utf-8"), re.MULTILINE), path
 
 
 def test_top_level_folders_are_the_five() -> None:

@@ -199,7 +199,7 @@ class RunTime:
                 rates.setdefault(key, sp.diff(value, time))
             elif callable(value) and key not in rates and rate_of(symbol).name in needed:
                 raise ArgumentError(f"input '{key}' drives storage with derivative causality: give its derivative in `rates`")
-        return _signal([inputs.get(key, 0.0) for key in self.inputs]), _signal([rates.get(key, 0.0) for key in self.inputs])
+        return signal([inputs.get(key, 0.0) for key in self.inputs]), signal([rates.get(key, 0.0) for key in self.inputs])
 
     # ------------------------------------------------------------------ functions of numbers
 
@@ -302,7 +302,7 @@ class RunTime:
         raise SolverError(f"{name}: Newton's method found no solution of the algebraic loops at t = {arguments[0]:.6g} s")
 
 
-def _signal(values: list[Input]) -> Callable[[float], Array]:
+def signal(values: list[Input]) -> Callable[[float], Array]:
     """All inputs as one function of time."""
     if not any(callable(value) or isinstance(value, sp.Expr) for value in values):
         constant = np.array(values, dtype=float)

@@ -40,7 +40,7 @@ COMPILING = RLock()
 """Held while anything is compiled: by one thread at a time, and not across a fork."""
 
 
-def _after_fork() -> None:
+def after_fork() -> None:
     """After a fork: the child must not delete the parent's temporary folder."""
     global _temporary
     if _temporary is not None:
@@ -50,7 +50,7 @@ def _after_fork() -> None:
 
 
 if sys.platform != "win32":  # a child forked while another thread compiles would wait for its lock for ever
-    os.register_at_fork(before=COMPILING.acquire, after_in_parent=COMPILING.release, after_in_child=_after_fork)
+    os.register_at_fork(before=COMPILING.acquire, after_in_parent=COMPILING.release, after_in_child=after_fork)
 
 
 def folder() -> Path:
@@ -74,10 +74,10 @@ def folder() -> Path:
                 "compiled code is cached for this process only (GEARLIB_CACHE names a folder of your own)",
                 RuntimeWarning, stacklevel=2,
             )  # fmt: skip
-    return _private()
+    return private()
 
 
-def _private() -> Path:
+def private() -> Path:
     """Temporary folder of this process."""
     global _temporary
     if _temporary is None:
@@ -101,7 +101,7 @@ def cached_bytes(name: str, make: Callable[[], bytes], slow: str = "") -> bytes:
     path = folder() / name
     with suppress(OSError):
         seal, content = (whole := read_own(path))[:_SEAL], whole[_SEAL:]
-        if seal == _seal(name, content):
+        if seal == seal_of(name, content):
             with suppress(OSError):
                 os.utime(path)
             return content
@@ -110,19 +110,19 @@ def cached_bytes(name: str, make: Callable[[], bytes], slow: str = "") -> bytes:
         kept = "until the process ends" if _temporary is not None and path.parent == _temporary[0] else f"in {path.parent}"
         notice(f"gearlib compiles {slow}; the result is kept {kept}")
     content = make()
-    seal = _seal(name, content)
+    seal = seal_of(name, content)
     with suppress(OSError):
-        _write(path, seal + content)
+        write(path, seal + content)
         if seal[0] % ONE_IN == 0:
-            _shrink(path)
+            shrink(path)
     return content
 
 
-def _seal(name: str, content: bytes) -> bytes:
+def seal_of(name: str, content: bytes) -> bytes:
     return hashlib.sha256(name.encode() + b"\0" + content).digest()
 
 
-def _write(path: Path, content: bytes) -> None:
+def write(path: Path, content: bytes) -> None:
     handle, temporary = tempfile.mkstemp(prefix=f"{path.stem}.", suffix=".tmp", dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as file:
@@ -134,7 +134,7 @@ def _write(path: Path, content: bytes) -> None:
         raise
 
 
-def _shrink(kept: Path) -> None:
+def shrink(kept: Path) -> None:
     """Evict the least recently used files once the cache of all versions exceeds its limit."""
     files: list[tuple[float, int, Path]] = []
     for version in kept.parent.parent.glob("*-py*"):

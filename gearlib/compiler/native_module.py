@@ -76,7 +76,7 @@ def native_functions(*modules: str) -> NativeFunctions:
     def exported() -> bytes:
         """Names of the exported functions, and the object code."""
         names = [
-            node.name for node, _ in _functions(*_texts(modules)) if ast.unparse(node.returns or ast.Constant(None)) == "int32"
+            node.name for node, _ in functions(*texts_of(modules)) if ast.unparse(node.returns or ast.Constant(None)) == "int32"
         ]
         return " ".join(names).encode() + b"\n" + optimised(native_text(*modules))
 
@@ -96,8 +96,8 @@ def native_functions(*modules: str) -> NativeFunctions:
 
 def native_digest(*modules: str) -> str:
     """Digest of everything that the code of some modules depends on."""
-    loaded, texts, generated = _texts(modules)
-    values = [repr(sorted(_values(vars(module)))) for module in loaded]  # includes what a module imports from others
+    loaded, texts, generated = texts_of(modules)
+    values = [repr(sorted(values_of(vars(module)))) for module in loaded]  # includes what a module imports from others
     return hashlib.sha256("\0".join([compiler_digest(), *texts, *generated, *values]).encode()).hexdigest()
 
 
@@ -105,32 +105,32 @@ def native_text(*modules: str) -> str:
     """LLVM IR of modules as one unit, to be compiled for any platform."""
     from gearlib.compiler.translate import translated
 
-    return translated(_functions(*_texts(modules)), fused=True)
+    return translated(functions(*texts_of(modules)), fused=True)
 
 
-def _texts(modules: Sequence[str]) -> tuple[list[ModuleType], list[str], list[str]]:
+def texts_of(modules: Sequence[str]) -> tuple[list[ModuleType], list[str], list[str]]:
     """Modules, their source, and the source that they generate."""
     loaded = [importlib.import_module(name) for name in modules]
     texts = [Path(str(module.__file__)).read_text(encoding="utf-8") for module in loaded]
     return loaded, texts, [str(getattr(module, "GENERATED", "")) for module in loaded]
 
 
-def _functions(
+def functions(
     loaded: Sequence[ModuleType], texts: Sequence[str], generated: Sequence[str]
 ) -> Iterator[tuple[ast.FunctionDef, Environment]]:
     """The functions of modules that are compiled, each with its global names."""
     for module, text, more in zip(loaded, texts, generated, strict=True):
         for node in ast.parse(text).body:
-            if isinstance(node, ast.FunctionDef) and _is_native(node):
+            if isinstance(node, ast.FunctionDef) and is_native(node):
                 yield node, vars(module)
         yield from ((node, vars(module)) for node in ast.parse(more).body if isinstance(node, ast.FunctionDef))
 
 
-def _is_native(node: ast.FunctionDef) -> bool:
+def is_native(node: ast.FunctionDef) -> bool:
     return any(isinstance(d, ast.Name) and d.id == "native" for d in node.decorator_list)
 
 
-def _values(environment: Environment) -> Iterator[tuple[str, str]]:
+def values_of(environment: Environment) -> Iterator[tuple[str, str]]:
     """Globals that code depends on besides its text: constants, tuples of these, records and prototypes."""
     for name, value in environment.items():
         numbers = value if isinstance(value, tuple) else (value,)

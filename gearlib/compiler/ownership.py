@@ -81,10 +81,10 @@ def _others_write(found: os.stat_result) -> bool:
     """Whether anyone but the owner has write permission; a group without other members does not count."""
     if found.st_mode & stat.S_IWOTH:
         return True
-    return bool(found.st_mode & stat.S_IWGRP) and not _of_one_user(found.st_gid)
+    return bool(found.st_mode & stat.S_IWGRP) and not of_one_user(found.st_gid)
 
 
-def _of_one_user(group: int) -> bool:
+def of_one_user(group: int) -> bool:
     """Whether a group is a user-private group: named like the user, without other members."""
     if sys.platform != "win32":
         import grp

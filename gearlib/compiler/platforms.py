@@ -80,10 +80,10 @@ def object_code_for(target: Platform, text: Callable[[], str], made_from: str) -
     """
     digest = hashlib.sha256("\0".join((compiler_digest(), target.triple, made_from)).encode()).hexdigest()[:24]
     with COMPILING:
-        return cached_bytes(f"gearlib_code_{digest}.o", lambda: _compiled(target, text()))
+        return cached_bytes(f"gearlib_code_{digest}.o", lambda: compiled(target, text()))
 
 
-def _compiled(target: Platform, text: str) -> bytes:
+def compiled(target: Platform, text: str) -> bytes:
     from llvmlite import binding
 
     machine = _machine(target.triple)

@@ -108,20 +108,20 @@ def translated(functions: Iterable[tuple[ast.FunctionDef, Environment]], fused: 
 
 
 def _signature(node: ast.FunctionDef, environment: Environment) -> Signature:
-    kinds = [_kind(annotation, environment) for annotation in (*(a.annotation for a in node.args.args), node.returns)]
+    kinds = [kind_of(annotation, environment) for annotation in (*(a.annotation for a in node.args.args), node.returns)]
     known = tuple(kind for kind in kinds if kind is not None)
     if len(known) < len(kinds):
         raise Unsupported(f"line {node.lineno}: `{node.name}` must declare the kinds of its arguments and of its result")
     return known[:-1], known[-1]
 
 
-def _kind(annotation: ast.expr | None, environment: Environment) -> str | None:
+def kind_of(annotation: ast.expr | None, environment: Environment) -> str | None:
     if isinstance(annotation, ast.Constant) and annotation.value is None:
         return "void"
     if isinstance(annotation, ast.Name):
         return f"{annotation.id}*" if is_record(environment.get(annotation.id)) else KINDS.get(annotation.id)
     if isinstance(annotation, ast.Subscript) and isinstance(annotation.slice, ast.Tuple):
-        parts = [_kind(part, environment) for part in annotation.slice.elts]
+        parts = [kind_of(part, environment) for part in annotation.slice.elts]
         return "{ " + ", ".join(part for part in parts if part is not None) + " }" if None not in parts else None
     return None
 
@@ -249,7 +249,7 @@ class _Function:
             self.write.lines.append("  ret void")
         elif self.result.startswith("{") and isinstance(statement.value, ast.Tuple):
             result = Value("poison", self.result)
-            for i, (part, kind) in enumerate(zip(statement.value.elts, _parts(self.result), strict=True)):
+            for i, (part, kind) in enumerate(zip(statement.value.elts, parts_of(self.result), strict=True)):
                 value = self.write.converted(self.value(part), kind)
                 result = self.write.emit(f"insertvalue {result.typed}, {value.typed}, {i}", self.result)
             self.write.lines.append(f"  ret {result.typed}")
@@ -269,7 +269,7 @@ class _Function:
                 self.store(part, result)
         else:
             whole = self.value(value)
-            kinds = _parts(whole.kind)
+            kinds = parts_of(whole.kind)
             if len(kinds) != len(target.elts):
                 raise _refusal(value)
             for i, (part, kind) in enumerate(zip(target.elts, kinds, strict=True)):
@@ -395,7 +395,7 @@ class _Function:
 
     def carry_out_loop(self, body: Sequence[ast.stmt], end: str) -> _Exits:
         """The body of a loop up to its latch."""
-        exits = _Exits(end, [], self.write.new() if _continues(body) else "", [])
+        exits = _Exits(end, [], self.write.new() if has_continue(body) else "", [])
         self.loops.append(exits)
         self.translate_statements(body)
         self.loops.pop()
@@ -668,11 +668,11 @@ class _Function:
         raise Unsupported(f"`{name}` with {len(values)} arguments is not a function that can be compiled")
 
 
-def _parts(kind: str) -> list[str]:
+def parts_of(kind: str) -> list[str]:
     """Types of a tuple's elements."""
     return kind.strip("{ }").split(", ") if kind.startswith("{") else []
 
 
-def _continues(body: Sequence[ast.stmt]) -> bool:
+def has_continue(body: Sequence[ast.stmt]) -> bool:
     """Whether the body has a ``continue``, at any depth of its statements."""
-    return any(isinstance(s, ast.Continue) or _continues([*getattr(s, "body", ()), *getattr(s, "orelse", ())]) for s in body)
+    return any(isinstance(s, ast.Continue) or has_continue([*getattr(s, "body", ()), *getattr(s, "orelse", ())]) for s in body)

@@ -31,7 +31,7 @@ def _title(loop: Loop, kind: str) -> str:
     return f"{kind} of the loop {loop.input} → {loop.output}" + (f", gain {loop.gain}" if loop.gain else "")
 
 
-def _margin_labels(m: Margins) -> tuple[str, str]:
+def margin_labels(m: Margins) -> tuple[str, str]:
     gain, phase = m.gain_margin, m.phase_margin
     return (
         f"gain margin {m.gain_margin_db:.2f} dB" if np.isfinite(gain) else "gain margin infinite",
@@ -95,17 +95,17 @@ def nyquist_plot(
     axes[0].set_aspect("equal")
     axes[0].locator_params(axis="x", nbins=5)
     axes[0].set_title("whole curve")
-    _nyquist_margins(axes[1], m)
+    nyquist_margins(axes[1], m)
     axes[1].set_title("around −1")
     for ax in axes:
         mark_frequencies(ax, omega, curve.real, curve.imag)
-    _say_where_it_is(axes[1], curve, m)
+    say_where_it_is(axes[1], curve, m)
     axes[0].figure.legend(*axes[1].get_legend_handles_labels(), fontsize=8, loc="outside lower center", ncols=4)
     axes[0].figure.suptitle(_title(chosen, "Nyquist plot"))
     return list(axes)
 
 
-def _say_where_it_is(ax: Any, curve: Complexes, m: Margins) -> None:
+def say_where_it_is(ax: Any, curve: Complexes, m: Margins) -> None:
     """Describe where the curve is if it does not come near -1."""
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
     if not ((curve.real > left) & (curve.real < right) & (np.abs(curve.imag) < high)).any():
@@ -141,12 +141,12 @@ def _arrows(ax: Any, curve: Complexes, bound: float) -> None:
             )
 
 
-def _nyquist_margins(ax: Any, m: Margins) -> None:
+def nyquist_margins(ax: Any, m: Margins) -> None:
     turn = np.linspace(0, 2 * np.pi, 361)
     ax.plot(np.cos(turn), np.sin(turn), color="0.5", lw=0.8, ls=":", label="|L| = 1")
     radius = m.modulus_margin
     ax.plot(-1 + radius * np.cos(turn), radius * np.sin(turn), color="0.7", lw=0.8, label=f"distance from −1: {radius:.3g}")
-    gain, phase = _margin_labels(m)
+    gain, phase = margin_labels(m)
     crossings = [-1 / c.gain_margin for c in m.phase_crossings]
     ax.plot(crossings or [np.nan], np.zeros(max(1, len(crossings))), "s", color=GAIN, ms=6, label=gain)
     circle = np.exp(1j * np.deg2rad([c.phase_margin for c in m.gain_crossings] or [np.nan])) * -1
@@ -199,11 +199,11 @@ def nichols_plot(
     axes.plot(phase, level, color=CURVE, lw=1.4, label="L(jω)")
     points = [p for p in np.arange(-1260.0, 901.0, 360.0).tolist() if phase.min() - 100 <= p <= phase.max() + 100] or [-180.0]
     axes.plot(points, np.zeros(len(points)), "+", color=POINT, ms=11, mew=2, label="−1 (−180°, 0 dB)")
-    _nichols_margins(axes, m, omega, phase)
+    nichols_margins(axes, m, omega, phase)
     low, high = max(float(level.min()), -120.0), min(float(level.max()), 120.0)
     axes.set_ylim(min(low, -12) - 6, max(high, 12) + 6)
     axes.set_xlim(min(phase.min(), *points) - 25, max(phase.max(), *points) + 25)
-    taken = _closed_loop_lines(axes, points)
+    taken = closed_loop_lines(axes, points)
     mark_frequencies(axes, omega, phase, level, taken)
     axes.set_xlabel("phase of L, deg")
     axes.set_ylabel("gain |L|, dB")
@@ -215,8 +215,8 @@ def nichols_plot(
     return axes
 
 
-def _nichols_margins(ax: Any, m: Margins, omega: Floats, phase: Floats) -> None:
-    gain, phase_label = _margin_labels(m)
+def nichols_margins(ax: Any, m: Margins, omega: Floats, phase: Floats) -> None:
+    gain, phase_label = margin_labels(m)
     ends = [c for c in m.phase_crossings if np.isfinite(c.omega)]
     at = [float(np.round((np.interp(c.omega, omega, phase) + 180) / 360) * 360 - 180) for c in ends]
     ax.plot(at or [np.nan], [-c.gain_margin_db for c in ends] or [np.nan], "s", color=GAIN, ms=6, label=gain)
@@ -224,7 +224,7 @@ def _nichols_margins(ax: Any, m: Margins, omega: Floats, phase: Floats) -> None:
     ax.plot(where or [np.nan], np.zeros(max(1, len(where))), "o", color=PHASE, ms=6, label=phase_label)
 
 
-def _closed_loop_lines(ax: Any, points: Sequence[float]) -> list[Floats]:
+def closed_loop_lines(ax: Any, points: Sequence[float]) -> list[Floats]:
     """Contours of equal |L / (1 + L)| around each image of -1; returns the label positions, in pixels."""
     angle = np.linspace(1e-3, 2 * np.pi - 1e-3, 600)
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
@@ -247,7 +247,7 @@ def _closed_loop_lines(ax: Any, points: Sequence[float]) -> list[Floats]:
                 here = np.flatnonzero(inside)
                 i = int(here[np.argmax(y[here])] if decibels > 0 else here[np.argmin(x[here])])
                 at = ax.transData.transform((x[i], y[i]))
-                if _is_free(at, taken, 26.0, 10.0):
+                if is_free(at, taken, 26.0, 10.0):
                     taken.append(at)
                     box = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
                     ax.text(
@@ -286,13 +286,13 @@ def mark_frequencies(ax: Any, omega: Floats, x: Floats, y: Floats, taken: Sequen
                 continue
             at = float(np.interp(f, hertz, x)), float(np.interp(f, hertz, y))
             place = ax.transData.transform(at)
-            if left < at[0] < right and low < at[1] < high and _is_free(place, places, 42.0, 14.0):
+            if left < at[0] < right and low < at[1] < high and is_free(place, places, 42.0, 14.0):
                 places.append(place)
                 ax.plot(*at, ".", color=CURVE, ms=6)
                 ax.annotate(f"{f:g} Hz", at, xytext=(4, 3), textcoords="offset points", fontsize=7)
 
 
-def _is_free(place: Floats, taken: Sequence[Floats], width: float, height: float) -> bool:
+def is_free(place: Floats, taken: Sequence[Floats], width: float, height: float) -> bool:
     """Whether a label (in pixels) does not overlap others."""
     return all(abs(place[0] - other[0]) > width or abs(place[1] - other[1]) > height for other in taken)
 
@@ -356,7 +356,7 @@ def bode_plot(
     for line in np.arange(-1260, 901, 360):
         if phase.min() - 30 <= line <= phase.max() + 30:
             axes[1].axhline(line, color="0.5", lw=0.8)
-    missing = [text for text, found in zip(_margin_labels(m), (m.phase_crossings, m.gain_crossings), strict=True) if not found]
+    missing = [text for text, found in zip(margin_labels(m), (m.phase_crossings, m.gain_crossings), strict=True) if not found]
     for ax, kind in zip(axes, ("gain", "phase"), strict=True):
         for text in missing:
             if text.startswith(kind):
@@ -406,8 +406,8 @@ def root_locus_plot(
 
     chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
     m = margins(chosen)
-    factors = increasing("gains", gains, 1) if gains is not None else _gains(chosen, m)
-    paths = _paths(chosen, factors)
+    factors = increasing("gains", gains, 1) if gains is not None else gains_of(chosen, m)
+    paths = paths_of(chosen, factors)
     if axes is None:
         _, axes = plt.subplots(figsize=(8, 6), layout="constrained")
     check_axes(axes, 1)
@@ -438,14 +438,14 @@ def root_locus_plot(
     return axes
 
 
-def _gains(loop: Loop, m: Margins) -> Floats:
+def gains_of(loop: Loop, m: Margins) -> Floats:
     """Gains from almost zero to well beyond the last margin."""
     peak = float(np.nanmax(np.abs(_curve(loop)[1])))
     last = max([10.0, 30.0 / max(peak, 1e-300), *(5 * c.gain_margin for c in m.phase_crossings)])
     return np.concatenate([[0.0], np.geomspace(1e-5 * last, last, 600)])
 
 
-def _paths(loop: Loop, factors: Floats) -> Complexes:
+def paths_of(loop: Loop, factors: Floats) -> Complexes:
     """Closed-loop poles over the gain, tracked by the shortest total path; (gains, poles)."""
     from scipy.optimize import linear_sum_assignment
 

@@ -136,7 +136,7 @@ def _unit_gain(loop: Loop, omega: Floats, size: Floats) -> list[float]:
     clear = np.abs(level) > 1e-12  # elsewhere rounding decides the sign
     if not clear.any():
         return [float(omega[np.argmin(np.abs(np.angle(-loop.response(1j * omega))))])]
-    return _roots(omega[clear], level[clear], lambda x: float(np.log(abs(loop.response(1j * x)))))
+    return roots(omega[clear], level[clear], lambda x: float(np.log(abs(loop.response(1j * x)))))
 
 
 def _phase_crossings(loop: Loop, omega: Floats, curve: Complexes, real: bool) -> list[PhaseCrossing]:
@@ -161,7 +161,7 @@ def _crossings_between(loop: Loop, omega: Floats, curve: Complexes) -> list[Phas
     omega, ratio = omega[clear], ratio[clear]
     on_axis = loop.open_poles.values.real == 0
     jumps, reach = loop.open_poles.values.imag[on_axis], loop.open_poles.tolerances[on_axis]
-    for w in _roots(omega, ratio, lambda x: float((lambda z: z.imag / abs(z))(loop.response(1j * x)))):
+    for w in roots(omega, ratio, lambda x: float((lambda z: z.imag / abs(z))(loop.response(1j * x)))):
         if (np.abs(w - jumps) <= np.maximum(reach, BESIDE * w)).any():
             continue  # a pole on the axis, which rounding puts on one side of it
         value = loop.response(1j * w)
@@ -178,7 +178,7 @@ def _extrema(loop: Loop, omega: Floats, values: Floats) -> list[PhaseCrossing]:
     for i in np.flatnonzero((rise[1:] * rise[:-1] < 0) & (values[1:-1] < 0)).tolist():
         ends, sign = (float(omega[i]), float(omega[i + 2])), float(np.sign(rise[i + 1]))
         if not ((loop.open_poles.on_axis > ends[0]) & (loop.open_poles.on_axis < ends[1])).any():
-            least, at = _least(partial(_real_part, loop, sign), ends)
+            least, at = least_between(partial(_real_part, loop, sign), ends)
             found.append(PhaseCrossing(at, -sign / least))
     return found
 
@@ -187,7 +187,7 @@ def _real_part(loop: Loop, sign: float, omega: float) -> float:
     return sign * float(loop.response(1j * omega).real)
 
 
-def _roots(omega: Floats, values: Floats, f: Callable[[float], float]) -> list[float]:
+def roots(omega: Floats, values: Floats, f: Callable[[float], float]) -> list[float]:
     """Sign changes of a sampled function, to rounding; a jump across a pole on the imaginary axis is not a root."""
     from scipy.optimize import brentq
 
@@ -217,12 +217,12 @@ def _nearest(loop: Loop, omega: Floats, curve: Complexes) -> tuple[float, float]
         ends.append((float(abs(1 + loop.response(0.0))), 0.0))
     i = int(np.argmin(distance))
     if 0 < i < len(omega) - 1:
-        ends.append(_least(lambda x: float(abs(1 + loop.response(1j * x))), (float(omega[i - 1]), float(omega[i + 1]))))
+        ends.append(least_between(lambda x: float(abs(1 + loop.response(1j * x))), (float(omega[i - 1]), float(omega[i + 1]))))
     ends.append((float(distance[i]), float(omega[i])))
     return min(ends)
 
 
-def _least(f: Callable[[float], float], between: tuple[float, float]) -> tuple[float, float]:
+def least_between(f: Callable[[float], float], between: tuple[float, float]) -> tuple[float, float]:
     """The smallest value of a function between two frequencies, and where it is."""
     from scipy.optimize import minimize_scalar
 

@@ -127,13 +127,13 @@ def nyquist_count(loop: Loop) -> NyquistCount:
 
 def contour(loop: Loop) -> list[Complexes]:
     """Points on the upper half of the contour, piece by piece: axis, detours to the right of poles on it, and the arc at infinity."""
-    groups = _together([*_on_axis(loop.open_poles), *_on_axis(loop.closed_poles)], loop.scale[0])
+    groups = together([*on_axis(loop.open_poles), *on_axis(loop.closed_poles)], loop.scale[0])
     high = FARTHEST * loop.scale[1]
     pieces: list[Complexes] = []
     here = 0.0
     critical = loop.critical
     for low, up in groups:
-        centre, radius = (low + up) / 2, _radius(low, up, critical)
+        centre, radius = (low + up) / 2, detour_radius(low, up, critical)
         if centre - radius > here:
             pieces.append(_points(lambda x: 1j * x, here, centre - radius, critical))
         arc = _arc(1j * centre, radius)
@@ -155,14 +155,14 @@ def _points(path: Callable[[Any], Any], start: float, end: float, critical: Comp
     return points
 
 
-def _on_axis(found: Poles) -> list[tuple[float, float]]:
+def on_axis(found: Poles) -> list[tuple[float, float]]:
     """Intervals of the axis that contain its poles: the response has them where its own rounding puts them."""
     near = (found.values.real == 0) & (found.values.imag >= 0)
     intervals = zip(found.values.imag[near], found.tolerances[near], strict=True)
     return [(max(float(w - t), 0.0) if w else 0.0, float(w + t)) for w, t in intervals]
 
 
-def _together(intervals: list[tuple[float, float]], smallest: float) -> list[tuple[float, float]]:
+def together(intervals: list[tuple[float, float]], smallest: float) -> list[tuple[float, float]]:
     """Open-loop and closed-loop poles that rounding cannot separate, as intervals of the axis."""
     groups: list[tuple[float, float]] = []
     for low, up in sorted(intervals):
@@ -173,7 +173,7 @@ def _together(intervals: list[tuple[float, float]], smallest: float) -> list[tup
     return groups
 
 
-def _radius(low: float, up: float, critical: Complexes) -> float:
+def detour_radius(low: float, up: float, critical: Complexes) -> float:
     """Detour radius: large enough to enclose the poles between two points of the axis, small enough to exclude all others."""
     inside = (critical.real == 0) & (np.abs(critical.imag) >= low) & (np.abs(critical.imag) <= up)
     others = np.abs(critical[~inside] - 0.5j * (low + up))

@@ -59,7 +59,7 @@ class Passivity:
     def __str__(self) -> str:
         if self.reason:
             return f"no certificate of passivity: {self.reason}"
-        ranks = [np.linalg.matrix_rank(_scaled(m, self.Q), ROUNDING, hermitian=True) for m in (self.Q, self.W)]
+        ranks = [np.linalg.matrix_rank(rescaled_form(m, self.Q), ROUNDING, hermitian=True) for m in (self.Q, self.W)]
         return (
             "passive: the stored energy x'Qx/2 >= 0 falls by the losses x'Wx >= 0 alone "
             f"({len(self.states)} states, rank of Q {ranks[0]}, of W {ranks[1]})"
@@ -99,7 +99,7 @@ def passivity(system: Compiled, *, at: Any = None, parameters: Mapping[str, floa
     if not translation.scene.program.is_linear:
         return Passivity((), nothing, nothing, "the equations are not linear with constant coefficients")
     parts = translation.energies
-    if reason := _undeclared(translation, parts):
+    if reason := undeclared(translation, parts):
         return Passivity((), nothing, nothing, reason)
     numbers = dict(zip(translation.model.parameters.names, parameters_at(translation, at, parameters).tolist(), strict=True))
     names = sorted({n for p in parts if p.stored for n in p.stored.names} - numbers.keys())
@@ -113,7 +113,7 @@ def passivity(system: Compiled, *, at: Any = None, parameters: Mapping[str, floa
     for part in parts:
         if part.stored is None:
             continue
-        form = _quadratic(part.stored, numbers)
+        form = quadratic(part.stored, numbers)
         if form is None:
             return Passivity(model.states, nothing, nothing, f"the energy of {part.path} ({part.kind}) is not quadratic")
         read = [rows[name] for name in part.stored.names if name in rows]
@@ -121,10 +121,10 @@ def passivity(system: Compiled, *, at: Any = None, parameters: Mapping[str, floa
         Q += 2 * own.T @ form @ own
     W, terms = -(Q @ A + A.T @ Q) / 2, (np.abs(Q) @ np.abs(A) + np.abs(A.T) @ np.abs(Q)) / 2
     W[np.abs(W) <= CANCELS * terms] = 0.0
-    return Passivity(model.states, Q, W, _doubt(Q, W))
+    return Passivity(model.states, Q, W, doubt(Q, W))
 
 
-def _undeclared(translation: Translation, parts: Sequence[Any]) -> str:
+def undeclared(translation: Translation, parts: Sequence[Any]) -> str:
     """Why the declared energies do not cover the whole model."""
     for part in parts:
         if part.unknown or not part.declares:
@@ -135,7 +135,7 @@ def _undeclared(translation: Translation, parts: Sequence[Any]) -> str:
     return ""
 
 
-def _quadratic(term: Term, numbers: Mapping[str, float]) -> Floats | None:
+def quadratic(term: Term, numbers: Mapping[str, float]) -> Floats | None:
     """The matrix F of a term ``v' F v`` in its variables v; None if it is not a quadratic form."""
     places = [k for k, name in enumerate(term.names) if name not in numbers]
     count = len(places)
@@ -160,11 +160,11 @@ def _quadratic(term: Term, numbers: Mapping[str, float]) -> Floats | None:
     return F if value(np.zeros(count)) == 0.0 else None
 
 
-def _doubt(Q: Floats, W: Floats) -> str:
+def doubt(Q: Floats, W: Floats) -> str:
     """Why the matrices prove nothing; empty if they do."""
     if not len(Q):
         return ""
-    energy, lost = _scaled(Q, Q), _scaled(W, Q)
+    energy, lost = rescaled_form(Q, Q), rescaled_form(W, Q)
     if np.linalg.eigvalsh(energy).min() < -ROUNDING:
         return "a component declares a stored energy that is negative"
     if np.linalg.eigvalsh(lost).min() < -ROUNDING * np.abs(lost).max():
@@ -172,7 +172,7 @@ def _doubt(Q: Floats, W: Floats) -> str:
     return ""
 
 
-def _scaled(matrix: Floats, Q: Floats) -> Floats:
+def rescaled_form(matrix: Floats, Q: Floats) -> Floats:
     """A quadratic form, rescaled to states that each store half a joule at one."""
     diagonal = np.diag(Q)
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))

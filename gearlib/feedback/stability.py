@@ -74,17 +74,17 @@ class LoopReport:
         if m.real:
             return [*lines, "  other margins    none: the curve lies on the real axis, since nothing is damped"]
         lines += [
-            f"  gain margin      {c.gain_margin:.6g} ({c.gain_margin_db:+.3f} dB) at {_rad(c.omega)}" for c in m.phase_crossings
+            f"  gain margin      {c.gain_margin:.6g} ({c.gain_margin_db:+.3f} dB) at {rad(c.omega)}" for c in m.phase_crossings
         ]
         if not m.phase_crossings:
             lines.append("  gain margin      infinite: the curve does not cross the negative real axis")
         if not m.gain_crossings:
             lines.append("  phase margin     infinite: |L| is nowhere 1")
         lines += [
-            f"  phase margin     {g.phase_margin:.4f} deg, delay margin {g.delay_margin:.4g} s, at {_rad(g.omega)}"
+            f"  phase margin     {g.phase_margin:.4f} deg, delay margin {g.delay_margin:.4g} s, at {rad(g.omega)}"
             for g in m.gain_crossings
         ]
-        nearest = f"{m.modulus_margin:.6g}, the smallest distance from -1, at {_rad(m.modulus_omega)}"
+        nearest = f"{m.modulus_margin:.6g}, the smallest distance from -1, at {rad(m.modulus_omega)}"
         return [*lines, f"  modulus margin   {nearest}"]
 
 
@@ -148,7 +148,7 @@ class StabilityReport:
 
     @cached_property
     def at_zero(self) -> str:
-        return "" if self._modes is None else _at_zero(self._modes)
+        return "" if self._modes is None else poles_at_zero(self._modes)
 
     @cached_property
     def _modes(self) -> Modes | None:
@@ -237,7 +237,7 @@ def pole_table(found: Poles, most: int = 24) -> list[str]:
     return lines
 
 
-def _rad(omega: float) -> str:
+def rad(omega: float) -> str:
     return f"{omega:.6g} rad/s ({omega / (2 * np.pi):.6g} Hz)" if np.isfinite(omega) else "infinite frequency"
 
 
@@ -310,7 +310,7 @@ def stability(
     return StabilityReport(name, found, report, *later, find)
 
 
-def _at_zero(found: Modes) -> str:
+def poles_at_zero(found: Modes) -> str:
     """Interpretation of a system's poles at 0."""
     words = []
     if found.free:

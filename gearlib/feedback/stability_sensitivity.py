@@ -76,7 +76,7 @@ def stability_sensitivity(
         return StabilitySensitivity(parameter, unit, value, eigenvalues, np.empty(0, complex), *[np.nan] * 4)
     closed = closed_loop(whole), closed_loop_change(whole, change)
     ends = eigenvalue_changes(closed[0], [closed[1]], loop[0].closed_poles.values)[0]
-    return StabilitySensitivity(parameter, unit, value, eigenvalues, ends, *_margins(whole, change, *loop))
+    return StabilitySensitivity(parameter, unit, value, eigenvalues, ends, *margin_changes(whole, change, *loop))
 
 
 def closed_loop(m: Matrices) -> Floats:
@@ -92,7 +92,7 @@ def closed_loop_change(m: Matrices, change: Matrices) -> Floats:
     return np.asarray(dA - k * (dB @ C + B @ dC) + k**2 * dD[0, 0] * (B @ C))
 
 
-def _margins(whole: Matrices, change: Matrices, loop: Loop, margins: Margins) -> tuple[float, float, float, float]:
+def margin_changes(whole: Matrices, change: Matrices, loop: Loop, margins: Margins) -> tuple[float, float, float, float]:
     """Derivatives of the four margins, from those of the crossings, whose frequencies move with the parameter."""
 
     def moved(omega: float) -> tuple[complex, complex, complex]:

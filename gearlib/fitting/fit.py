@@ -116,16 +116,16 @@ def fit(
     translation = translation_of(system)
     common = by_name("parameters", parameters, "a mapping of paths to numbers")
     experiments = _experiments(data, common)
-    ranges = _ranges(translation, free, experiments)
+    ranges = ranges_of(translation, free, experiments)
     series = [s for e in experiments for s in e.series(system)]
     given = checked_noise(noise, list(dict.fromkeys(s.name for s in series))) if noise is not None else {}
-    sizes, known = _sizes(series, given)
+    sizes, known = residual_sizes(series, given)
     names = [s.name for s in series for _ in s.numbers]
-    evaluator = _Evaluator(system, experiments, ranges, names, np.concatenate([s.numbers for s in series]), sizes)
+    evaluator = FitResiduals(system, experiments, ranges, names, np.concatenate([s.numbers for s in series]), sizes)
     evaluator.most = whole("evaluations", evaluations, 1)
     check_progress(progress)
     own = translation.parameter_values(common)
-    begin = np.array([_begin(r, translation, own) for r in ranges])
+    begin = np.array([first_guess(r, translation, own) for r in ranges])
     evaluator.at(begin)  # raises the system's own error here
     with reporting(progress, f"fit of {translation.name}") as evaluator.tell:
         found = least_squares(
@@ -137,7 +137,7 @@ def fit(
 
 
 @dataclass(eq=False)
-class _Evaluator:
+class FitResiduals:
     """Residuals and their Jacobian, each computed once per point."""
 
     system: Compiled
@@ -209,7 +209,7 @@ def _experiments(data: Any, common: Mapping[str, float]) -> list[Measured]:
     return found
 
 
-def _ranges(translation: Translation, free: Any, experiments: Sequence[Measured]) -> list[Range]:
+def ranges_of(translation: Translation, free: Any, experiments: Sequence[Measured]) -> list[Range]:
     given = by_name("free", free, "a mapping of paths to bounds (low, high)", "shaft.c")
     if not given:
         raise ArgumentError("free is empty; expected the parameters to find with their bounds: free={'shaft.c': (1e3, 1e5)}")
@@ -230,7 +230,7 @@ def _ranges(translation: Translation, free: Any, experiments: Sequence[Measured]
     return found
 
 
-def _begin(bounds: Range, translation: Translation, numbers: Floats) -> float:
+def first_guess(bounds: Range, translation: Translation, numbers: Floats) -> float:
     """Initial guess: moved off bounds, from which the search could not depart."""
     index = translation.model.parameters.index.get(bounds.name)
     low, high = bounds.place(bounds.low), bounds.place(bounds.high)
@@ -240,7 +240,7 @@ def _begin(bounds: Range, translation: Translation, numbers: Floats) -> float:
     return 0.5 * (low + high)
 
 
-def _sizes(series: Sequence[MeasuredSeries], given: Mapping[str, float]) -> tuple[Floats, bool]:
+def residual_sizes(series: Sequence[MeasuredSeries], given: Mapping[str, float]) -> tuple[Floats, bool]:
     """Scale of each residual: the noise or, if unknown, the spread of its series; and whether the noise is known."""
     noise = [s.noise if s.noise is not None else given.get(s.name) for s in series]
     known = [n is not None for n in noise]
@@ -250,12 +250,12 @@ def _sizes(series: Sequence[MeasuredSeries], given: Mapping[str, float]) -> tupl
             f"the noise of {missing} is not given, that of others is; give all, or none (they are then estimated)"
         )
     sizes = [
-        np.full(len(s.numbers), _spread(s.numbers) if size is None else size) for s, size in zip(series, noise, strict=True)
+        np.full(len(s.numbers), spread_of(s.numbers) if size is None else size) for s, size in zip(series, noise, strict=True)
     ]
     return np.concatenate(sizes), all(known)
 
 
-def _spread(numbers: Floats) -> float:
+def spread_of(numbers: Floats) -> float:
     """Standard deviation, or the size of numbers that are all the same."""
     largest = float(np.abs(numbers).max()) or 1.0
     spread = float(np.std(numbers / largest))  # whose squares do not overflow
@@ -263,7 +263,7 @@ def _spread(numbers: Floats) -> float:
 
 
 def _result(
-    translation: Translation, evaluator: _Evaluator, ranges: list[Range], series: list[MeasuredSeries], sizes: Floats, known: bool,
+    translation: Translation, evaluator: FitResiduals, ranges: list[Range], series: list[MeasuredSeries], sizes: Floats, known: bool,
     begin: Floats, found: Any,
 ) -> Fit:  # fmt: skip
     residuals, slopes, predicted = evaluator.at(found.x)

@@ -60,7 +60,7 @@ def execute(
     check_executor(executor, threads)
     gathering, interrupted, elsewhere = Gathering(work, model, samples, to), False, list[Warned]()
     with reporting(progress, f"{model}, {len(samples)} runs") as tell, noted() as found:
-        execution = _Execution(gathering, tell)
+        execution = Execution(gathering, tell)
         try:
             if executor is None and threads in (None, 1):
                 _sequentially(execution, gathering.todo)
@@ -92,7 +92,7 @@ def check_executor(executor: Any, threads: Any) -> None:
             raise ArgumentError("give an executor or threads, not both")
 
 
-class _Execution:
+class Execution:
     """A sweep in progress."""
 
     def __init__(self, gathering: Gathering, tell: Told | None) -> None:
@@ -124,7 +124,7 @@ class _Execution:
             self._tell(self._received / len(self.gathering.samples), time.perf_counter() - self._begin)
 
 
-def _sequentially(execution: _Execution, runs: Integers) -> None:
+def _sequentially(execution: Execution, runs: Integers) -> None:
     """Execute some runs in this process."""
     part = execution.gathering.samples.part(runs)
     for i, row in execution.gathering.work.together(part, len(runs)):
@@ -134,7 +134,7 @@ def _sequentially(execution: _Execution, runs: Integers) -> None:
             execution.take(int(runs[i]), row)
 
 
-def _distributed(execution: _Execution, executor: Executor, elsewhere: list[Warned]) -> None:
+def _distributed(execution: Execution, executor: Executor, elsewhere: list[Warned]) -> None:
     """Have an executor execute the runs, in tasks of many runs each."""
     gathering = execution.gathering
     seconds = _first_runs(execution)
@@ -163,7 +163,7 @@ def _distributed(execution: _Execution, executor: Executor, elsewhere: list[Warn
         raise
 
 
-def _first_runs(execution: _Execution) -> float:
+def _first_runs(execution: Execution) -> float:
     """Execute one or two runs here to learn the shapes of results and the number of runs per task; returns the seconds per run."""
     seconds = 0.0
     for _ in range(2):  # the first one may compile

@@ -120,7 +120,7 @@ class LaneSweep(SideBySide):
         tables = tuple(k for k, s in enumerate(prepared.signals) if isinstance(s, tuple))
         code = self.code(tables)
         data = code.numbers(prepared.parameters, prepared.numbers, prepared.solutions)
-        good = prepared.fit & np.isfinite(data).all(axis=1) & _straight(prepared, tables)
+        good = prepared.fit & np.isfinite(data).all(axis=1) & straight(prepared, tables)
         yield from ((i, None) for i in np.flatnonzero(prepared.fit & ~good).tolist())
         fitting = np.flatnonzero(good)
         if not len(fitting):
@@ -136,7 +136,7 @@ class LaneSweep(SideBySide):
         problem = LaneProblem(
             code.function, prepared.states[fitting], data[fitting], self.sampled, self.columns,
             request.rtol * scene.nominal if absolute is None else absolute, request.rtol, longest,
-            *_pieces([prepared.signals[k] for k in tables], fitting, self.grid), self.most_steps,
+            *pieces_of([prepared.signals[k] for k in tables], fitting, self.grid), self.most_steps,
         )  # fmt: skip
         runs = LaneRuns(problem)
         reported = np.zeros(len(fitting), bool)
@@ -160,7 +160,7 @@ class LaneSweep(SideBySide):
                 yield int(fitting[k]), prepared.result(int(fitting[k]), runs.out[k, self.hidden :].copy(), stats)
 
 
-def _straight(prepared: PreparedRuns, tables: Sequence[int]) -> NDArray[np.bool_]:
+def straight(prepared: PreparedRuns, tables: Sequence[int]) -> NDArray[np.bool_]:
     """Mask of the runs whose tables are piecewise linear, with at most `MOST_CORNERS` points."""
     good = np.ones(prepared.count, bool)
     for k in tables:
@@ -170,10 +170,10 @@ def _straight(prepared: PreparedRuns, tables: Sequence[int]) -> NDArray[np.bool_
     return good
 
 
-def _pieces(signals: Sequence[Sequence[Any]], runs: NDArray[np.int64], grid: Floats) -> tuple[Floats, Floats]:
+def pieces_of(signals: Sequence[Sequence[Any]], runs: NDArray[np.int64], grid: Floats) -> tuple[Floats, Floats]:
     """Corners and pieces of inputs for `LaneProblem`; a single row if they are the same in all runs."""
     alike = all(len(set(signal)) == 1 for signal in signals)
-    rows = [_row([signal[i] for signal in signals], grid) for i in (runs[:1] if alike else runs).tolist()]
+    rows = [row([signal[i] for signal in signals], grid) for i in (runs[:1] if alike else runs).tolist()]
     most = max(len(corners) for corners, _ in rows)
     corners, pieces = np.full((len(rows), most), np.inf), np.zeros((len(rows), most + 1, 2 * len(signals)))
     for i, (times, lines) in enumerate(rows):
@@ -182,7 +182,7 @@ def _pieces(signals: Sequence[Sequence[Any]], runs: NDArray[np.int64], grid: Flo
     return corners, pieces
 
 
-def _row(signals: Sequence[Any], grid: Floats) -> tuple[Floats, Floats]:
+def row(signals: Sequence[Any], grid: Floats) -> tuple[Floats, Floats]:
     """The corners of a run's inputs; and for each interval between them the values at time zero and the slopes."""
     begin, end = float(grid[0]), float(grid[-1])
     inner = np.unique(np.concatenate([np.empty(0), *(s.t for s in signals if isinstance(s, Table))]))

@@ -247,7 +247,7 @@ def _side_by_side(
     own = [signal for column in samples.columns.values() if isinstance(column, tuple) for signal in column]
     if any(map(is_function, own)):
         return "inputs are functions of time"
-    request = replace(request, parameters=_first_parameters(translation, samples, request, parameters))
+    request = replace(request, parameters=first_parameters(translation, samples, request, parameters))
     no_lanes = why_not_in_lanes(translation, request)
     no_exponentials = why_not_by_exponentials(translation, request) if lanes == "auto" else "lanes are asked for"
     no_exponentials = "each run has a table of its own" if own else no_exponentials
@@ -269,7 +269,7 @@ def _side_by_side(
     return most if isinstance(most, str) else LaneSweep(*given, most)
 
 
-def _first_parameters(translation: Translation, samples: Samples, request: Request, fixed: Mapping[str, float]) -> Floats:
+def first_parameters(translation: Translation, samples: Samples, request: Request, fixed: Mapping[str, float]) -> Floats:
     """The parameters of the first run, or those that all runs start from where it needs another translation."""
     names = [name for name in samples.columns if kind_of(translation, name) == "parameter"]
     try:

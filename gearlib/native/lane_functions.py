@@ -11,7 +11,7 @@ FURTHEST = 3e6
 MAGIC = 6755399441055744.0  # 1.5 * 2**52: added and subtracted again it rounds to a whole number
 
 
-def _source(name: str, shift: float, sign: float) -> str:
+def source(name: str, shift: float, sign: float) -> str:
     """With ``x = (k + shift) pi + r`` the value is the sine of r, with a sign that changes from k to k + 1.
 
     The sine is a Taylor polynomial, whose next term would be 1e-18 at pi / 2; its terms are added in pairs (Estrin's scheme), so that few
@@ -36,4 +36,4 @@ def _source(name: str, shift: float, sign: float) -> str:
 """
 
 
-FUNCTIONS = {"sin": _source("sin", 0.0, 1.0), "cos": _source("cos", 0.5, -1.0)}
+FUNCTIONS = {"sin": source("sin", 0.0, 1.0), "cos": source("cos", 0.5, -1.0)}

@@ -44,7 +44,7 @@ class Path:
 
 
 @dataclass(frozen=True, eq=False)
-class _BranchPoint:
+class BranchPoint:
     """A solution with the branch's unit tangent; w is scaled to 0 at the start and 1 at the end."""
 
     y: Floats
@@ -91,12 +91,12 @@ def follow(
     >>> [round(float(path.w[i]), 9) for i in path.folds], round(float(path.z[-1, 0]), 9), float(path.w[-1])
     ([1.0], 0.6, -0.8)
     """
-    continuation = _Continuation(equations, start, end, skipped)
+    continuation = Continuation(equations, start, end, skipped)
     point = continuation.begin(z)
     branch, length = [point], step / 4
     folds, complete = list[int](), False
 
-    def added(found: _BranchPoint) -> bool:
+    def added(found: BranchPoint) -> bool:
         branch.append(found)
         return accept(found.y[:-1], continuation.place(found.y))
 
@@ -129,7 +129,9 @@ def follow(
 
 
 @dataclass(frozen=True, eq=False)
-class _Continuation:
+class Continuation:
+    """Steps along a branch, in ``y``: the unknowns and the scaled w."""
+
     equations: Equations
     start: float
     end: float
@@ -145,40 +147,40 @@ class _Continuation:
     def size(self, y: Floats, largest: float = 0.0) -> float:
         return max(float(np.linalg.norm(y[self.skipped : -1])), LEAST * largest, 1e-100)
 
-    def inner(self, a: Floats, b: Floats, point: _BranchPoint) -> float:
+    def inner(self, a: Floats, b: Floats, point: BranchPoint) -> float:
         """Inner product that measures arclength near a point."""
         k = self.skipped
         return float((GROWTH / self.size(point.y, point.largest)) ** 2 * (a[k:-1] @ b[k:-1]) + a[-1] * b[-1])
 
-    def strayed(self, point: _BranchPoint, new: _BranchPoint, length: float) -> bool:
+    def strayed(self, point: BranchPoint, new: BranchPoint, length: float) -> bool:
         """Whether the branch bends so strongly that the new point may lie on another one."""
         off = np.asarray(new.y - point.y - length * point.tangent, np.float64)
         turned = self.inner(new.tangent, point.tangent, point) / np.sqrt(self.inner(new.tangent, new.tangent, point))
         return bool(turned < STRAIGHT or self.inner(off, off, point) > (OFF * length) ** 2)
 
-    def begin(self, z: Floats) -> _BranchPoint:
+    def begin(self, z: Floats) -> BranchPoint:
         y = np.append(z, 0.0)
         _, gradient = self.extended(y)
         forward = np.append(np.zeros(len(z)), 1.0)
-        point = _BranchPoint(y, forward, 0, self.size(y))
+        point = BranchPoint(y, forward, 0, self.size(y))
         try:
             direction = np.asarray(np.linalg.solve(np.vstack([gradient, self.normal(point)]), forward), np.float64)
         except np.linalg.LinAlgError:
             return point
         return replace(point, tangent=direction / np.sqrt(self.inner(direction, direction, point)))
 
-    def normal(self, point: _BranchPoint) -> Floats:
+    def normal(self, point: BranchPoint) -> Floats:
         """Row vector whose product with a change is its arclength along the tangent."""
         size = GROWTH / self.size(point.y, point.largest)
         row = np.append(size**2 * point.tangent[:-1], point.tangent[-1])
         row[: self.skipped] = 0.0
         return row
 
-    def corrected(self, point: _BranchPoint, length: float) -> _BranchPoint | None:
+    def corrected(self, point: BranchPoint, length: float) -> BranchPoint | None:
         """Newton's method in the plane orthogonal to the tangent, at a given distance ahead."""
         return self.on_plane(point.y + length * point.tangent, self.normal(point), point)
 
-    def on_plane(self, guess: Floats, normal: Floats, before: _BranchPoint) -> _BranchPoint | None:
+    def on_plane(self, guess: Floats, normal: Floats, before: BranchPoint) -> BranchPoint | None:
         """The branch's point on a plane through a guess."""
         right = np.zeros((len(guess), 2))
         right[-1, 1] = 1.0  # the second column yields the tangent
@@ -209,10 +211,10 @@ class _Continuation:
         found = newton(equations, guess, settled, 12)
         if not found.settled or self.place(found.x) <= 0.0 < self.start:
             return None
-        reached = _BranchPoint(found.x, direction, found.iterations, max(before.largest, self.size(found.x)))
+        reached = BranchPoint(found.x, direction, found.iterations, max(before.largest, self.size(found.x)))
         return replace(reached, tangent=direction / np.sqrt(self.inner(direction, direction, reached)))
 
-    def at_border(self, point: _BranchPoint, beyond: _BranchPoint, border: float) -> _BranchPoint | None:
+    def at_border(self, point: BranchPoint, beyond: BranchPoint, border: float) -> BranchPoint | None:
         """Point at which the branch leaves the interval."""
         share = (border - point.y[-1]) / (beyond.y[-1] - point.y[-1])
         guess = point.y + share * (beyond.y - point.y)
@@ -222,7 +224,7 @@ class _Continuation:
             found.y[-1] = border
         return found
 
-    def fold(self, point: _BranchPoint, beyond: _BranchPoint, length: float) -> _BranchPoint | None:
+    def fold(self, point: BranchPoint, beyond: BranchPoint, length: float) -> BranchPoint | None:
         """Fold between two points, where the w-component of the tangent vanishes (regula falsi, Illinois)."""
         low, high = 0.0, length
         f_low, f_high = float(point.tangent[-1]), float(beyond.tangent[-1])

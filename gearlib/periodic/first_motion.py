@@ -173,11 +173,11 @@ class Forced:
         now = [_finite(name, g(0.0, omega)) if callable(g) else g for name, g in self._signals]
         for name, g in self._signals:
             if callable(g):
-                _check_periodic(name, g, omega)
+                check_periodic(name, g, omega)
         means = translation.start(scene, numbers, 0.0, dict(guess) if guess else None, now).states
         size = (2 * self.harmonics + 1, len(scene.states))
         for tried in (omega, UNRELATED * omega):  # forcing with a fixed frequency may happen to be periodic at one of them
-            _check_forcing(driven(tried), means, self.frequency)
+            check_forcing(driven(tried), means, self.frequency)
         varies = self.frequency is not None or any(callable(g) for g in self.inputs.values())
         nominal = np.maximum(scene.nominal, 1e-300)
         rigid = rigid_motions(driven(omega), means, nominal, nominal)
@@ -186,18 +186,18 @@ class Forced:
         c[0] = means
         if known is not None:
             c[: len(known)] = known
-        z = _solved(balance, balance.unknowns(c), omega)
+        z = solved(balance, balance.unknowns(c), omega)
         if z is None and not self.turning:
             c = self._settled(scene, omega, samples, guess)
-            z = _solved(balance, balance.unknowns(c), omega)
+            z = solved(balance, balance.unknowns(c), omega)
         if z is None:
-            _refuse_undetermined(balance, balance.unknowns(c), omega)
+            refuse_undetermined(balance, balance.unknowns(c), omega)
             raise SolverError(
                 f"no periodic motion was found at {omega:g} rad/s, neither from the start values nor from a run over {SETTLE} "
                 "periods; start where the response is small or linear, or give a guess of the means"
             )
-        _refuse_undetermined(balance, z, omega)
-        return _rescaled(balance, z, driven(omega), nominal)
+        refuse_undetermined(balance, z, omega)
+        return rescaled(balance, z, driven(omega), nominal)
 
     def _settled(self, scene: Scene, omega: float, samples: int, guess: Mapping[str, float] | None) -> Floats:
         """Fourier coefficients of the last period of a run."""
@@ -221,7 +221,7 @@ def _finite(name: str, value: Any) -> float:
     return finite(lambda: f"the input {name} returned", value)
 
 
-def _check_periodic(name: str, function: Callable[[float, float], Any], omega: float) -> None:
+def check_periodic(name: str, function: Callable[[float, float], Any], omega: float) -> None:
     """Check that a function of the phase repeats after 2 pi."""
     once, again = ([_finite(name, function(float(p), omega)) for p in IRREGULAR + turns] for turns in (0.0, 2 * np.pi))
     off = np.abs(np.subtract(again, once)).max()
@@ -246,7 +246,7 @@ def _refuse_memory(scene: Scene) -> None:
         raise ArgumentError(f"the system has a memory ({names}), which harmonic balance cannot take; simulate it")
 
 
-def _check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None:
+def check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None:
     """Check that the rates vary over a period, and repeat after it."""
     phase = IRREGULAR
     x = means[:, None] + driven.growth[:, None] * phase
@@ -281,7 +281,7 @@ def _check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None
         )
 
 
-def _refuse_undetermined(balance: HarmonicEquations, z: Floats, omega: float) -> None:
+def refuse_undetermined(balance: HarmonicEquations, z: Floats, omega: float) -> None:
     """Refuse a motion whose mean is undetermined, such as the position of an unloaded wheel in its gap: it cannot be continued."""
     _, matrix, _ = balance.equations(z, omega)
     _, sizes, directions = np.linalg.svd(matrix)
@@ -302,7 +302,7 @@ def _refuse_undetermined(balance: HarmonicEquations, z: Floats, omega: float) ->
     )
 
 
-def _solved(balance: HarmonicEquations, z: Floats, omega: float, exact: float = EXACT) -> Floats | None:
+def solved(balance: HarmonicEquations, z: Floats, omega: float, exact: float = EXACT) -> Floats | None:
     """Newton's method at a fixed frequency; steps that do not help are halved. ``exact``: last correction relative to the unknowns."""
 
     def equations(z: Floats) -> tuple[Floats, Correction]:
@@ -317,7 +317,7 @@ def _solved(balance: HarmonicEquations, z: Floats, omega: float, exact: float = 
     return found.x if found.settled else None
 
 
-def _rescaled(balance: HarmonicEquations, z: Floats, driven: Driven, nominal: Floats) -> First:
+def rescaled(balance: HarmonicEquations, z: Floats, driven: Driven, nominal: Floats) -> First:
     """The same motion, with states scaled by their vibration."""
     c = balance.coefficients(z)
     spread = np.abs(c[1:]).max(axis=0)
@@ -332,5 +332,5 @@ def _rescaled(balance: HarmonicEquations, z: Floats, driven: Driven, nominal: Fl
     rigid = rigid_motions(driven, balance.rigid.means, scale, nominal)
     new = HarmonicEquations(balance.driven, balance.harmonics, balance.samples, scale, rigid, balance.varies)
     z = new.unknowns(c)
-    better = _solved(new, z, driven.omega, REFINED)  # in other scales Newton's method may have found large states only
+    better = solved(new, z, driven.omega, REFINED)  # in other scales Newton's method may have found large states only
     return First(new, z if better is None else better)

@@ -30,13 +30,13 @@ def monodromy(driven: Driven, coefficients: Floats, found: Moments, cuts: Cuts |
     https://doi.org/10.1007/978-3-540-44398-8.
     """
     n = coefficients.shape[1]
-    starts, length, discrete, last = _panels(found, 4 * np.pi / samples)
+    starts, length, discrete, last = panels_of(found, 4 * np.pi / samples)
     phase = starts + length / 2
     some = np.unique(np.concatenate([np.cumsum([0, *last[:-1]]), np.arange(0, len(phase), max(1, len(phase) // 16))]))
     _, slopes = driven.linear_rates(phase[some], driven.states(phase[some], coefficients), discrete[:, some])
     rate = float(np.abs(np.linalg.eigvals(slopes)).max()) / driven.omega
     if rate * length.max() > FINE:
-        starts, length, discrete, last = _panels(found, max(FINE / rate, 2 * np.pi / MOST))
+        starts, length, discrete, last = panels_of(found, max(FINE / rate, 2 * np.pi / MOST))
     offset = length * np.sqrt(3) / 6
     phase = np.concatenate([starts + length / 2 - offset, starts + length / 2 + offset])
     x = driven.states(phase, coefficients)
@@ -59,12 +59,12 @@ def monodromy(driven: Driven, coefficients: Floats, found: Moments, cuts: Cuts |
         i = jumped.get(piece)
         if cuts is not None and i is not None:
             whole = whole + np.outer(cuts.jump[i], cuts.gradient[i] @ whole) / cuts.rate[i]
-        whole = _product(steps[at : at + panels]) @ whole
+        whole = product(steps[at : at + panels]) @ whole
         at += panels
     return whole
 
 
-def _panels(found: Moments, longest: float) -> tuple[Floats, Floats, Floats, list[int]]:
+def panels_of(found: Moments, longest: float) -> tuple[Floats, Floats, Floats, list[int]]:
     """Begins and lengths of panels of the pieces, their flags, and the number of panels of each piece."""
     begins, widths, pieces, last = [], [], [], []
     for begin, end, discrete in found.pieces:
@@ -104,17 +104,17 @@ def vibration_multipliers(over_period: Floats, sums: Floats, idle: Floats, growt
     """
     n = len(over_period)
     change = over_period - np.eye(n)
-    kept = sums @ _null(change.T @ sums)
-    inside = _null(kept.T) if kept.shape[1] else np.eye(n)
-    fixed = idle @ _null(np.vstack([change @ idle, kept.T @ idle]))
-    other = inside @ _null((inside.T @ fixed).T) if fixed.shape[1] else inside
-    result = _eigenvalues(other.T @ over_period @ other)
+    kept = sums @ null(change.T @ sums)
+    inside = null(kept.T) if kept.shape[1] else np.eye(n)
+    fixed = idle @ null(np.vstack([change @ idle, kept.T @ idle]))
+    other = inside @ null((inside.T @ fixed).T) if fixed.shape[1] else inside
+    result = eigenvalues(other.T @ over_period @ other)
     if growth.any() and np.linalg.norm(growth - fixed @ (fixed.T @ growth)) > KEPT * np.linalg.norm(growth):
         result = np.delete(result, np.argmin(np.abs(result - 1.0)))
     return result
 
 
-def _eigenvalues(matrix: Floats) -> NDArray[np.complex128]:
+def eigenvalues(matrix: Floats) -> NDArray[np.complex128]:
     """Eigenvalues; those whose distance from the unit circle may be rounding lie on it."""
     if not matrix.size:
         return np.empty(0, np.complex128)
@@ -125,14 +125,14 @@ def _eigenvalues(matrix: Floats) -> NDArray[np.complex128]:
     return np.asarray(np.where(near, values / np.where(near, np.abs(values), 1.0), values), np.complex128)
 
 
-def _null(matrix: Floats) -> Floats:
+def null(matrix: Floats) -> Floats:
     """Orthonormal basis of the vectors that a matrix takes to zero, or to a rounding error."""
     _, sizes, right = np.linalg.svd(matrix)
     result: Floats = right[int((sizes > KEPT).sum()) :].T
     return result
 
 
-def _product(steps: Floats) -> Floats:
+def product(steps: Floats) -> Floats:
     """Product of matrices, the first one rightmost, computed pairwise."""
     while len(steps) > 1:
         odd = steps[-1:] if len(steps) % 2 else steps[:0]

@@ -148,7 +148,7 @@ class HarmonicEquations:
         if abs(rest[worst]) > UNBALANCED * max(float(np.abs(mean).max()), 1e-300):
             driven = self.driven(omega)
             if driven.growth.any():
-                raise _other_speed(driven)
+                raise other_speed(driven)
             name = driven.scene.state_names[worst]
             raise SolverError(
                 f"there is no periodic motion at {omega:g} rad/s: {name} changes by {rest[worst] * self.scale[worst]:.3g} per second on "
@@ -237,21 +237,21 @@ def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats)
     with np.errstate(all="ignore"):
         _, slopes = driven.linear_rates(phase, x, driven.discrete(phase, x))
     slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))] / driven.omega
-    natural = _natural(slopes) if len(slopes) else scale
+    natural = natural_units(slopes) if len(slopes) else scale
     turning = np.eye(n)[:, driven.growth != 0]  # the initial phase of a mesh is arbitrary
-    free, ratio = _free(driven, natural, turning), scale / natural
+    free, ratio = free_directions(driven, natural, turning), scale / natural
     scaled_free = np.linalg.qr(free / ratio[:, None])[0]
     if not len(slopes):
         none = np.empty((n, 0))
         return Rigid(none, none.T, means, scaled_free, natural, none, none)
     slopes = slopes * natural / natural[:, None]
-    idle = _kernel(slopes.reshape(-1, n))
+    idle = kernel(slopes.reshape(-1, n))
     slopes = slopes - free @ (free.T @ slopes)
-    kept = _kernel(np.vstack([np.swapaxes(slopes, 1, 2).reshape(-1, n), free.T]))
+    kept = kernel(np.vstack([np.swapaxes(slopes, 1, 2).reshape(-1, n), free.T]))
     if kept.shape[1] < turning.shape[1]:
-        raise _other_speed(driven)
+        raise other_speed(driven)
     # With everything in contact, the means are undetermined in as few directions as possible.
-    rest = min((_kernel(np.vstack([slope, free.T])) for slope in slopes), key=lambda directions: directions.shape[1])
+    rest = min((kernel(np.vstack([slope, free.T])) for slope in slopes), key=lambda directions: directions.shape[1])
     rows = np.empty((0, n))
     # The frequency determines the mesh speed, so that only its phase is free; conserved quantities take precedence over held ones.
     for candidates in (turning, kept, idle):
@@ -269,24 +269,24 @@ def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats)
     return Rigid(sums, held.T, means, scaled_free, natural, kept, idle)
 
 
-def _natural(slopes: Floats) -> Floats:
+def natural_units(slopes: Floats) -> Floats:
     """Units in which each state acts upon the others as they act upon it, for derivatives of the rates at many places."""
     sizes = np.abs(slopes)
     usual = np.median(sizes, axis=0)
     return balance(np.where(usual > 0, usual, sizes.mean(axis=0)))[1]
 
 
-def _free(driven: Driven, scale: Floats, turning: Floats) -> Floats:
+def free_directions(driven: Driven, scale: Floats, turning: Floats) -> Floats:
     """Orthonormal directions of the scaled states in which the train may turn steadily, apart from those given as turning."""
     nominal = np.maximum(driven.scene.nominal, 1e-300)
     directions = growing(driven.scene, driven.numbers) * (nominal / scale)[:, None]
     if turning.shape[1] and directions.shape[1]:
-        directions = directions @ _kernel(turning.T @ directions)
+        directions = directions @ kernel(turning.T @ directions)
     result: Floats = np.linalg.qr(directions)[0]
     return result
 
 
-def _kernel(matrix: Floats) -> Floats:
+def kernel(matrix: Floats) -> Floats:
     """Orthonormal basis of the null space of a matrix."""
     row = np.abs(matrix).max(axis=1)
     matrix = matrix[row > 0] / row[row > 0, None]
@@ -296,7 +296,7 @@ def _kernel(matrix: Floats) -> Floats:
     return result
 
 
-def _other_speed(driven: Driven) -> SolverError:
+def other_speed(driven: Driven) -> SolverError:
     names = [s for s, g in zip(driven.scene.state_names, driven.growth.tolist(), strict=True) if g]
     text = (
         f"the train turns with {', '.join(names)} at a speed that its torques determine, which is not the one that {driven.omega:g} rad/s "

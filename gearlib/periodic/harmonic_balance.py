@@ -112,7 +112,7 @@ def harmonic_balance(
     True
     """
     translation = translation_of(system)
-    _check_numbers(start, end, harmonics, step, points, accuracy)
+    check_numbers(start, end, harmonics, step, points, accuracy)
     if frequency is not None:
         one_name("frequency", frequency, "mesh.w")
     parameters = by_name("parameters", parameters, "a mapping of paths to numbers")
@@ -136,7 +136,7 @@ def harmonic_balance(
             count = samples_of_a_period(samples, count_, scene.relations is not None)
             first = task.first(scene, float(start), count, guess, known)
             known = first.balance.coefficients(first.z)
-            watch = _Watch(first.balance, accuracy if harmonics is None else np.inf, seen)
+            watch = Acceptance(first.balance, accuracy if harmonics is None else np.inf, seen)
             if not watch(first.z, float(start)):
                 continue
             path = follow(
@@ -158,7 +158,7 @@ def samples_of_a_period(samples: int | None, harmonics: int, switching: bool) ->
     return whole("samples", count, least, f"a whole number from {least} on ({harmonics} harmonics need as many)")
 
 
-class _Watch:
+class Acceptance:
     """Acceptance test: the motion at a point must satisfy the equations in time."""
 
     def __init__(self, balance: HarmonicEquations, accuracy: float, seen: RunProgress | None = None) -> None:
@@ -176,7 +176,7 @@ class _Watch:
         return bool(error <= self.accuracy)
 
 
-def _check_numbers(start: float, end: float, harmonics: int | None, step: float, points: int, accuracy: float) -> None:
+def check_numbers(start: float, end: float, harmonics: int | None, step: float, points: int, accuracy: float) -> None:
     for name, value in (("start", start), ("end", end), ("step", step), ("accuracy", accuracy)):
         real(name, value)
     if not 0 < accuracy < 1:
@@ -217,9 +217,9 @@ def _result(task: Forced, scene: Scene, balance: HarmonicEquations, path: Path, 
             other = balance.driven(UNRELATED * omega)
             other = replace(other, scene=scene, numbers=scene.numbers(other.numbers.parameters))
             for tried in (driven, other):  # what has a frequency of its own may happen to repeat at one of them
-                _check_repeating(names, tried, c, balance.growth(z, float(omega)), rows)
+                check_repeating(names, tried, c, balance.growth(z, float(omega)), rows)
         found = moments(driven, c, count)
-        values = _observed(driven, found.phase, driven.states(found.phase, c), found.discrete)[rows]
+        values = observed_values(driven, found.phase, driven.states(found.phase, c), found.discrete)[rows]
         back = transform(found.weights, fourier(found.phase, balance.harmonics))
         coefficients.append(back @ (signs[:, None] * values).T)
         multipliers.append(balance.multipliers(z, float(omega)))
@@ -239,17 +239,17 @@ def _result(task: Forced, scene: Scene, balance: HarmonicEquations, path: Path, 
     )
 
 
-def _observed(driven: Driven, phase: Floats, x: Floats, discrete: Floats) -> Floats:
+def observed_values(driven: Driven, phase: Floats, x: Floats, discrete: Floats) -> Floats:
     return evaluate(driven.numbers, phase / driven.omega, x, driven.inputs(phase, driven.omega), discrete)
 
 
-def _check_repeating(names: Sequence[str], driven: Driven, c: Floats, growth: Floats, rows: Sequence[int]) -> None:
+def check_repeating(names: Sequence[str], driven: Driven, c: Floats, growth: Floats, rows: Sequence[int]) -> None:
     """Refuse outputs that do not repeat: that grow with the mesh phase or with an angle, or depend on time by themselves."""
 
     def values(turns: float, x: Floats) -> Floats:
         phase = IRREGULAR + turns
         x = x + turns * growth[:, None]
-        return _observed(driven, phase, x, driven.discrete(phase, x))[rows]
+        return observed_values(driven, phase, x, driven.discrete(phase, x))[rows]
 
     x = driven.states(IRREGULAR, c)
     once, again = values(0.0, x), values(2 * np.pi, x)

@@ -248,7 +248,7 @@ def _spectra(
     kept = orders <= highest
     rows = []
     for start in starts:
-        n = per_revolution * revolutions * _finer(angle, steps, angle[0] + 2 * np.pi * start, revolutions, per_revolution)
+        n = per_revolution * revolutions * finer(angle, steps, angle[0] + 2 * np.pi * start, revolutions, per_revolution)
         window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
         wanted = angle[0] + 2 * np.pi * (start + revolutions * np.arange(n) / n)
         t = np.interp(wanted, angle, time)
@@ -260,7 +260,7 @@ def _spectra(
     return orders[kept], np.array(rows)
 
 
-def _finer(angle: Floats, steps: Floats, begin: float, revolutions: int, per_revolution: int) -> int:
+def finer(angle: Floats, steps: Floats, begin: float, revolutions: int, per_revolution: int) -> int:
     """How many times finer than ``per_revolution`` a block is resampled, so that its slowest samples are as close in angle.
 
     Otherwise waves that the run resolves where the shaft is slow would appear as lower orders. Where it is slower than a `FINEST`-th of

@@ -207,11 +207,11 @@ def _crossings(values: Floats, changed: Integers, k: int) -> list[_Crossing]:
     around = np.where(np.abs(around) <= ROUNDING * rise[:, None], 0.0, around)
     crosses = np.flatnonzero((around[:, 1] * around[:, 2] <= 0) & (rise > 0))
     rough = np.abs(around[crosses] @ np.array([1.0, -3.0, 3.0, -1.0])) / rise[crosses]
-    found = [_Crossing(_zero(around[i]), int(changed[i]), float(r)) for i, r in zip(crosses, rough, strict=True)]
+    found = [_Crossing(zero(around[i]), int(changed[i]), float(r)) for i, r in zip(crosses, rough, strict=True)]
     return sorted(found, key=lambda c: c.share)
 
 
-def _zero(around: Floats) -> float:
+def zero(around: Floats) -> float:
     """Zero between 0 and 1 of the cubic through values at -1, 0, 1 and 2."""
     a, b, c, d = np.linalg.solve(np.vander([-1.0, 0.0, 1.0, 2.0]), around).tolist()
     if not around[1] or not around[2]:

@@ -387,7 +387,7 @@ def _run_to_rest(search: Search, end: End, near: bool = False) -> End:
             if outcome.status == "left":
                 return end
             discrete = outcome.discrete[-1]
-            x, held = (outcome.x[-1], None) if scene.relations is None else _sticking(search, outcome.x[-1], discrete)
+            x, held = (outcome.x[-1], None) if scene.relations is None else sticking(search, outcome.x[-1], discrete)
             end = _closed(replace(search, held=held), x)
             if held is not None and not end.steady:  # the directions that are left cannot absorb the rounding errors of the run
                 end = _closed(search, x)
@@ -402,7 +402,7 @@ def _run_to_rest(search: Search, end: End, near: bool = False) -> End:
     return end
 
 
-def _sticking(search: Search, x: Floats, discrete: Floats) -> tuple[Floats, Floats | None]:
+def sticking(search: Search, x: Floats, discrete: Floats) -> tuple[Floats, Floats | None]:
     """States of a run moved to where all relations hold that hold in the run, and the directions in which these would change.
 
     What locks during a run keeps a slip of the size of the solver's tolerance, with which it would start as sliding.
@@ -496,7 +496,7 @@ def _closed(search: Search, x: Floats) -> End:
         return End(x, False, free)
     discrete, at_end = (search.discrete(y)[:, 0] for y in (x, found.x))
     if search.held is None and (discrete != at_end).any():  # the last step, of the size of rounding, has set off what sticks
-        back, held = _sticking(search, found.x, discrete)
+        back, held = sticking(search, found.x, discrete)
         if held is not None:
             return _closed(replace(search, held=held), back)
     forbidden = _forbidden(search, found.x)

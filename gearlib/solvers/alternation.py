@@ -99,7 +99,7 @@ def alternate(
         other = implicit([*legs, here])
         try:
             most = max(steps, SHARE * min(spent, left / 2) - start, EARLY * left)
-            faster = _tried(other, pace, most, max(most, shortest))
+            faster = tried(other, pace, most, max(most, shortest))
         except SolverError:
             other.close()
             wait = max(2.0 * wait, APART * shortest)
@@ -107,7 +107,7 @@ def alternate(
             continue
         try:
             legs.append(here)
-            to_the_end = faster and _stays(other, pace, spent, shortest)
+            to_the_end = faster and stays(other, pace, spent, shortest)
             legs.append(Leg("implicit", other, other.solution(), stayed=faster))
             if to_the_end:
                 return legs
@@ -131,7 +131,7 @@ def _to_the_end(run: Driver) -> bool:
     return run.status != "stiff"
 
 
-def _tried(other: Driver, pace: float, most: float, most_if_close: float) -> bool:
+def tried(other: Driver, pace: float, most: float, most_if_close: float) -> bool:
     """Whether the implicit method makes faster progress than the explicit one did, within a bounded amount of work.
 
     Where it comes close, it is given more of it: waiting then costs little, and fast vibrations may be about to die out.
@@ -150,7 +150,7 @@ def _tried(other: Driver, pace: float, most: float, most_if_close: float) -> boo
     return False
 
 
-def _stays(other: Driver, pace: float, spent: float, trial: float) -> bool:
+def stays(other: Driver, pace: float, spent: float, trial: float) -> bool:
     """Continue as long as not too much is lost against a pace in one stretch; returns whether the end was reached.
 
     After an event the implicit method is slow for a while, which is no reason to leave it.

@@ -31,8 +31,8 @@ def with_gaps_closed(model: FlatModel, parameters: Floats, given: Sequence[Given
     if not drifting(model, parameters, motion) and not (motion.residual > CONTRADICTION).any():
         return motion
     n = model.n_variables
-    compared = np.unique(np.array([v for g, c in _places(model) for v in _compared(model, g, c)], np.int64))
-    moving = _moving(motion.rates)[compared] != 0.0
+    compared = np.unique(np.array([v for g, c in comparing(model) for v in compared_by(model, g, c)], np.int64))
+    moving = without_rounding(motion.rates)[compared] != 0.0
     gaps = compared[(moving | (motion.undetermined[compared] > 1e-8)) & ~model.flow[compared] & ~model.potential[compared]]
     sides = [(s, -s) for s in (np.where(motion.rates[gaps] < 0.0, -1.0, 1.0)).tolist()]
     for trial in islice(product(*sides), MOST_TRIALS):
@@ -58,54 +58,54 @@ def refuse_drift(model: FlatModel, parameters: Floats, motion: Motion, given: Se
 
 def drifting(model: FlatModel, parameters: Floats, motion: Motion) -> list[str]:
     """Components with a relation that will change eventually: its value grows evenly towards zero."""
-    a, b, found = motion.constants, _moving(motion.rates), []
+    a, b, found = motion.constants, without_rounding(motion.rates), []
     if not b.any():
         return []
-    for g, c in _places(model):
-        group = _groups(model)[g]
+    for g, c in comparing(model):
+        group = groups(model)[g]
         relation, kernel = group.template.relations[c], relation_kernel(group.template, c)
         at = (a, a + b, a + 2.0 * b)
         value, later, last = (apply(model, kernel, g, group, parameters, x, b, motion.discrete) for x in at)
         growth = later - value
         with np.errstate(invalid="ignore"):
             evenly = np.abs(last - later - growth) <= STEADY * np.abs(growth)
-        away = (growth > 0.0) != (motion.discrete[_values_at(model, g, c)] != relation.negated)
+        away = (growth > 0.0) != (motion.discrete[values_at(model, g, c)] != relation.negated)
         wrong = np.isfinite(growth) & (growth != 0.0) & evenly & away
         found += [model.instances[i].name for i in group.owners[wrong].tolist() if i >= 0]
     return list(dict.fromkeys(found))
 
 
-def _moving(rates: Floats) -> Floats:
+def without_rounding(rates: Floats) -> Floats:
     """The rates with rounding set to zero."""
     moving: Floats = np.where(np.abs(rates) > STILL * np.abs(rates).max(initial=0.0), rates, 0.0)
     return moving
 
 
-def _groups(model: FlatModel) -> list[EquationGroup]:
+def groups(model: FlatModel) -> list[EquationGroup]:
     """Groups of equations, and of updates of discrete variables."""
     return [*model.groups, *(u.equations for u in model.updates)]
 
 
-def _places(model: FlatModel) -> list[tuple[int, int]]:
+def comparing(model: FlatModel) -> list[tuple[int, int]]:
     """Group and column of every relation that compares variables."""
     return [
         (g, c)
-        for g, group in enumerate(_groups(model))
+        for g, group in enumerate(groups(model))
         for c in range(len(group.template.relations))
         if relation_kernel(group.template, c).columns
     ]
 
 
-def _compared(model: FlatModel, g: int, c: int) -> list[int]:
+def compared_by(model: FlatModel, g: int, c: int) -> list[int]:
     """The variables that a relation compares."""
-    group = _groups(model)[g]
+    group = groups(model)[g]
     columns = [*group.template.columns, *group.template.relation_columns]
     names = [columns[k][0] for k in relation_kernel(group.template, c).columns if columns[k][1] == 0]
     return [v for name in names for v in group.variables[:, group.template.locals.index(name)].tolist()]
 
 
-def _values_at(model: FlatModel, g: int, c: int) -> NDArray[np.int64]:
+def values_at(model: FlatModel, g: int, c: int) -> NDArray[np.int64]:
     """Indices of the values of a relation in the discrete state."""
-    group = _groups(model)[g]
+    group = groups(model)[g]
     places: NDArray[np.int64] = model.first_relations[g] + np.arange(len(group)) * len(group.template.relations) + c
     return places

@@ -44,8 +44,8 @@ def shared(model: FlatModel, parameters: Floats, given: Sequence[Given], motion:
     """
     n, size = model.n_variables, 0.0
     for _ in range(20):
-        free = _self_balanced(motion.factors, torques)[:n]
-        constants = _balanced(model, parameters, motion, free, torques)
+        free = self_balanced(motion.factors, torques)[:n]
+        constants = balanced(model, parameters, motion, free, torques)
         change = np.abs(constants - motion.constants)[torques]
         # Of the largest torques so far: what is a preload alone becomes smaller with every pass
         size = max(size, float(np.abs([constants[torques], motion.constants[torques]]).max(initial=0.0)))
@@ -60,7 +60,7 @@ def shared(model: FlatModel, parameters: Floats, given: Sequence[Given], motion:
     return motion
 
 
-def _self_balanced(factors: Factors, places: Integers) -> Floats:
+def self_balanced(factors: Factors, places: Integers) -> Floats:
     """Basis of the free motions that change the unknowns at ``places``, shape (unknowns, how many), in original units."""
     looks = 8
     while True:
@@ -74,11 +74,11 @@ def _self_balanced(factors: Factors, places: Integers) -> Floats:
         looks *= 4
 
 
-def _balanced(model: FlatModel, parameters: Floats, motion: Motion, free: Floats, torques: Integers) -> Floats:
+def balanced(model: FlatModel, parameters: Floats, motion: Motion, free: Floats, torques: Integers) -> Floats:
     """Constant parts for which the self-equilibrated forces ``free`` do no work."""
     constants = motion.constants.copy()
-    deflection, force = _elastic(model, parameters, motion)
-    stretched, pulled = _exact(deflection, free), _exact(force, free)
+    deflection, force = elastic(model, parameters, motion)
+    stretched, pulled = exact(deflection, free), exact(force, free)
     left, values, right = np.linalg.svd(stretched.T @ pulled)
     rank = int((values > 1e-10 * values.max(initial=0.0)).sum())
     work = stretched.T @ (force @ constants)
@@ -88,13 +88,13 @@ def _balanced(model: FlatModel, parameters: Floats, motion: Motion, free: Floats
     return constants
 
 
-def _exact(matrix: Any, columns: Floats) -> Floats:
+def exact(matrix: Any, columns: Floats) -> Floats:
     """The product of two matrices, with 0 for entries that are rounding: rigid paths must not look elastic."""
     product = np.asarray(matrix @ columns)
     return np.where(np.abs(product) > NOTHING * np.asarray(abs(matrix) @ np.abs(columns)), product, 0.0)
 
 
-def _elastic(model: FlatModel, parameters: Floats, motion: Motion) -> tuple[Any, Any]:
+def elastic(model: FlatModel, parameters: Floats, motion: Motion) -> tuple[Any, Any]:
     """Matrices for the deflection, and the conjugate force, of every equation that relates a force to a deflection."""
     import scipy.sparse as sparse
 
@@ -103,7 +103,9 @@ def _elastic(model: FlatModel, parameters: Floats, motion: Motion) -> tuple[Any,
     count = 0
     for g, group in enumerate(model.groups):
         template = group.template
-        kinds = [_kind(model, int(group.variables[0, template.locals.index(name)]), order) for name, order in template.columns]
+        kinds = [
+            kind_of(model, int(group.variables[0, template.locals.index(name)]), order) for name, order in template.columns
+        ]
         if not (("m" in kinds and "N" in kinds) or ("rad" in kinds and "N.m" in kinds)):
             continue
         slopes, places = [], []
@@ -131,7 +133,7 @@ def _elastic(model: FlatModel, parameters: Floats, motion: Motion) -> tuple[Any,
     return made[0], made[1]
 
 
-def _kind(model: FlatModel, variable: int, order: int) -> str:
+def kind_of(model: FlatModel, variable: int, order: int) -> str:
     """Unit of a deflection or a force; empty for anything else."""
     if order:
         return ""

@@ -239,7 +239,7 @@ class PowerFlow:
         return pandas.DataFrame(table, columns=["flange", "speed", "torque", "power"]).set_index("flange")
 
     def __str__(self) -> str:
-        lines = [self._title, "", *_table(self._shown, self._scales), *self._left_out, *self._sharing, "", *self._balance]
+        lines = [self._title, "", *table_of(self._shown, self._scales), *self._left_out, *self._sharing, "", *self._balance]
         return fitted("\n".join(lines))
 
     def _repr_html_(self) -> str:
@@ -341,7 +341,7 @@ def _flows(branches: Sequence[PowerEdge]) -> tuple[list[tuple[str, str, float]],
     return flows, joints
 
 
-def _table(flanges: list[FlangePower], scales: tuple[float, float]) -> list[str]:
+def table_of(flanges: list[FlangePower], scales: tuple[float, float]) -> list[str]:
     most = NAME - (len(SLIDES) if any(f.sliding for f in flanges) else 0)
     width = min(max((len(f.name) for f in flanges), default=6), most)
     lines = [f"{'flange':{width}}  {'speed, rad/s':>13} {'speed, 1/min':>13} {'torque, N.m':>13} {'power, W':>13}"]

@@ -110,19 +110,19 @@ def power_flow(
     refuse_instants(translation.structure, translation.scene.states, "a steady motion")
     model = translation.structure.complete  # with the equations that leave torques of rigid parallel paths undetermined
     numbers = translation.parameter_values(parameters)
-    given = _given(model, speeds, torques)
+    given = given_values(model, speeds, torques)
     _warn_of_time(translation, numbers, given)
     motion, given = _reached(translation, numbers, given)
     _refuse_passing(model, numbers, motion, given)
-    ports = [int(model.representative[flow]) for _, _, flow, _ in _mechanical(model) if model.sign[flow]]
+    ports = [int(model.representative[flow]) for _, _, flow, _ in mechanical(model) if model.sign[flow]]
     places = np.unique(np.array(ports, np.int64))
     if (motion.undetermined[places] > UNDETERMINED).any():
         motion = shared(model, numbers, given, motion, places)
         _refuse_passing(model, numbers, motion, given)  # without its preload a gap may open, and what sticks may slide
-    _refuse_open(model, motion)
-    paths = _shared_names(model, set(places[motion.undetermined[places] > UNDETERMINED].tolist()))
+    refuse_open(model, motion)
+    paths = shared_names(model, set(places[motion.undetermined[places] > UNDETERMINED].tolist()))
     freedoms = _mobility(translation.model, numbers)
-    flanges, beside = tuple(_flanges(model, motion)), _beside(model, motion)
+    flanges, beside = tuple(flange_powers(model, motion)), exchanged_beside(model, motion)
     return PowerFlow(flanges, freedoms, translation.name, paths, translation.component, beside)
 
 
@@ -151,17 +151,17 @@ def _reached(translation: Translation, numbers: Floats, given: list[Given]) -> t
     model = translation.structure.complete
     motion = solve(model, numbers, given)
     is_linear = all(group.template.linear for group in model.groups)
-    point = _steady_point(translation, numbers, given, MOST_JUDGED if is_linear else np.inf)
+    point = steady_point(translation, numbers, given, MOST_JUDGED if is_linear else np.inf)
     if is_linear:
         _warn_of_instability(translation, numbers, point)
         return motion, given
-    reached, twisted = ([], []) if point is None else _speeds_and_deflections(model, point)
+    reached, twisted = ([], []) if point is None else speeds_and_deflections(model, point)
     if reached:
         found = solve(model, numbers, given, [*reached, *twisted])
         sticking = held(model, numbers, found)
         if sticking:
             found = solve(model, numbers, [*given, *sticking], [*reached, *twisted])
-        if not (found.residual > CONTRADICTION).any() and _agree(found, reached):
+        if not (found.residual > CONTRADICTION).any() and agree(found, reached):
             _warn_of_instability(translation, numbers, point)
             return found, [*given, *sticking]
     motion = with_gaps_closed(model, numbers, given, motion)
@@ -181,7 +181,7 @@ def _reached(translation: Translation, numbers: Floats, given: list[Given]) -> t
     )
 
 
-def _steady_point(translation: Translation, numbers: Floats, given: Sequence[Given], most: float) -> Point | None:
+def steady_point(translation: Translation, numbers: Floats, given: Sequence[Given], most: float) -> Point | None:
     """The steady state that the train reaches from its start values, if it has no more than ``most`` states.
 
     None if there is none, or not all that drives the train is given.
@@ -200,7 +200,7 @@ def _steady_point(translation: Translation, numbers: Floats, given: Sequence[Giv
     return Point(0.0, states, values(signals, np.array([0.0]))[:, 0], begin.guess, steady=True)
 
 
-def _speeds_and_deflections(model: FlatModel, point: Point) -> tuple[list[Given], list[Given]]:
+def speeds_and_deflections(model: FlatModel, point: Point) -> tuple[list[Given], list[Given]]:
     """Speeds at a steady state, and deflections, which tell where gaps are closed."""
     speeds, deflections = [], []
     for (v, k), value in point.states.items():
@@ -220,7 +220,7 @@ def _warn_of_instability(translation: Translation, numbers: Floats, point: Point
         warn_of_instability(translation.name, LinearizedProgram(translation.scene, prepared, point, tuple(range(len(states)))))
 
 
-def _agree(motion: Motion, speeds: Sequence[Given]) -> bool:
+def agree(motion: Motion, speeds: Sequence[Given]) -> bool:
     same = max(SAME * max(abs(s.value) for s in speeds), REST)
     return all(abs((motion.rates if s.order else motion.constants)[s.variable] - s.value) <= same for s in speeds)
 
@@ -247,7 +247,7 @@ def mobility(system: Compiled, *, parameters: Mapping[str, float] | None = None)
 
 
 def _mobility(model: FlatModel, parameters: Floats) -> int:
-    moving = sorted({int(model.representative[v]) for _, v, _, _ in _mechanical(model) if model.sign[v]})
+    moving = sorted({int(model.representative[v]) for _, v, _, _ in mechanical(model) if model.sign[v]})
     speeds = model.n_variables + np.array(moving, np.int64)
     if not moving:
         return 0
@@ -299,8 +299,8 @@ def speed_ratio(
     translation = translation_of(system)
     held = name_list("held", held, "unit.carrier")
     model = translation.model
-    given = _given(model, {one_name("driving", driving, "unit.sun"): 1.0, **dict.fromkeys(held, 0.0)}, None)
-    variable, order, sign = _speed(model, driven)
+    given = given_values(model, {one_name("driving", driving, "unit.sun"): 1.0, **dict.fromkeys(held, 0.0)}, None)
+    variable, order, sign = speed_named(model, driven)
     place = variable + order * model.n_variables
     wanted = np.array([place, *(g.variable + g.order * model.n_variables for g in given)])
     rows, factors, chosen = kinematics(model, translation.parameter_values(parameters), wanted, given)
@@ -319,7 +319,7 @@ def speed_ratio(
     return 1.0 / speed
 
 
-def _mechanical(model: FlatModel) -> list[tuple[int, int, int, str]]:
+def mechanical(model: FlatModel) -> list[tuple[int, int, int, str]]:
     """(instance, potential, flow, flange) of every shaft or rod."""
     found = []
     for i, instance in enumerate(model.instances):
@@ -335,14 +335,14 @@ def _mechanical(model: FlatModel) -> list[tuple[int, int, int, str]]:
     return found
 
 
-def _speed(model: FlatModel, name: str) -> tuple[int, int, int]:
+def speed_named(model: FlatModel, name: str) -> tuple[int, int, int]:
     """(representative, order, sign) of a speed named by a variable, a flange or "der(angle)"."""
     base, order = model.column(name)
     variable = model.find(base)
     if variable is None:
         paths = {
             f"{p}.{flange}" if (p := model.instances[i].path) else flange: potential
-            for i, potential, _, flange in _mechanical(model)
+            for i, potential, _, flange in mechanical(model)
         }
         variable = paths.get(base)
     if variable is None:
@@ -354,13 +354,13 @@ def _speed(model: FlatModel, name: str) -> tuple[int, int, int]:
     return int(model.representative[variable]), order, int(model.sign[variable])
 
 
-def _given(model: FlatModel, speeds: Mapping[str, float] | None, torques: Mapping[str, float] | None) -> list[Given]:
+def given_values(model: FlatModel, speeds: Mapping[str, float] | None, torques: Mapping[str, float] | None) -> list[Given]:
     found = []
     for what, given in (("speed", speeds), ("torque", torques)):
         for name, value in by_name(f"{what}s", given, "a mapping of paths to numbers, such as {'motor.flange': 100}").items():
             value = real(f"{what} {name}", value)
             if what == "speed":
-                variable, order, sign = _speed(model, name)
+                variable, order, sign = speed_named(model, name)
             else:
                 v = model.variable(name, "input")
                 variable, order, sign = int(model.representative[v]), VALUE, int(model.sign[v])
@@ -383,10 +383,10 @@ def _warn_of_time(translation: Translation, numbers: Floats, given: Sequence[Giv
         warn(f"{translation.name}: {some(names, ', ')} {in_words(names)} in the power flow{remedy}", InputWarning)
 
 
-def _refuse_open(model: FlatModel, motion: Motion) -> None:
+def refuse_open(model: FlatModel, motion: Motion) -> None:
     """Raise an error where a speed, or the torque of a drive or load, is undetermined. Internal torques may be: they are shared."""
     n = model.n_variables
-    ports = _mechanical(model)
+    ports = mechanical(model)
     alone = Counter(i for i, _, _, _ in ports)  # components with one flange drive, load or hold the train
     inputs = {int(model.representative[v]) for v in model.inputs}
     open_ = [f"input {model.name(v)}" for v in sorted(inputs) if motion.undetermined[v] > UNDETERMINED]
@@ -404,19 +404,19 @@ def _refuse_open(model: FlatModel, motion: Motion) -> None:
         raise ArgumentError(f"too little is given: the {', '.join(open_[:4])}{more} stay open; give more speeds or torques")
 
 
-def _shared_names(model: FlatModel, torques: set[int]) -> tuple[str, ...]:
+def shared_names(model: FlatModel, torques: set[int]) -> tuple[str, ...]:
     """Flanges of basic components whose torque is not determined by equilibrium alone."""
-    composite, found = _composites(model), []
-    for i, _, flow, flange in _mechanical(model):
+    composite, found = composites(model), []
+    for i, _, flow, flange in mechanical(model):
         path = model.instances[i].path
         if path not in composite and model.sign[flow] and int(model.representative[flow]) in torques:
             found.append(f"{path + '.' if path else ''}{flange}")
     return tuple(found)
 
 
-def _flanges(model: FlatModel, motion: Motion) -> list[FlangePower]:
-    composite, rows = _composites(model), []
-    for i, potential, flow, flange in _mechanical(model):
+def flange_powers(model: FlatModel, motion: Motion) -> list[FlangePower]:
+    composite, rows = composites(model), []
+    for i, potential, flow, flange in mechanical(model):
         path = model.instances[i].path
         p, f = int(model.representative[potential]), int(model.representative[flow])
         speed = float(motion.rates[p]) * int(model.sign[potential]) + 0.0  # no -0
@@ -427,10 +427,10 @@ def _flanges(model: FlatModel, motion: Motion) -> list[FlangePower]:
     return rows
 
 
-def _beside(model: FlatModel, motion: Motion) -> tuple[str, ...]:
+def exchanged_beside(model: FlatModel, motion: Motion) -> tuple[str, ...]:
     """Basic components that exchange something else than torques, forces and heat besides, through connectors that are no flanges."""
-    composite, found = _composites(model), []
-    for i in dict.fromkeys(i for i, _, _, _ in _mechanical(model)):
+    composite, found = composites(model), []
+    for i in dict.fromkeys(i for i, _, _, _ in mechanical(model)):
         instance = model.instances[i]
         for offset, declared in enumerate(instance.declared.variables.values()):
             v = int(model.representative[instance.first_variable + offset])
@@ -439,6 +439,6 @@ def _beside(model: FlatModel, motion: Motion) -> tuple[str, ...]:
     return tuple(path for path in dict.fromkeys(found) if path not in composite)
 
 
-def _composites(model: FlatModel) -> set[str]:
+def composites(model: FlatModel) -> set[str]:
     """Paths of the components that have parts."""
     return {i.path.rpartition(".")[0] for i in model.instances if i.path}

@@ -195,7 +195,7 @@ def _group(
             torques |= model.flow[v] & (p != 0)
             absent = (group.signs[:, j] == 0) & (slope != 0)
             if absent.any():
-                torques |= absent & _forces(model, g, name)
+                torques |= absent & forces(model, g, name)
     value = mean(model, residual_kernel(template), g, group, parameters, a, b, discrete, over)
     if template.timed:
         value = value - np.nan_to_num(off_mean(group, parameters))
@@ -203,7 +203,7 @@ def _group(
     return np.concatenate([value[keep], growth[keep]]), torques[keep]
 
 
-def _forces(model: FlatModel, g: int, name: str) -> NDArray[np.bool_]:
+def forces(model: FlatModel, g: int, name: str) -> NDArray[np.bool_]:
     """Whether a variable of a group's components is a torque or a force, even an identically zero one of an unconnected port."""
     owners = [model.instances[i].declared.variables.get(name) if i >= 0 else None for i in model.groups[g].owners.tolist()]
     return np.array([d is not None and (isinstance(d, Flow) or d.unit in ("N.m", "N")) for d in owners], bool)
@@ -301,19 +301,19 @@ def kinematics(
     model: FlatModel, parameters: Floats, wanted: Integers, given: Sequence[Given] = ()
 ) -> tuple[MotionEquations, Factors, Integers]:
     """The equations between speeds alone, independent of torques: the rows on which the wanted unknowns depend."""
-    rows = _kinematic_rows(model, parameters, given, model.initial_discrete())
-    found = _connected(rows, wanted)
+    rows = kinematic_rows(model, parameters, given, model.initial_discrete())
+    found = connected(rows, wanted)
     if model.n_relations:  # backlash is taken up: a mesh inside its gap turns its wheels as soon as it has crossed it
         touching = model.initial_discrete()
         touching[: model.n_relations] = 1.0
-        rows_closed = _kinematic_rows(model, parameters, given, touching)
-        closed = _connected(rows_closed, wanted)
+        rows_closed = kinematic_rows(model, parameters, given, touching)
+        closed = connected(rows_closed, wanted)
         if len(closed[0].open) < len(found[0].open):
             rows, found = rows_closed, closed
     return rows, *found
 
 
-def _kinematic_rows(model: FlatModel, parameters: Floats, given: Sequence[Given], discrete: Floats) -> MotionEquations:
+def kinematic_rows(model: FlatModel, parameters: Floats, given: Sequence[Given], discrete: Floats) -> MotionEquations:
     """The kinematic equations, linearised about the values that follow without torques (a stiffness, for instance)."""
     n = model.n_variables
     x = np.zeros(2 * n)
@@ -329,7 +329,7 @@ def _kinematic_rows(model: FlatModel, parameters: Floats, given: Sequence[Given]
     return replace(rows, residual=rows.residual - rows.matrix @ x)  # residual at zero unknowns
 
 
-def _connected(rows: MotionEquations, wanted: Integers) -> tuple[Factors, Integers]:
+def connected(rows: MotionEquations, wanted: Integers) -> tuple[Factors, Integers]:
     """Factors of the kinematic rows on which the wanted unknowns depend, and these rows."""
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components

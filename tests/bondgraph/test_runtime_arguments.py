@@ -104,10 +104,10 @@ def test_a_function_of_time_whose_rate_matters_needs_that_rate() -> None:
 
 
 def test_signals_are_constant_arrays_or_functions_of_time() -> None:
-    constant = runtime._signal([1.0, 2])
+    constant = runtime.signal([1.0, 2])
     assert constant(0.0) is constant(5.0)
     assert constant(3.0).tolist() == [1.0, 2.0]
-    mixed = runtime._signal([1.0, time**2, lambda t: 10 * t, sp.Integer(7), 3])
+    mixed = runtime.signal([1.0, time**2, lambda t: 10 * t, sp.Integer(7), 3])
     assert mixed(2.0).tolist() == [1.0, 4.0, 20.0, 7.0, 3.0]
     assert mixed(0.0).tolist() == [1.0, 0.0, 0.0, 7.0, 3.0]
 

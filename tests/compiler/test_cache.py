@@ -80,7 +80,7 @@ def test_object_code_that_cannot_be_linked_is_made_anew(monkeypatch: pytest.Monk
     triple(3)
     (file,) = files(own_folder, ".o")
     code = b"no object code"
-    file.write_bytes(cache._seal(file.name, code) + code)
+    file.write_bytes(cache.seal_of(file.name, code) + code)
     forget(monkeypatch)
     assert triple(3) == (6.0, 0)
 

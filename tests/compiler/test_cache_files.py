@@ -62,7 +62,7 @@ def test_a_file_is_bound_to_its_name_and_its_content(own: Path) -> None:
     assert made == [b"first", *[b"again"] * 6]
     (own / "gearlib_model_b.o").write_bytes((own / "gearlib_model_a.o").read_bytes())
     assert cached_bytes("gearlib_model_b.o", maker(b"its own", made)) == b"its own"
-    assert len({cache._seal(name, content) for name in ("a", "b") for content in (b"a", b"b")}) == 4
+    assert len({cache.seal_of(name, content) for name in ("a", "b") for content in (b"a", b"b")}) == 4
 
 
 def test_a_file_that_is_read_counts_as_used(own: Path) -> None:
@@ -84,14 +84,14 @@ def test_users_are_told_once_what_takes_long_and_where_it_is_kept(own: Path, mon
     assert said == [f"gearlib compiles a large model; the result is kept in {own}"]
     cached_bytes("gearlib_model_b.o", maker(b"b", made), "its solvers")  # is there already
     assert len(said) == 1
-    monkeypatch.setattr(cache, "folder", cache._private)
+    monkeypatch.setattr(cache, "folder", cache.private)
     cached_bytes("gearlib_model_d.o", maker(b"d", made), "its solvers")
     assert said[1:] == ["gearlib compiles its solvers; the result is kept until the process ends"]
 
 
 def test_a_folder_of_the_process_is_one_for_all_and_ends_with_it(own: Path) -> None:
-    one = cache._private()
-    assert one == cache._private()
+    one = cache.private()
+    assert one == cache.private()
     assert one.is_dir()
     assert one.name.startswith("gearlib-")
     assert cache._temporary is not None
@@ -111,11 +111,11 @@ def test_without_a_folder_that_can_be_made_that_of_the_process_is_taken(
     if where == "nowhere":
         monkeypatch.setattr(cache.os, "access", lambda path, mode: mode != os.W_OK)
     monkeypatch.setenv("GEARLIB_CACHE", str(path))
-    assert folder() == cache._private() != own
+    assert folder() == cache.private() != own
 
 
 def test_a_file_is_whole_or_not_there(own: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    cache._write(own / "gearlib_model_a.o", b"whole")
+    cache.write(own / "gearlib_model_a.o", b"whole")
     assert (own / "gearlib_model_a.o").read_bytes() == b"whole"
     seen: list[tuple[str, Path]] = []
 
@@ -126,7 +126,7 @@ def test_a_file_is_whole_or_not_there(own: Path, monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(cache.os, "replace", replace)
     with pytest.raises(KeyboardInterrupt):
-        cache._write(own / "gearlib_model_a.o", b"other")
+        cache.write(own / "gearlib_model_a.o", b"other")
     assert (own / "gearlib_model_a.o").read_bytes() == b"whole"
     assert [file.name for file in own.iterdir()] == ["gearlib_model_a.o"]
     ((name, target),) = seen
@@ -154,7 +154,7 @@ def test_the_least_recently_used_files_go_first_and_never_the_one_in_use(
     for path in strange:
         path.write_bytes(b"0" * 50)
     monkeypatch.setattr(cache, "LARGEST", largest)
-    cache._shrink(files["d"])
+    cache.shrink(files["d"])
     assert "".join(name for name, path in files.items() if path.exists()) == left
     assert all(path.exists() for path in strange)
 
@@ -166,22 +166,22 @@ def test_folders_of_others_in_the_cache_are_left_alone(own: Path, monkeypatch: p
     (foreign / "gearlib_model_a.o").write_bytes(b"0123456789")
     foreign.chmod(0o777)
     monkeypatch.setattr(cache, "LARGEST", 0)
-    cache._shrink(own / "gearlib_model_d.o")
+    cache.shrink(own / "gearlib_model_d.o")
     assert (foreign / "gearlib_model_a.o").exists()
     foreign.chmod(0o700)
-    cache._shrink(own / "gearlib_model_d.o")
+    cache.shrink(own / "gearlib_model_d.o")
     assert not (foreign / "gearlib_model_a.o").exists()
 
 
 def test_only_one_in_some_files_is_a_reason_to_look_at_the_size_of_all(own: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     looked: list[Path] = []
-    monkeypatch.setattr(cache, "_shrink", looked.append)
+    monkeypatch.setattr(cache, "shrink", looked.append)
     monkeypatch.setattr(cache, "ONE_IN", 4)
     made: list[bytes] = []
     names = [f"gearlib_model_{k}.o" for k in range(40)]
     for name in names:
         cached_bytes(name, maker(b"x", made))
-    assert looked == [own / name for name in names if cache._seal(name, b"x")[0] % 4 == 0]
+    assert looked == [own / name for name in names if cache.seal_of(name, b"x")[0] % 4 == 0]
     assert looked
 
 
@@ -196,20 +196,20 @@ def test_folders_are_made_with_all_that_is_above_them_for_the_user_alone(tmp_pat
 
 def test_a_forked_process_leaves_the_folder_of_its_parent(own: Path) -> None:
     """It has none of its own yet, and what it held before the fork is free again."""
-    one = cache._private()
+    one = cache.private()
     assert cache._temporary is not None
     end = cache._temporary[1]
     cache.COMPILING.acquire()
-    cache._after_fork()
+    cache.after_fork()
     assert cache._temporary is None
     assert not end.alive
     assert one.is_dir()
     with pytest.raises(RuntimeError):
         cache.COMPILING.release()
-    assert cache._private() != one
+    assert cache.private() != one
     cache.COMPILING.acquire()
     cache._temporary, kept = None, cache._temporary
-    cache._after_fork()
+    cache.after_fork()
     assert cache._temporary is None
     cache._temporary = kept
     one.rmdir()

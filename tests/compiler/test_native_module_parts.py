@@ -32,13 +32,13 @@ def test_functions_that_are_marked_and_those_that_a_module_generates() -> None:
     ]
     generated = ["", "def four(): pass\nz = 3\ndef five(): pass"]
     modules: list[Any] = [SimpleNamespace(name="first"), SimpleNamespace(name="second")]
-    found = [(node.name, environment["name"]) for node, environment in native_module._functions(modules, texts, generated)]
+    found = [(node.name, environment["name"]) for node, environment in native_module.functions(modules, texts, generated)]
     assert found == [("one", "first"), ("three", "first"), ("four", "second"), ("five", "second")]
     for text, native in (("@native\ndef f(): pass", True), ("def f(): pass", False), ("@a.native\ndef f(): pass", False),
                          ("@native()\ndef f(): pass", False), ("@other\ndef f(): pass", False)):  # fmt: skip
         (node,) = ast.parse(text).body
         assert isinstance(node, ast.FunctionDef)
-        assert native_module._is_native(node) == native, text
+        assert native_module.is_native(node) == native, text
 
 
 def test_numbers_records_and_prototypes_are_what_code_depends_on() -> None:
@@ -47,14 +47,14 @@ def test_numbers_records_and_prototypes_are_what_code_depends_on() -> None:
         "a": 1, "b": 2.5, "c": True, "d": "text", "e": prototype, "f": Pair, "g": Pair(), "h": (1, 2.5), "i": len, "j": (1, "text"),
         "k": [1, 2],
     }  # fmt: skip
-    assert dict(native_module._values(environment)) == {
+    assert dict(native_module.values_of(environment)) == {
         "a": "1", "b": "2.5", "c": "True", "e": repr(prototype), "f": repr([("n", ctypes.c_int64), ("x", ctypes.c_double)]),
         "h": "(1, 2.5)",
     }  # fmt: skip
 
 
 def test_texts_of_a_module_and_what_it_generates() -> None:
-    loaded, texts, generated = native_module._texts([NAME, "gearlib.compiler.small_language"])
+    loaded, texts, generated = native_module.texts_of([NAME, "gearlib.compiler.small_language"])
     assert [module.__name__ for module in loaded] == [NAME, "gearlib.compiler.small_language"]
     assert texts[0] == Path(str(sample_loops.__file__)).read_text(encoding="utf-8")
     assert generated == [sample_loops.GENERATED, ""]

@@ -56,7 +56,7 @@ def test_a_folder_that_others_can_write_is_not_used(
 ) -> None:
     shared = tmp_path / "shared" / "cache"
     monkeypatch.setenv("GEARLIB_CACHE", str(shared))
-    monkeypatch.setattr(ownership, "_of_one_user", lambda group: False)
+    monkeypatch.setattr(ownership, "of_one_user", lambda group: False)
     assert triple(3) == (6.0, 0)
     before = sorted(p.name for p in shared.rglob("*"))
     assert before

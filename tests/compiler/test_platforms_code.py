@@ -41,7 +41,7 @@ def test_every_platform_has_its_own_names_and_suffix() -> None:
 @pytest.mark.parametrize("name", HEADS)
 def test_code_is_of_the_kind_of_its_machine(name: str) -> None:
     layout, head = HEADS[name]
-    code = platforms._compiled(PLATFORMS[name], intermediate(SOURCE))
+    code = platforms.compiled(PLATFORMS[name], intermediate(SOURCE))
     assert struct.unpack_from(layout, code) == head
     for symbol in (b"f", b"tan"):
         assert (b"_" * name.endswith("darwin") + symbol + b"\0") in code
@@ -68,7 +68,7 @@ ALONE = "def f(t: float, x: floats) -> int32:\n    x[0] = t / 2 + tan(t)\n    re
 @pytest.mark.parametrize("source", [ALONE, SOURCE])
 @pytest.mark.parametrize("name", ["x86_64-linux", "aarch64-linux"])
 def test_functions_are_hidden_outside_and_what_they_call_is_not(name: str, source: str) -> None:
-    found = symbols(platforms._compiled(PLATFORMS[name], intermediate(source)))
+    found = symbols(platforms.compiled(PLATFORMS[name], intermediate(source)))
     assert found["f"][:2] == (1, 2)  # global, hidden
     assert found["f"][2] != 0
     assert found["tan"] == (1, 0, 0)  # global, visible, from elsewhere
@@ -93,7 +93,7 @@ def test_code_is_kept_by_compiler_machine_and_what_it_is_made_from(monkeypatch: 
     assert (
         object_code_for(linux, text, "a")
         == object_code_for(linux, text, "a")
-        == platforms._compiled(linux, intermediate(SOURCE))
+        == platforms.compiled(linux, intermediate(SOURCE))
     )
     assert object_code_for(windows, text, "a")[:2] == b"\x64\x86"
     object_code_for(linux, text, "b")
@@ -110,4 +110,4 @@ def test_code_is_kept_by_compiler_machine_and_what_it_is_made_from(monkeypatch: 
 
 def test_a_machine_without_a_compiler_is_refused() -> None:
     with pytest.raises(RuntimeError, match="nomachine"):
-        platforms._compiled(Platform("x", "nomachine-unknown-none", "", "", ""), intermediate(SOURCE))
+        platforms.compiled(Platform("x", "nomachine-unknown-none", "", "", ""), intermediate(SOURCE))

@@ -326,13 +326,13 @@ def annotation(text: str) -> Any:
     ],
 )  # fmt: skip
 def test_kinds_of_annotations(text: str, kind: str | None) -> None:
-    assert translate._kind(annotation(text), ENVIRONMENT) == kind
-    assert translate._kind(None, ENVIRONMENT) is None
+    assert translate.kind_of(annotation(text), ENVIRONMENT) == kind
+    assert translate.kind_of(None, ENVIRONMENT) is None
 
 
 def test_parts_of_tuples_chains_of_operations_and_loops_that_go_on() -> None:
-    assert translate._parts("{ double, i64, i1 }") == ["double", "i64", "i1"]
-    assert translate._parts("double") == []
+    assert translate.parts_of("{ double, i64, i1 }") == ["double", "i64", "i1"]
+    assert translate.parts_of("double") == []
     first, later = chain(annotation("a ** 2 + b * c - d / 4"))
     assert ast.unparse(first) == "a ** 2"
     assert [ast.unparse(one.right) for one in later] == ["b * c", "d / 4"]
@@ -342,4 +342,4 @@ def test_parts_of_tuples_chains_of_operations_and_loops_that_go_on() -> None:
         ("a = 1", False), ("continue", True), ("if a:\n    b = 1\nelse:\n    continue", True), ("if a:\n    continue", True),
         ("while a:\n    if b:\n        continue", True), ("if a:\n    break", False), ("", False),
     ):  # fmt: skip
-        assert translate._continues(ast.parse(text).body) == goes_on, text
+        assert translate.has_continue(ast.parse(text).body) == goes_on, text

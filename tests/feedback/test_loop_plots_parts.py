@@ -39,8 +39,8 @@ def data(ax: Any, label: str) -> tuple[list[float], list[float]]:
 
 
 def test_labels_of_margins() -> None:
-    assert parts._margin_labels(of((1.0, 10.0), gain=((2.0, -30.0),))) == ("gain margin 20.00 dB", "phase margin -30.00°")
-    assert parts._margin_labels(of()) == ("gain margin infinite", "phase margin infinite")
+    assert parts.margin_labels(of((1.0, 10.0), gain=((2.0, -30.0),))) == ("gain margin 20.00 dB", "phase margin -30.00°")
+    assert parts.margin_labels(of()) == ("gain margin infinite", "phase margin infinite")
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def test_labels_of_margins() -> None:
     ],
 )
 def test_the_neighbourhood_of_the_point_shows_crossings_that_are_near(ax: Any, points: list[float], near: float) -> None:
-    parts._nyquist_margins(ax, of(*((1.0, -1 / x) for x in points), gain=((1.0, 60.0), (2.0, -90.0))))
+    parts.nyquist_margins(ax, of(*((1.0, -1 / x) for x in points), gain=((1.0, 60.0), (2.0, -90.0))))
     assert ax.get_xlim() == pytest.approx((-1 - near, -1 + 1.2 * near))
     assert ax.get_ylim() == pytest.approx((-1.1 * near, 1.1 * near))
     x, y = data(ax, "gain margin")
@@ -66,7 +66,7 @@ def test_the_neighbourhood_of_the_point_shows_crossings_that_are_near(ax: Any, p
 
 
 def test_a_curve_without_crossings_has_no_marks_on_the_circle(ax: Any) -> None:
-    parts._nyquist_margins(ax, of())
+    parts.nyquist_margins(ax, of())
     assert np.isnan(data(ax, "phase margin")[0]).all()
 
 
@@ -84,7 +84,7 @@ def test_a_curve_without_crossings_has_no_marks_on_the_circle(ax: Any) -> None:
 def test_a_curve_that_is_not_seen_is_spoken_of_in_its_place(ax: Any, point: complex, said: bool) -> None:
     ax.set_xlim(-2, 0.5)
     ax.set_ylim(-1, 1)
-    parts._say_where_it_is(ax, np.array([point, 100.0, -100j]), of(modulus=2.5))
+    parts.say_where_it_is(ax, np.array([point, 100.0, -100j]), of(modulus=2.5))
     texts = [(t.get_text(), t.get_position()) for t in ax.texts]
     assert texts == (
         [("the curve is not seen here:\nit comes no nearer to −1\nthan 2.5", (-0.75, pytest.approx(0.6)))] if said else []
@@ -95,11 +95,11 @@ def test_crossings_lie_at_the_image_of_the_point_that_is_nearest_to_their_phase(
     """And at their gain; where the curve crosses the circle, at its own phase."""
     omega, phase = np.array([0.1, 1.0, 10.0]), np.array([-100.0, -185.0, -530.0])
     m = of((1.0, 10.0), (10.0, 0.1), (np.inf, 3.0), gain=((0.55, 10.0),))
-    parts._nichols_margins(ax, m, omega, phase)
+    parts.nichols_margins(ax, m, omega, phase)
     assert data(ax, "gain margin") == ([-180.0, -540.0], pytest.approx([-20.0, 20.0]))
     assert data(ax, "phase margin") == (pytest.approx([-142.5]), [0.0])
     ax.cla()
-    parts._nichols_margins(ax, of(), omega, phase)
+    parts.nichols_margins(ax, of(), omega, phase)
     for label in ("gain margin", "phase margin"):
         assert np.isnan(data(ax, label)[0]).all()
 
@@ -108,7 +108,7 @@ def test_contours_are_named_at_their_tops_or_their_left_ends_within_the_axes(ax:
     """Around the first image of the point only; at least three hundredths away from the border."""
     ax.set_xlim(-350.0, 350.0)
     ax.set_ylim(-20.0, 25.0)
-    taken = parts._closed_loop_lines(ax, [-180.0, 180.0])
+    taken = parts.closed_loop_lines(ax, [-180.0, 180.0])
     named = {t.get_text(): t.get_position() for t in ax.texts}
     assert len(named) == len(ax.texts) == len(taken) >= 4
     contours: dict[str, Any] = {}
@@ -126,13 +126,13 @@ def test_contours_are_named_at_their_tops_or_their_left_ends_within_the_axes(ax:
         best = np.argmax(np.where(inside, y, -np.inf)) if text.startswith("+") else np.argmin(np.where(inside, x, np.inf))
         assert place == (x[best], y[best])
     assert np.array(taken) == pytest.approx(ax.transData.transform(list(named.values())))
-    assert all(parts._is_free(a, [b], 26.0, 10.0) for i, a in enumerate(taken) for b in taken[:i])
+    assert all(parts.is_free(a, [b], 26.0, 10.0) for i, a in enumerate(taken) for b in taken[:i])
 
 
 def test_contours_out_of_view_have_no_name(ax: Any) -> None:
     ax.set_xlim(-100.0, -10.0)
     ax.set_ylim(40.0, 60.0)
-    assert parts._closed_loop_lines(ax, [-180.0]) == []
+    assert parts.closed_loop_lines(ax, [-180.0]) == []
     assert not ax.texts
 
 
@@ -142,8 +142,8 @@ def test_contours_out_of_view_have_no_name(ax: Any) -> None:
 )
 def test_a_label_is_free_of_others_beside_or_above_them(place: tuple[float, float], free: bool) -> None:
     others = [np.array([500.0, 500.0]), np.array([0.0, 0.0])]
-    assert parts._is_free(np.array(place, float), others, 42.0, 14.0) == free
-    assert parts._is_free(np.array(place, float), [], 42.0, 14.0)
+    assert parts.is_free(np.array(place, float), others, 42.0, 14.0) == free
+    assert parts.is_free(np.array(place, float), [], 42.0, 14.0)
 
 
 def test_frequencies_are_marked_where_the_curve_is_in_view(ax: Any) -> None:
@@ -175,7 +175,7 @@ def test_frequencies_are_marked_where_the_curve_is_in_view(ax: Any) -> None:
 )
 def test_gains_of_a_root_locus_go_beyond_the_last_margin_and_bring_the_curve_to_the_circle(model: Any, last: float) -> None:
     loop = as_loop(model)
-    found = parts._gains(loop, margins(loop))
+    found = parts.gains_of(loop, margins(loop))
     assert (found[0], found[1], found[-1]) == (0.0, pytest.approx(1e-5 * last, rel=1e-3), pytest.approx(last, rel=1e-3))
     assert (np.diff(found) > 0).all()
 
@@ -240,7 +240,7 @@ def test_paths_of_poles_do_not_depend_on_the_units_of_the_states() -> None:
     A, unit = -np.eye(3) + np.diag([1.0, 1.0], 1), np.array([1.0, 1e5, 1e-3])
     loop = Loop(A * unit / unit[:, None], np.array([0.0, 0.0, 1.0]) / unit, np.array([1.0, 0.0, 0.0]) * unit, 0.0, "u", "y")
     factors = np.array([0.1, 1.0, 8.0])
-    found = parts._paths(loop, factors)
+    found = parts.paths_of(loop, factors)
     assert found.shape == (3, 3)
     assert (found + 1) ** 3 == pytest.approx(-np.tile(factors[:, None], 3), rel=1e-6)
     for path in found.T:

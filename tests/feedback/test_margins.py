@@ -304,7 +304,7 @@ def test_crossings_of_an_integrating_loop_in_any_unit_of_time(unit: float) -> No
 
 def test_the_least_value_between_two_frequencies() -> None:
     for w in (1e-6, 2.0, 1e9):
-        value, at = parts._least(lambda x, w=w: (x / w - 1) ** 2 + 3.0, (0.4 * w, 3 * w))
+        value, at = parts.least_between(lambda x, w=w: (x / w - 1) ** 2 + 3.0, (0.4 * w, 3 * w))
         assert (value, at) == (pytest.approx(3.0), pytest.approx(w, rel=1e-7))
 
 
@@ -314,15 +314,15 @@ def test_roots_are_sign_changes_but_no_jumps() -> None:
 
     def values(f: Any) -> list[float]:
         with np.errstate(divide="ignore"):
-            return parts._roots(grid, np.array([f(x) for x in grid]), f)
+            return parts.roots(grid, np.array([f(x) for x in grid]), f)
 
     assert values(lambda x: (x - np.sqrt(2.0)) * (x - 3.5)) == pytest.approx([np.sqrt(2.0), 3.5], rel=1e-14)
     assert values(lambda x: (x - 2.0) * (x - 3.5)) == [2.0, pytest.approx(3.5)]
     assert values(lambda x: 1.0 + x) == []
     assert values(lambda x: 1.0 / np.float64(x - 1.25)) == []  # a pole, which halving meets
     assert values(lambda x: 1.0 / np.float64(x - 2.0)) == []
-    assert parts._roots(np.array([1.0, 2.0]), np.array([-1e-20, 1.0]), lambda x: 1e-20 if x < 1.5 else 1.0) == [1.0]
-    assert parts._roots(np.array([1.0, 2.0]), np.array([-1.0, 1e-20]), lambda x: -1.0 if x < 1.5 else -1e-20) == [2.0]
+    assert parts.roots(np.array([1.0, 2.0]), np.array([-1e-20, 1.0]), lambda x: 1e-20 if x < 1.5 else 1.0) == [1.0]
+    assert parts.roots(np.array([1.0, 2.0]), np.array([-1.0, 1e-20]), lambda x: -1.0 if x < 1.5 else -1e-20) == [2.0]
 
 
 def test_a_loop_that_sees_nothing_has_no_margin_but_its_distance() -> None:

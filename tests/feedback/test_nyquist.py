@@ -114,23 +114,23 @@ def test_a_detour_encloses_its_poles_and_a_quarter_of_the_way_to_the_next(
     low: float, up: float, critical: list[complex], gap: float
 ) -> None:
     half = (up - low) / 2
-    assert parts._radius(low, up, np.array(critical, complex)) == pytest.approx(half + (gap - half) / 4, rel=1e-12)
+    assert parts.detour_radius(low, up, np.array(critical, complex)) == pytest.approx(half + (gap - half) / 4, rel=1e-12)
 
 
 def test_poles_that_rounding_cannot_separate_share_a_detour() -> None:
     """Relative to their frequency, or to the smallest pole beside zero; intervals that overlap are one."""
-    assert parts._together([], 1.0) == []
-    assert parts._together([(2.0, 2.0), (0.0, 0.0), (2.0 + 1.9e-9, 2.5)], 1.0) == [(0.0, 0.0), (2.0, 2.5)]
-    assert len(parts._together([(2.0, 2.0), (2.0 + 2.1e-9, 2.5)], 1.0)) == 2
-    assert parts._together([(0.0, 0.0), (1e-9, 2e-9)], 1.0) == [(0.0, 2e-9)]
-    assert parts._together([(0.0, 0.0), (1e-9, 2e-9)], 0.5) == [(0.0, 0.0), (1e-9, 2e-9)]
-    assert parts._together([(1.5, 2.0), (1.0, 3.0), (2.5, 4.0)], 1.0) == [(1.0, 4.0)]
+    assert parts.together([], 1.0) == []
+    assert parts.together([(2.0, 2.0), (0.0, 0.0), (2.0 + 1.9e-9, 2.5)], 1.0) == [(0.0, 0.0), (2.0, 2.5)]
+    assert len(parts.together([(2.0, 2.0), (2.0 + 2.1e-9, 2.5)], 1.0)) == 2
+    assert parts.together([(0.0, 0.0), (1e-9, 2e-9)], 1.0) == [(0.0, 2e-9)]
+    assert parts.together([(0.0, 0.0), (1e-9, 2e-9)], 0.5) == [(0.0, 0.0), (1e-9, 2e-9)]
+    assert parts.together([(1.5, 2.0), (1.0, 3.0), (2.5, 4.0)], 1.0) == [(1.0, 4.0)]
 
 
 def test_poles_on_the_axis_lie_somewhere_within_their_rounding() -> None:
     """Upwards from zero: those below are mirror images."""
     values = np.array([0.0, 0.1j, -0.1j, -1.0, 2j, -2j, -0.5 + 3j, -0.5 - 3j])
-    found = parts._on_axis(Poles(values, np.array([0.2, 0.5, 0.5, 0.3, 0.1, 0.1, 0.1, 0.1]), (1,)))
+    found = parts.on_axis(Poles(values, np.array([0.2, 0.5, 0.5, 0.3, 0.1, 0.1, 0.1, 0.1]), (1,)))
     assert found == [(0.0, 0.2), (0.0, 0.6), (pytest.approx(1.9), pytest.approx(2.1))]
 
 

@@ -214,7 +214,7 @@ def test_rounding_of_gear_ratios_gains_no_energy() -> None:
     ],
 )
 def test_the_matrix_of_an_energy(names: str, numbers: dict[str, float], formula: Callable[..., float], matrix: Any) -> None:
-    found = parts._quadratic(SimpleNamespace(names=tuple(names.split()), function=formula), numbers)  # type: ignore[arg-type]
+    found = parts.quadratic(SimpleNamespace(names=tuple(names.split()), function=formula), numbers)  # type: ignore[arg-type]
     if matrix is None:
         assert found is None
     else:
@@ -226,9 +226,9 @@ def test_the_matrix_of_an_energy(names: str, numbers: dict[str, float], formula:
 def test_a_form_in_states_that_store_half_a_joule_each() -> None:
     """States without an energy of their own keep their unit."""
     form = np.arange(9.0).reshape(3, 3)
-    found = parts._scaled(form, np.array([[4.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 9.0]]))
+    found = parts.rescaled_form(form, np.array([[4.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 9.0]]))
     assert found == pytest.approx(np.array([[0, 1 / 2, 2 / 6], [3 / 2, 4, 5 / 3], [6 / 6, 7 / 3, 8 / 9]]))
-    assert parts._scaled(form, -np.eye(3)) == pytest.approx(form)
+    assert parts.rescaled_form(form, -np.eye(3)) == pytest.approx(form)
 
 
 GAINED, NEGATIVE = (
@@ -254,7 +254,7 @@ GAINED, NEGATIVE = (
 )
 def test_what_speaks_against_a_proof(Q: Any, W: Any, said: str) -> None:
     """Both forms are positive semidefinite but for rounding, in units of what each state stores."""
-    assert parts._doubt(Q, W) == said
+    assert parts.doubt(Q, W) == said
 
 
 def test_ranks_do_not_depend_on_the_units_of_the_states() -> None:
@@ -276,4 +276,4 @@ def test_ranks_do_not_depend_on_the_units_of_the_states() -> None:
 def test_components_whose_energy_is_not_known(changes: dict[str, Any], said: str) -> None:
     part = {"path": "a.b", "kind": "Kind", "unknown": False, "declares": True, "stored": SimpleNamespace(names=("x",))}
     model: Any = SimpleNamespace(model=SimpleNamespace(discretes=("switch",)))
-    assert parts._undeclared(model, [SimpleNamespace(**part), SimpleNamespace(**part | changes)]) == said
+    assert parts.undeclared(model, [SimpleNamespace(**part), SimpleNamespace(**part | changes)]) == said

@@ -111,13 +111,13 @@ def test_what_is_computed_later_is_that_of_the_parameters_that_were_given(chain:
 )
 def test_what_poles_at_zero_stand_for(found: dict[str, Any], said: str) -> None:
     modes: Any = SimpleNamespace(**{"free": 0, "gaps": {}, "preloads": 0, "positions": ()} | found)
-    assert parts._at_zero(modes) == said
+    assert parts.poles_at_zero(modes) == said
 
 
 def test_frequencies_in_words() -> None:
-    assert parts._rad(TURN) == "6.28319 rad/s (1 Hz)"
-    assert parts._rad(0.0) == "0 rad/s (0 Hz)"
-    assert parts._rad(np.inf) == "infinite frequency"
+    assert parts.rad(TURN) == "6.28319 rad/s (1 Hz)"
+    assert parts.rad(0.0) == "0 rad/s (0 Hz)"
+    assert parts.rad(np.inf) == "infinite frequency"
 
 
 def test_the_table_of_a_notebook_has_a_row_for_each_pole() -> None:

@@ -31,7 +31,7 @@ def test_how_margins_at_infinite_frequency_move_with_the_feedthrough(d: float) -
     zero = np.zeros((1, 1))
     change = Matrices(zero, zero, zero, np.array([[2.0]]))
     own = Margins((PhaseCrossing(np.inf, -1 / d),) if d < 0 else (), (), abs(1 + d), np.inf, False)
-    gain, phase, delay, modulus = parts._margins(Matrices(*given), change, loop, own)
+    gain, phase, delay, modulus = parts.margin_changes(Matrices(*given), change, loop, own)
     assert gain == pytest.approx(2.0 / d**2 if d < 0 else np.nan, nan_ok=True)
     assert np.isnan([phase, delay]).all()
     assert modulus == pytest.approx(2.0 * np.sign(1 + d) if d != -1 else np.nan, nan_ok=True)
@@ -55,4 +55,4 @@ def test_how_margins_of_three_lags_move_with_their_pole(p: float, k: float) -> N
     assert (own.gain_margin, own.phase_margin, own.delay_margin) == pytest.approx(of(p))
     h = 1e-6
     expected = (np.array(of(p + h)) - of(p - h)) / (2 * h)
-    assert parts._margins(Matrices(A, b, c, zero), change, loop, own)[:3] == pytest.approx(expected, rel=1e-6)
+    assert parts.margin_changes(Matrices(A, b, c, zero), change, loop, own)[:3] == pytest.approx(expected, rel=1e-6)

@@ -42,13 +42,13 @@ def test_a_range_is_logarithmic_or_not() -> None:
 )
 def test_a_first_guess_is_the_models_value_between_the_bounds(bounds: Range, begin: float) -> None:
     model: Any = SimpleNamespace(model=SimpleNamespace(parameters=SimpleNamespace(index={"a": 0, "c": 1})))
-    assert parts._begin(bounds, model, np.array([3.0, 400.0])) == pytest.approx(begin, rel=1e-12)
+    assert parts.first_guess(bounds, model, np.array([3.0, 400.0])) == pytest.approx(begin, rel=1e-12)
 
 
 def ranges(free: Any, *experiments: dict[str, float]) -> list[Range]:
     """Of a model that has any parameter."""
     model: Any = SimpleNamespace(model=SimpleNamespace(parameters=SimpleNamespace(number=lambda *_: 0)))
-    return parts._ranges(model, free, [SimpleNamespace(parameters=own) for own in experiments])  # type: ignore[misc]
+    return parts.ranges_of(model, free, [SimpleNamespace(parameters=own) for own in experiments])  # type: ignore[misc]
 
 
 def test_ranges_are_logarithmic_where_both_bounds_are_positive() -> None:
@@ -86,7 +86,7 @@ def test_what_is_free_is_not_given_in_any_experiment() -> None:
     ],
 )
 def test_the_size_of_a_series_is_its_spread_or_that_of_its_numbers(numbers: list[float], spread: float) -> None:
-    assert parts._spread(np.array(numbers)) == pytest.approx(spread, rel=1e-3)
+    assert parts.spread_of(np.array(numbers)) == pytest.approx(spread, rel=1e-3)
 
 
 def series(name: str, values: Any, noise: float | None = None) -> MeasuredSeries:
@@ -97,12 +97,12 @@ def series(name: str, values: Any, noise: float | None = None) -> MeasuredSeries
 def test_residuals_are_sized_by_their_noise_or_by_their_spread() -> None:
     """A complex value is two residuals."""
     own = [series("a", [1.0, 3.0, 1.0, 3.0], 0.1), series("b", [1.0 + 2j, 3.0], 0.2)]
-    sizes, known = parts._sizes(own, {"a": 7.0})
+    sizes, known = parts.residual_sizes(own, {"a": 7.0})
     assert (sizes.tolist(), known) == ([0.1] * 4 + [0.2] * 4, True)
     given = [series("a", [1.0, 3.0]), series("b", [1.0, 5.0])]
-    sizes, known = parts._sizes(given, {"a": 7.0, "b": 0.5})
+    sizes, known = parts.residual_sizes(given, {"a": 7.0, "b": 0.5})
     assert (sizes.tolist(), known) == ([7.0, 7.0, 0.5, 0.5], True)
-    sizes, known = parts._sizes(given, {})
+    sizes, known = parts.residual_sizes(given, {})
     assert (sizes.tolist(), known) == ([1.0, 1.0, 2.0, 2.0], False)
 
 
@@ -110,10 +110,10 @@ def test_noise_is_given_for_all_series_or_for_none() -> None:
     given = [series("a", [1.0, 3.0]), series("b", [1.0, 5.0])]
     for some, missing in (({"a": 7.0}, "b"), ({"b": 7.0}, "a")):
         with pytest.raises(ArgumentError, match=rf"^the noise of {missing} is not given, that of others is; give all, or none"):
-            parts._sizes(given, some)
+            parts.residual_sizes(given, some)
 
 
-def evaluator(**changes: Any) -> tuple[parts._Evaluator, list[Any]]:
+def evaluator(**changes: Any) -> tuple[parts.FitResiduals, list[Any]]:
     """Of two experiments that predict the parameters themselves, a twice and a times b; and what they were asked for."""
     asked: list[Any] = []
 
@@ -134,7 +134,7 @@ def evaluator(**changes: Any) -> tuple[parts._Evaluator, list[Any]]:
         "ranges": [Range("a", 1.0, 100.0, True), Range("b", -5.0, 5.0, False)],
         "names": ["u", "v", "v"], "measured": np.array([1.0, 0.5, 2.0]), "sizes": np.array([0.5, 0.1, 4.0]),
     }  # fmt: skip
-    return parts._Evaluator(**given | changes), asked
+    return parts.FitResiduals(**given | changes), asked
 
 
 def test_residuals_and_their_derivatives_are_computed_once_at_each_point() -> None:

@@ -222,13 +222,13 @@ def test_progress_is_told_when_it_is_due() -> None:
     """By the runs that are done, those of an earlier sweep as well."""
     told: list[float] = []
     gathering: Any = SimpleNamespace(before=3, samples=range(8))
-    running = execution._Execution(gathering, lambda part, seconds: told.append(part))
+    running = execution.Execution(gathering, lambda part, seconds: told.append(part))
     due = iter([False, True, False, True])
     running._ticker = SimpleNamespace(due=lambda: next(due))  # type: ignore[assignment]
     for count in (1, 2, 0, 2):
         running.received(count)
     assert told == [6 / 8, 1.0]
-    silent = execution._Execution(gathering, None)
+    silent = execution.Execution(gathering, None)
     silent.received(2)
     silent.report()
     assert silent._received == 5

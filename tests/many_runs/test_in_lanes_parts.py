@@ -21,38 +21,38 @@ GRID = np.array([0.0, 0.25, 1.0])
 
 def test_a_row_has_the_lines_between_the_corners_inside_the_run() -> None:
     """Each by its value at time zero and its slope; a number is level."""
-    corners, lines = parts._row([RISING, 7.0], GRID)
+    corners, lines = parts.row([RISING, 7.0], GRID)
     assert corners.tolist() == [0.5]
     assert lines == pytest.approx(np.array([[0.0, 2.0, 7.0, 0.0], [-1.0, 4.0, 7.0, 0.0]]))
-    corners, lines = parts._row([RISING, FALLING], GRID)
+    corners, lines = parts.row([RISING, FALLING], GRID)
     assert corners.tolist() == [0.25, 0.5, 0.75]
     assert lines[:, :2] == pytest.approx(np.array([[0.0, 2.0], [0.0, 2.0], [-1.0, 4.0], [-1.0, 4.0]]))
     assert lines[:, 2:] == pytest.approx(np.array([[4.0, 0.0], [5.0, -4.0], [5.0, -4.0], [2.0, 0.0]]))
-    corners, lines = parts._row([3.0], GRID)
+    corners, lines = parts.row([3.0], GRID)
     assert (corners.tolist(), lines.tolist()) == ([], [[3.0, 0.0]])
-    corners, lines = parts._row([RISING], np.array([0.6, 0.9]))
+    corners, lines = parts.row([RISING], np.array([0.6, 0.9]))
     assert (corners.tolist(), lines) == ([], pytest.approx(np.array([[-1.0, 4.0]])))
 
 
 @pytest.mark.parametrize("t", [0.1, 0.3, 0.6, 0.8])
 def test_a_line_is_the_table_where_it_holds(t: float) -> None:
-    corners, lines = parts._row([RISING, FALLING], GRID)
+    corners, lines = parts.row([RISING, FALLING], GRID)
     value, slope = lines[np.searchsorted(corners, t)].reshape(2, 2).T
     assert value + slope * t == pytest.approx([np.interp(t, table.t, table.y) for table in (RISING, FALLING)])
 
 
 def test_runs_of_the_same_tables_share_a_row() -> None:
-    corners, pieces = parts._pieces([[RISING] * 5, [7.0] * 5], np.array([1, 3, 4]), GRID)
+    corners, pieces = parts.pieces_of([[RISING] * 5, [7.0] * 5], np.array([1, 3, 4]), GRID)
     assert corners.tolist() == [[0.5]]
     assert pieces == pytest.approx(np.array([[[0.0, 2.0, 7.0, 0.0], [-1.0, 4.0, 7.0, 0.0]]]))
-    corners, pieces = parts._pieces([], np.array([1, 3]), GRID)
+    corners, pieces = parts.pieces_of([], np.array([1, 3]), GRID)
     assert (corners.shape, pieces.shape) == ((1, 0), (1, 1, 0))
 
 
 def test_runs_of_other_tables_have_a_row_each() -> None:
     """Rows with fewer corners have the others never, and go on with their last piece."""
     signals = [[RISING, FALLING, RISING, 5.0]]
-    corners, pieces = parts._pieces(signals, np.array([3, 1, 0]), GRID)
+    corners, pieces = parts.pieces_of(signals, np.array([3, 1, 0]), GRID)
     assert corners.tolist() == [[np.inf, np.inf], [0.25, 0.75], [0.5, np.inf]]
     assert pieces == pytest.approx(
         np.array([[[5.0, 0.0]] * 3, [[4.0, 0.0], [5.0, -4.0], [2.0, 0.0]], [[0.0, 2.0], [-1.0, 4.0], [-1.0, 4.0]]])
@@ -62,11 +62,11 @@ def test_runs_of_other_tables_have_a_row_each() -> None:
 def test_tables_of_straight_lines_with_few_corners_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     cubic = gl.Table([0.0, 0.4, 0.5, 1.0], [0.0, 1.0, 3.0, 0.0], interpolation="cubic")
     prepared: Any = SimpleNamespace(count=4, signals=[[RISING, cubic, 3.0, FALLING], [1.0] * 4, [RISING, RISING, cubic, 2.0]])
-    assert parts._straight(prepared, [0, 2]).tolist() == [True, False, False, True]
-    assert parts._straight(prepared, [0]).tolist() == [True, False, True, True]
-    assert parts._straight(prepared, []).tolist() == [True] * 4
+    assert parts.straight(prepared, [0, 2]).tolist() == [True, False, False, True]
+    assert parts.straight(prepared, [0]).tolist() == [True, False, True, True]
+    assert parts.straight(prepared, []).tolist() == [True] * 4
     monkeypatch.setattr(in_lanes, "MOST_CORNERS", 3)
-    assert parts._straight(prepared, [0]).tolist() == [True, False, True, False]
+    assert parts.straight(prepared, [0]).tolist() == [True, False, True, False]
 
 
 @pytest.mark.parametrize("lanes", [1, 8, "auto", np.int64(8)])

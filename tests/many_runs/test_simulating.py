@@ -65,11 +65,11 @@ def test_parameters_of_the_first_run(drive: gl.System) -> None:
     own, request = checked_request(drive.translation, 1.0, inputs=TORQUE)
     index = own.model.parameters.index
     varied = as_samples({"J": [5.0, 6.0], "torque.tau": [1.0, 2.0], "start(load.w)": [7.0, 8.0]})
-    found = parts._first_parameters(own, varied, request, {"shaft.c": 300.0})
+    found = parts.first_parameters(own, varied, request, {"shaft.c": 300.0})
     assert (found[index["J"]], found[index["load.J"]], found[index["shaft.c"]]) == (5.0, 5.0, 300.0)
     assert found[index["shaft.d"]] == request.parameters[index["shaft.d"]] == 2.0
     for first in (0.0, -1.0):
-        assert parts._first_parameters(own, as_samples({"motor.J": [first, 1.0]}), request, {}) is request.parameters
+        assert parts.first_parameters(own, as_samples({"motor.J": [first, 1.0]}), request, {}) is request.parameters
 
 
 @pytest.mark.parametrize("lanes", [1, "auto"])

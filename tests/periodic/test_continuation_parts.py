@@ -17,12 +17,12 @@ def plane(z: Floats, w: float) -> tuple[Floats, Floats, Floats]:
     return z - np.array([3.0, 1.0]) * w, np.eye(2), -np.array([3.0, 1.0])
 
 
-def between(start: float = 2.0, end: float = 12.0, skipped: int = 0) -> parts._Continuation:
-    return parts._Continuation(plane, start, end, skipped)
+def between(start: float = 2.0, end: float = 12.0, skipped: int = 0) -> parts.Continuation:
+    return parts.Continuation(plane, start, end, skipped)
 
 
-def at(*y: float, tangent: tuple[float, ...] = (), largest: float = 0.0) -> parts._BranchPoint:
-    return parts._BranchPoint(np.array(y), np.array(tangent or y, float), 0, largest)
+def at(*y: float, tangent: tuple[float, ...] = (), largest: float = 0.0) -> parts.BranchPoint:
+    return parts.BranchPoint(np.array(y), np.array(tangent or y, float), 0, largest)
 
 
 def test_the_parameter_is_scaled_to_the_interval() -> None:
@@ -75,7 +75,7 @@ def test_a_branch_that_bends_may_have_been_left(off: float, turned: float, stray
     point = at(3.0, 4.0, 0.5, tangent=tuple(unit[1]))
     y = point.y + length * unit[1] + off * length * unit[0]
     tangent = 3.0 * (np.cos(np.radians(turned)) * unit[1] + np.sin(np.radians(turned)) * unit[0])
-    assert task.strayed(point, parts._BranchPoint(y, tangent, 1, 0.0), length) == strayed
+    assert task.strayed(point, parts.BranchPoint(y, tangent, 1, 0.0), length) == strayed
 
 
 def test_a_branch_begins_with_its_tangent_in_the_direction_of_the_interval() -> None:
@@ -89,13 +89,13 @@ def test_a_branch_begins_with_its_tangent_in_the_direction_of_the_interval() -> 
         assert point.tangent[-1] > 0
         assert task.inner(point.tangent, point.tangent, point) == pytest.approx(1.0)
         assert point.tangent / point.tangent[-1] == pytest.approx(along)
-    fold = parts._Continuation(circle, 1.0, 2.0, 0).begin(np.array([0.0]))  # there is no tangent in that direction
+    fold = parts.Continuation(circle, 1.0, 2.0, 0).begin(np.array([0.0]))  # there is no tangent in that direction
     assert fold.tangent.tolist() == [0.0, 1.0]
 
 
 def test_a_step_leads_to_the_plane_a_length_ahead() -> None:
     """On a circle: the new point satisfies the equation, and its tangent is that of the circle, of unit length and onwards."""
-    task = parts._Continuation(circle, -0.8, 1.2, 0)
+    task = parts.Continuation(circle, -0.8, 1.2, 0)
     point = task.begin(np.array([-0.6]))
     new = task.corrected(point, 0.05)
     assert new is not None
@@ -111,13 +111,13 @@ def test_a_step_leads_to_the_plane_a_length_ahead() -> None:
 
 def test_no_point_is_sought_at_a_frequency_that_is_not_positive() -> None:
     """But where the branch begins at none that is positive itself."""
-    below = parts._Continuation(plane, 1.0, 2.0, 0)
+    below = parts.Continuation(plane, 1.0, 2.0, 0)
     point = below.begin(np.array([3.0, 1.0]))
     normal = np.array([0.0, 0.0, 1.0])
     for share, found in ((-1.1, False), (-1.0, False), (-0.9, True)):
         guess = np.array([3.0, 1.0, share])
         assert (below.on_plane(guess, normal, point) is not None) == found
-    free = parts._Continuation(plane, -1.0, 2.0, 0)
+    free = parts.Continuation(plane, -1.0, 2.0, 0)
     reached = free.on_plane(np.array([0.0, 0.0, 0.1]), normal, free.begin(np.array([-3.0, -1.0])))
     assert reached is not None
     assert reached.y[:2] == pytest.approx([-2.1, -0.7])
@@ -130,7 +130,7 @@ def test_the_last_point_lies_at_the_border() -> None:
         rest, by_z, by_w = circle(z[:1], w)
         return np.append(rest, z[1] - 1.25), np.array([[by_z[0, 0], 0.0], [0.0, 1.0]]), np.append(by_w, 0.0)
 
-    task = parts._Continuation(beside, -0.8, 0.0, 0)
+    task = parts.Continuation(beside, -0.8, 0.0, 0)
     point, beyond = at(-0.8, 1.25, 0.25), at(-np.sqrt(0.96), 1.25, 1.25)
     for border in (0.5, 1.0):
         found = task.at_border(point, beyond, border)
@@ -146,7 +146,7 @@ def test_a_fold_is_found_between_two_points(kind: str, length: float) -> None:
     """Of ``w = 1 - f(z)``, where f has its least value 0 at z = 0."""
     f = {"even": np.square, "uneven": lambda z: np.exp(5 * z) - 1 - 5 * z}[kind]
     rise = {"even": lambda z: 2 * z, "uneven": lambda z: 5 * (np.exp(5 * z) - 1)}[kind]
-    task = parts._Continuation(lambda z, w: (f(z) + w - 1, np.diag(rise(z)), np.ones(1)), 0.0, 2.0, 0)
+    task = parts.Continuation(lambda z, w: (f(z) + w - 1, np.diag(rise(z)), np.ones(1)), 0.0, 2.0, 0)
     z = -0.04
     raw = np.array([1.0, -rise(z) / 2])
     y = z, (1 - f(z)) / 2

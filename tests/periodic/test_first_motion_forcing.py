@@ -28,7 +28,7 @@ def check(
         scene=SimpleNamespace(state_names=("a", "b", "c")[:n], nominal=np.array(nominal or (1.0,) * n)),
     )  # fmt: skip
     try:
-        parts._check_forcing(driven, np.full(n, means), frequency)
+        parts.check_forcing(driven, np.full(n, means), frequency)
     except ArgumentError as problem:
         return str(problem).split(";")[0].split(":")[0]
     return ""
@@ -114,4 +114,4 @@ def test_whose_frequency_it_is_is_said() -> None:
             linear_rates=lambda phase, x, _: (rate(phase, x)[None], np.zeros((len(phase), 1, 1))), scene=scene,
         )  # fmt: skip
         with pytest.raises(ArgumentError, match=f"; {said}"):
-            parts._check_forcing(driven, np.ones(1), frequency)
+            parts.check_forcing(driven, np.ones(1), frequency)

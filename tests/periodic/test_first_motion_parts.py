@@ -32,16 +32,16 @@ from tests.periodic.test_fourier_balance import Turning
 )
 def test_a_function_of_the_phase_repeats_after_a_turn(function: Any, off: float) -> None:
     if not off:
-        parts._check_periodic("torque.tau", function, 3.0)
+        parts.check_periodic("torque.tau", function, 3.0)
         return
     said = rf"^the input torque\.tau is not 2 pi periodic in the phase: it differs by {off:.3g} after a period\. Give it the slowest"
     with pytest.raises(ArgumentError, match=said.replace("+", r"\+")):
-        parts._check_periodic("torque.tau", function, 3.0)
+        parts.check_periodic("torque.tau", function, 3.0)
 
 
 def test_a_function_is_asked_at_the_frequency() -> None:
     asked: set[float] = set()
-    parts._check_periodic("F", lambda p, w: asked.add(w) or 1.0, 3.0)
+    parts.check_periodic("F", lambda p, w: asked.add(w) or 1.0, 3.0)
     assert asked == {3.0}
 
 
@@ -54,15 +54,15 @@ def test_newtons_method_finds_a_root_or_says_that_there_is_none() -> None:
     """Full steps would diverge for the arc tangent from 3 on; a parabola above zero has no root."""
     arc = equations(lambda z, w: np.arctan(z - w), lambda z, w: np.diag(1 / (1 + (z - w) ** 2)))
     for begin in (5.0, 8.0, 2.1):
-        found = parts._solved(arc, np.array([begin]), 5.0)
+        found = parts.solved(arc, np.array([begin]), 5.0)
         assert found is not None
         assert found == pytest.approx([5.0], rel=1e-12)
     none = equations(lambda z, w: z**2 + w, lambda z, w: np.diag(2 * z))
-    assert parts._solved(none, np.array([3.0]), 1.0) is None
+    assert parts.solved(none, np.array([3.0]), 1.0) is None
     flat = equations(lambda z, w: z * 0 + 1.0, lambda z, w: np.zeros((1, 1)))
-    assert parts._solved(flat, np.array([3.0]), 1.0) is None
+    assert parts.solved(flat, np.array([3.0]), 1.0) is None
     zero = equations(lambda z, w: 2 * z, lambda z, w: 2 * np.eye(2))
-    assert parts._solved(zero, np.array([4.0, -3.0]), 1.0) == pytest.approx([0.0, 0.0], abs=1e-300)
+    assert parts.solved(zero, np.array([4.0, -3.0]), 1.0) == pytest.approx([0.0, 0.0], abs=1e-300)
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
@@ -70,7 +70,7 @@ def test_a_root_is_as_exact_as_is_asked_for(scale: float) -> None:
     """Steps that halve the distance each: the last one is that part of the unknowns, whatever their unit."""
     slow = equations(lambda z, w: z - scale, lambda z, w: 2 * np.eye(1))
     for exact in (1e-3, 1e-6):
-        found = parts._solved(slow, np.array([3.0 * scale]), 1.0, exact)
+        found = parts.solved(slow, np.array([3.0 * scale]), 1.0, exact)
         assert found is not None
         off = float(found[0]) / scale - 1.0
         assert 0.4 * exact < off <= 1.001 * exact
@@ -105,9 +105,9 @@ def test_what_is_undetermined_is_named_by_its_state_and_harmonic(free: int, said
         matrix = np.diag(np.where(np.arange(10) == free, size, 10.0))
         if refused:
             with pytest.raises(SolverError, match=said):
-                parts._refuse_undetermined(undetermined(matrix), np.zeros(10), 3.0)
+                parts.refuse_undetermined(undetermined(matrix), np.zeros(10), 3.0)
         else:
-            parts._refuse_undetermined(undetermined(matrix), np.zeros(10), 3.0)
+            parts.refuse_undetermined(undetermined(matrix), np.zeros(10), 3.0)
 
 
 def test_states_are_compared_in_their_nominal_values() -> None:
@@ -121,7 +121,7 @@ def test_states_are_compared_in_their_nominal_values() -> None:
         balance.scale = np.array(scale)
         balance.driven(3.0).scene.nominal = np.array(nominal)
         with pytest.raises(SolverError, match=f"the mean of {name} is undetermined"):
-            parts._refuse_undetermined(balance, np.zeros(2), 3.0)
+            parts.refuse_undetermined(balance, np.zeros(2), 3.0)
 
 
 def test_no_run_is_made_where_newtons_method_finds_a_motion_from_the_start_values(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,7 +135,7 @@ def test_no_run_is_made_where_newtons_method_finds_a_motion_from_the_start_value
 def test_a_run_is_made_where_newtons_method_finds_no_motion_from_the_start_values(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where no phase turns; of a run, the last motion is that of the response."""
     made: list[float] = []
-    settled, solved = Forced._settled, first_motion._solved
+    settled, solved = Forced._settled, first_motion.solved
 
     phases: list[float] = []
 
@@ -160,7 +160,7 @@ def test_a_run_is_made_where_newtons_method_finds_no_motion_from_the_start_value
         calls.append(given[1].copy())
         return None if len(calls) == 1 else solved(*given)
 
-    monkeypatch.setattr(first_motion, "_solved", fails_first)
+    monkeypatch.setattr(first_motion, "solved", fails_first)
     found = task.first(scene, 0.7, 16, None)
     assert made == [0.7]
     assert asked[0].times == pytest.approx(np.append(0.0, (100 + np.arange(16) / 16) * 2 * np.pi / 0.7), rel=1e-12)
@@ -174,7 +174,7 @@ def test_a_run_is_made_where_newtons_method_finds_no_motion_from_the_start_value
     after = (calls[1].reshape(5, -1) * np.maximum(scene.nominal, 1e-300))[:, x]  # where Newton's method begins after the run
     assert after[1:3] == pytest.approx([response(0.7).real, -response(0.7).imag], rel=1e-4)
     assert np.abs(after[[0, 3, 4]]).max() < 1e-3
-    monkeypatch.setattr(first_motion, "_solved", lambda *given: None)
+    monkeypatch.setattr(first_motion, "solved", lambda *given: None)
     turning = Forced(gl.compile(Turning()).translation, None, {}, {}, 2, {"p": 1.0})
     with pytest.raises(SolverError, match="no periodic motion was found at 2 rad/s"):
         turning.first(turning.scene(["v"]), 2.0, 16, None)
@@ -217,4 +217,4 @@ def test_states_are_scaled_by_their_vibration_or_as_others_are_in_nominal_values
 def test_a_forcing_that_moves_nothing_is_refused(mean: float) -> None:
     balance: Any = SimpleNamespace(coefficients=lambda z: np.array([[mean, 1.0], [0.0, 0.0], [0.0, 0.0]]))
     with pytest.raises(SolverError, match=r"^the forcing moves nothing: no state vibrates at the first frequency$"):
-        parts._rescaled(balance, np.zeros(6), None, np.ones(2))  # type: ignore[arg-type]
+        parts.rescaled(balance, np.zeros(6), None, np.ones(2))  # type: ignore[arg-type]

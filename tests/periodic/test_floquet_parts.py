@@ -20,13 +20,13 @@ from tests.periodic.test_floquet import pumped
 @pytest.mark.parametrize("count", range(1, 12))
 def test_a_product_has_the_first_matrix_on_the_right(count: int) -> None:
     steps = np.random.default_rng(count).normal(size=(count, 3, 3))
-    assert parts._product(steps) == pytest.approx(reduce(lambda whole, step: step @ whole, steps), rel=1e-12)
+    assert parts.product(steps) == pytest.approx(reduce(lambda whole, step: step @ whole, steps), rel=1e-12)
 
 
 def test_panels_divide_each_piece_equally_and_are_no_longer_than_asked() -> None:
     flags = np.array([1.0, 0.0]), np.array([0.0, 1.0])
     found: Any = SimpleNamespace(pieces=[(0.5, 1.5, flags[0]), (1.5, 1.55, flags[1]), (1.55, 0.5 + 2 * np.pi, flags[0])])
-    starts, lengths, discrete, last = parts._panels(found, 0.25)
+    starts, lengths, discrete, last = parts.panels_of(found, 0.25)
     assert last == [4, 1, int(np.ceil((2 * np.pi - 1.05) / 0.25))]
     assert lengths[:5] == pytest.approx([0.25] * 4 + [0.05])
     assert lengths[5:] == pytest.approx((2 * np.pi - 1.05) / last[2])
@@ -34,7 +34,7 @@ def test_panels_divide_each_piece_equally_and_are_no_longer_than_asked() -> None
     assert starts[1:] == pytest.approx((starts + lengths)[:-1])
     assert discrete.T.tolist() == [*[[1.0, 0.0]] * 4, [0.0, 1.0], *[[1.0, 0.0]] * last[2]]
     equal: Any = SimpleNamespace(pieces=[(1.0, 1.0, flags[0])])
-    assert [part.tolist() for part in parts._panels(equal, 0.25)[:2]] == [[1.0], [0.0]]
+    assert [part.tolist() for part in parts.panels_of(equal, 0.25)[:2]] == [[1.0], [0.0]]
 
 
 def test_a_null_space_is_what_a_matrix_takes_to_a_millionth_or_less() -> None:
@@ -42,13 +42,13 @@ def test_a_null_space_is_what_a_matrix_takes_to_a_millionth_or_less() -> None:
     left = np.linalg.qr(np.random.default_rng(2).normal(size=(4, 4)))[0]
     for sizes, count in (([3, 1, 2e-6, 1e-3], 0), ([3, 1, 0.9e-6, 1e-3], 1), ([3, 0.0, 1e-9, 1e-3], 2), ([0.0] * 4, 4)):
         matrix = left @ np.diag(sizes) @ basis.T
-        found = parts._null(matrix)
+        found = parts.null(matrix)
         assert found.shape == (4, count)
         assert found.T @ found == pytest.approx(np.eye(count))
         assert np.linalg.norm(matrix @ found) < 1.1e-6
-    assert parts._null(np.ones((1, 3))).shape == (3, 2)
-    assert parts._null(np.ones((3, 1))).shape == (1, 0)
-    assert parts._null(np.empty((0, 3))).shape == (3, 3)
+    assert parts.null(np.ones((1, 3))).shape == (3, 2)
+    assert parts.null(np.ones((3, 1))).shape == (1, 0)
+    assert parts.null(np.empty((0, 3))).shape == (3, 3)
 
 
 def turned(angle: float, size: float) -> np.ndarray:
@@ -60,7 +60,7 @@ def turned(angle: float, size: float) -> np.ndarray:
 )
 def test_eigenvalues_whose_distance_from_the_unit_circle_is_rounding_lie_on_it(size: float, on_circle: bool) -> None:
     """A pair of a normal matrix, which is known to a part in 1e12 of its norm."""
-    found = parts._eigenvalues(turned(0.7, size))
+    found = parts.eigenvalues(turned(0.7, size))
     assert np.angle(found) == pytest.approx([0.7, -0.7]) or np.angle(found) == pytest.approx([-0.7, 0.7])
     expected = 1.0 if on_circle else size
     assert np.abs(found) == pytest.approx([expected] * 2, rel=2e-15)
@@ -70,15 +70,15 @@ def test_an_eigenvalue_that_is_ill_conditioned_is_known_less_well() -> None:
     """Two multipliers a thousandth apart whose directions are nearly the same, and two at right angles."""
     basis = turned(0.6, 1.0)
     coupled = basis @ np.array([[1.0 + 1e-10, 1.0], [0.0, 1.0 - 1e-3]]) @ basis.T
-    assert sorted(np.abs(parts._eigenvalues(coupled))) == [pytest.approx(1.0 - 1e-3), 1.0]
+    assert sorted(np.abs(parts.eigenvalues(coupled))) == [pytest.approx(1.0 - 1e-3), 1.0]
     for size in (1 + 0.5e-9, 1 - 0.5e-9):  # beside one of a thousand
         large = np.diag([0.0, 0.0, 1e3])
         large[:2, :2] = turned(0.7, size)
-        assert sorted(np.abs(parts._eigenvalues(large))) == pytest.approx([1.0, 1.0, 1e3], rel=1e-15)
+        assert sorted(np.abs(parts.eigenvalues(large))) == pytest.approx([1.0, 1.0, 1e3], rel=1e-15)
     apart = np.array([[1.0 + 1e-10, 0.0, 0.0], [0.0, 1.0 - 1e-3, 0.0], [0.0, 0.0, 0.5]])
-    assert sorted(np.abs(parts._eigenvalues(apart)))[2] == pytest.approx(1.0 + 1e-10, rel=1e-14)
-    assert parts._eigenvalues(np.empty((0, 0))).shape == (0,)
-    assert parts._eigenvalues(np.zeros((1, 1))).tolist() == [0.0]
+    assert sorted(np.abs(parts.eigenvalues(apart)))[2] == pytest.approx(1.0 + 1e-10, rel=1e-14)
+    assert parts.eigenvalues(np.empty((0, 0))).shape == (0,)
+    assert parts.eigenvalues(np.zeros((1, 1))).tolist() == [0.0]
 
 
 def test_what_is_kept_and_what_nothing_depends_on_have_no_multipliers() -> None:

@@ -30,7 +30,7 @@ from gearlib.periodic.fourier_balance import HarmonicEquations, Rigid, rigid_mot
 )
 def test_a_null_space_of_rows_in_any_unit(matrix: Any, kernel: Any) -> None:
     matrix = np.array(matrix, float)
-    found = parts._kernel(matrix)
+    found = parts.kernel(matrix)
     expected = np.array(kernel, float).reshape(len(kernel), matrix.shape[1])
     assert found.shape == expected.T.shape
     assert found.T @ found == pytest.approx(np.eye(len(expected)))
@@ -50,17 +50,17 @@ def test_terms_are_sums_of_sizes_before_they_cancel() -> None:
 def test_natural_units_are_those_in_which_states_act_on_each_other_alike() -> None:
     """Usual values count, and means where most are zero."""
     mutual = np.array([[0.0, 400.0], [1.0, 0.0]])
-    found = parts._natural(np.array([mutual, mutual, 1e9 * mutual]))
+    found = parts.natural_units(np.array([mutual, mutual, 1e9 * mutual]))
     assert np.abs(mutual * found / found[:, None])[[0, 1], [1, 0]] == pytest.approx([20.0, 20.0], rel=1.0)
     sometimes = np.zeros((3, 2, 2))
     sometimes[0] = mutual
-    assert parts._natural(sometimes)[0] / parts._natural(sometimes)[1] == found[0] / found[1]
+    assert parts.natural_units(sometimes)[0] / parts.natural_units(sometimes)[1] == found[0] / found[1]
 
 
 def test_a_speed_that_the_torques_determine_is_refused_by_the_names_of_what_turns() -> None:
     def said(*growth: float) -> str:
         scene = SimpleNamespace(state_names=("a.p", "w", "b.p"))
-        return str(parts._other_speed(SimpleNamespace(scene=scene, growth=np.array(growth), omega=12.5)))  # type: ignore[arg-type]
+        return str(parts.other_speed(SimpleNamespace(scene=scene, growth=np.array(growth), omega=12.5)))  # type: ignore[arg-type]
 
     assert said(0.0, 0.0, 1.0) == (
         "the train turns with b.p at a speed that its torques determine, which is not the one that 12.5 rad/s asks for; make the torques "
@@ -192,10 +192,10 @@ def test_directions_in_which_a_train_turns_are_those_that_are_not_given_as_turni
     _, at, driven = rigid(0.0)
     none, given = np.empty((4, 0)), np.eye(4)[:, [at["x"]]]
     scale = np.array([2.0, 3.0, 4.0, 5.0])
-    assert np.abs(parts._free(driven, scale, none).T) == pytest.approx(given.T, abs=1e-9)
-    assert parts._free(driven, scale, given).shape == (4, 0)
+    assert np.abs(parts.free_directions(driven, scale, none).T) == pytest.approx(given.T, abs=1e-9)
+    assert parts.free_directions(driven, scale, given).shape == (4, 0)
     _, _, still = rigid(5.0)
-    assert parts._free(still, scale, none).shape == (4, 0)
+    assert parts.free_directions(still, scale, none).shape == (4, 0)
 
 
 class TwoOnAShaft(gl.Component):
@@ -219,7 +219,7 @@ def test_a_direction_in_which_all_turn_alike_is_scaled_with_its_states() -> None
     task = Forced(gl.compile(TwoOnAShaft()).translation, None, {}, {"F": lambda phase, w: np.cos(phase)}, 1, {})
     scene = task.scene(["x", "y"])
     scale = np.array([{"x": 2.0, "y": 5.0}.get(name, 7.0) for name in scene.state_names])
-    (found,) = parts._free(task.driven(scene)(0.7), scale, np.empty((4, 0))).T
+    (found,) = parts.free_directions(task.driven(scene)(0.7), scale, np.empty((4, 0))).T
     alike = np.array([1.0 if name in ("x", "y") else 0.0 for name in scene.state_names]) / scale
     assert abs(found @ alike) == pytest.approx(np.linalg.norm(alike), rel=1e-9)
 

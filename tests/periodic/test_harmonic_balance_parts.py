@@ -14,9 +14,9 @@ from gearlib.periodic import harmonic_balance as parts
 from gearlib.periodic.first_motion import Forced
 
 
-def watch(accuracy: float, errors: dict[float, float], seen: Any = None) -> parts._Watch:
+def watch(accuracy: float, errors: dict[float, float], seen: Any = None) -> parts.Acceptance:
     balance: Any = SimpleNamespace(error=lambda z, omega: (np.nan, errors[omega]))
-    return parts._Watch(balance, accuracy, seen)
+    return parts.Acceptance(balance, accuracy, seen)
 
 
 def test_a_point_is_accepted_while_its_error_is_within_the_accuracy() -> None:
@@ -69,10 +69,10 @@ GOOD: dict[str, Any] = {"start": 1.0, "end": 2.0, "harmonics": None, "step": 0.0
 )
 def test_numbers_of_a_branch(changes: dict[str, Any], said: str) -> None:
     if not said:
-        parts._check_numbers(**GOOD | changes)
+        parts.check_numbers(**GOOD | changes)
         return
     with pytest.raises(ArgumentError) as refused:
-        parts._check_numbers(**GOOD | changes)
+        parts.check_numbers(**GOOD | changes)
     assert str(refused.value) == said
 
 
@@ -187,14 +187,14 @@ def test_a_period_has_more_samples_where_something_switches(kind: Any, samples: 
 )
 def test_outputs_repeat_but_for_rounding(monkeypatch: pytest.MonkeyPatch, output: Any, growth: float, said: str) -> None:
     """By `_check_repeating`: of an output that is a function of the phase and of a state, which is 1 or grows."""
-    monkeypatch.setattr(parts, "_observed", lambda driven, phase, x, discrete: np.array([0 * phase, output(phase, x[0])]))
+    monkeypatch.setattr(parts, "observed_values", lambda driven, phase, x, discrete: np.array([0 * phase, output(phase, x[0])]))
     driven: Any = SimpleNamespace(
         states=lambda phase, c: (1.0 + growth * phase)[None], discrete=lambda phase, x: None, omega=2.5,
     )  # fmt: skip
     given: Any = ["z", "y"], driven, np.zeros((1, 1)), np.array([growth]), [0, 1]
     if not said:
-        parts._check_repeating(*given)
+        parts.check_repeating(*given)
         return
     with pytest.raises(ArgumentError) as refused:
-        parts._check_repeating(*given)
+        parts.check_repeating(*given)
     assert str(refused.value).startswith(said)

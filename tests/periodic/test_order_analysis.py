@@ -258,7 +258,7 @@ def test_waves_are_not_seen_in_a_few_samples() -> None:
 
 def finer(angle: Any, begin: float = 0.0, revolutions: int = 1) -> int:
     """Of a block that begins at an angle, with eight samples in each revolution at least."""
-    return order_analysis._finer(np.asarray(angle, float), np.diff(angle), begin, revolutions, 8)
+    return order_analysis.finer(np.asarray(angle, float), np.diff(angle), begin, revolutions, 8)
 
 
 def test_a_block_is_resampled_as_finely_as_its_slowest_samples(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -243,11 +243,11 @@ def test_a_flag_that_changes_though_its_expression_does_not_cross_zero_changes_b
 def test_a_zero_between_two_samples_is_that_of_the_cubic_through_their_neighbours(four: list[float], unit: float) -> None:
     roots = np.roots(np.polyfit(np.arange(-1.0, 3.0), four, 3))
     (root,) = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0) & (roots.real < 1)]
-    assert parts._zero(unit * np.array(four)) == pytest.approx(root, abs=1e-9)
+    assert parts.zero(unit * np.array(four)) == pytest.approx(root, abs=1e-9)
 
 
 def test_a_zero_at_a_sample_is_there() -> None:
     for other in (-3.0, 0.0, 3.0):
-        assert parts._zero(np.array([other, 0.0, 2.0, 5.0])) == 0.0
-        assert parts._zero(np.array([other, 2.0, 0.0, 5.0])) == 1.0
-    assert parts._zero(np.array([1.0, 0.0, 0.0, 1.0])) == 0.0
+        assert parts.zero(np.array([other, 0.0, 2.0, 5.0])) == 0.0
+        assert parts.zero(np.array([other, 2.0, 0.0, 5.0])) == 1.0
+    assert parts.zero(np.array([1.0, 0.0, 0.0, 1.0])) == 0.0

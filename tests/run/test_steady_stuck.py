@@ -58,7 +58,7 @@ def test_a_slip_of_the_size_of_a_tolerance_is_taken_away(slip: float) -> None:
     """What a run that ends stuck leaves of a speed would start as sliding; the direction in which it would slide is held."""
     own = search()
     stuck = own.discrete(np.array([0.0, -0.2]))[:, 0]
-    moved, held = steady_module._sticking(own, np.array([slip, -0.2]), stuck)
+    moved, held = steady_module.sticking(own, np.array([slip, -0.2]), stuck)
     assert abs(moved[0]) < 1e-10
     assert moved[1] == -0.2
     assert own.discrete(moved)[:, 0].tolist() == stuck.tolist()
@@ -70,18 +70,18 @@ def test_what_slides_or_is_far_from_sticking_stays() -> None:
     own = search()
     stuck = own.discrete(np.array([0.0, -0.2]))[:, 0]
     far = np.array([1.1e-4 * 0.2 / own.scale[1], -0.2])  # more than 1e-4 of the largest state, in nominal values
-    moved, held = steady_module._sticking(own, far, stuck)
+    moved, held = steady_module.sticking(own, far, stuck)
     assert (moved.tolist(), held) == (far.tolist(), None)
     for w in (1.0, -1.0):
         x = np.array([w, -0.2])
-        moved, held = steady_module._sticking(own, x, own.discrete(x)[:, 0])
+        moved, held = steady_module.sticking(own, x, own.discrete(x)[:, 0])
         assert (moved.tolist(), held) == (x.tolist(), None)
 
 
 def test_what_sticks_already_is_held_where_it_is() -> None:
     own = search()
     x = np.array([0.0, -0.2])
-    moved, held = steady_module._sticking(own, x, own.discrete(x)[:, 0])
+    moved, held = steady_module.sticking(own, x, own.discrete(x)[:, 0])
     assert moved.tolist() == x.tolist()
     assert held is not None
     assert np.abs(held) == pytest.approx(np.array([[1.0], [0.0]]), abs=1e-12)
@@ -105,7 +105,7 @@ def test_one_sticks_while_another_slides(speed: float) -> None:
     x[second] = speed
     discrete = own.discrete(x)[:, 0]
     x[first] = 1e-6
-    moved, held = steady_module._sticking(own, x, discrete)
+    moved, held = steady_module.sticking(own, x, discrete)
     assert abs(moved[first]) < 1e-10
     assert np.delete(moved, first).tolist() == np.delete(x, first).tolist()
     assert held is not None

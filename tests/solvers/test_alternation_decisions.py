@@ -56,11 +56,11 @@ def test_a_trial_is_measured_after_it_has_settled() -> None:
     ]
     for calls, faster, count in cases:
         other = Other([*calls, *[fast] * 3])
-        assert alternation._tried(other, 1.0, 100.0, 180.0) is faster  # type: ignore[arg-type]
+        assert alternation.tried(other, 1.0, 100.0, 180.0) is faster  # type: ignore[arg-type]
         assert other.asked == [SETTLE, *[WINDOW] * (count - 1)]
     for after in (1, 2):
         other = Other([start, slow], done_after=after)
-        assert alternation._tried(other, 1.0, 100.0, 180.0)  # type: ignore[arg-type]
+        assert alternation.tried(other, 1.0, 100.0, 180.0)  # type: ignore[arg-type]
         assert len(other.asked) == after
 
 
@@ -75,23 +75,23 @@ def test_it_stays_as_long_as_not_too_much_is_lost_in_one_stretch() -> None:
     ]
     for calls, end, count in cases:
         other = Other(calls)
-        assert alternation._stays(other, 1.0, 0.0, 100.0) is end  # type: ignore[arg-type]
+        assert alternation.stays(other, 1.0, 0.0, 100.0) is end  # type: ignore[arg-type]
         assert len(other.asked) == count
     other = Other([lost] * 99)  # a tenth of 10000 and what it did itself
-    assert not alternation._stays(other, 1.0, 10_000.0, 100.0)  # type: ignore[arg-type]
+    assert not alternation.stays(other, 1.0, 10_000.0, 100.0)  # type: ignore[arg-type]
     assert len(other.asked) == next(k for k in itertools.count() if 50.0 * k > 0.1 * (10_000.0 + 50.0 * k))
     other = Other([gained] * 60, done_after=60)
-    assert alternation._stays(other, 1.0, 0.0, 100.0)  # type: ignore[arg-type]
+    assert alternation.stays(other, 1.0, 0.0, 100.0)  # type: ignore[arg-type]
     steps = 0
     for asked in other.asked:
         assert asked == max(WINDOW, int(SHARE * steps))
         steps += asked
     assert other.asked[-1] > 4 * WINDOW
     other = Other([lost] * 5, done_after=5)  # at the end nothing is lost any more
-    assert alternation._stays(other, 1.0, 0.0, 100.0)  # type: ignore[arg-type]
+    assert alternation.stays(other, 1.0, 0.0, 100.0)  # type: ignore[arg-type]
     other = Other()
     other.status = "left"
-    assert alternation._stays(other, 1.0, 0.0, 100.0)  # type: ignore[arg-type]
+    assert alternation.stays(other, 1.0, 0.0, 100.0)  # type: ignore[arg-type]
     assert other.asked == []
 
 
@@ -151,8 +151,8 @@ def decided(
         stays.append(given)
         return bool(other.answer[1])
 
-    monkeypatch.setattr(alternation, "_tried", tried)
-    monkeypatch.setattr(alternation, "_stays", stay)
+    monkeypatch.setattr(alternation, "tried", tried)
+    monkeypatch.setattr(alternation, "stays", stay)
     legs = alternate(explicit, implicit, lambda: (START, STEPS), END)
     return watched, allowed, legs, others, stays
 

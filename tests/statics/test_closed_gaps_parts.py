@@ -24,9 +24,9 @@ from gearlib.statics.steady_motion import Given, motion_from, settled_discrete
 def test_rates_that_are_rounding_are_none(size: float) -> None:
     """Relative to the fastest, whatever its sense: 1e-9 of it."""
     rates = size * np.array([0.5, -2.0, 1.9e-9, -1.9e-9, 2.1e-9, -2.1e-9, 0.0])
-    assert closed_gaps._moving(rates).tolist() == [rates[0], rates[1], 0.0, 0.0, rates[4], rates[5], 0.0]
-    assert closed_gaps._moving(np.zeros(3)).tolist() == [0.0] * 3
-    assert closed_gaps._moving(np.empty(0)).tolist() == []
+    assert closed_gaps.without_rounding(rates).tolist() == [rates[0], rates[1], 0.0, 0.0, rates[4], rates[5], 0.0]
+    assert closed_gaps.without_rounding(np.zeros(3)).tolist() == [0.0] * 3
+    assert closed_gaps.without_rounding(np.empty(0)).tolist() == []
 
 
 class Watched(gl.Component):
@@ -60,12 +60,13 @@ def test_conditions_are_those_on_variables_with_the_variables_that_they_compare(
     """Those of time alone are none; of the equations first, then of the updates."""
     model = watched()
     pairs = {
-        frozenset(model.name(int(v)) for v in closed_gaps._compared(model, g, c)): (g, c) for g, c in closed_gaps._places(model)
+        frozenset(model.name(int(v)) for v in closed_gaps.compared_by(model, g, c)): (g, c)
+        for g, c in closed_gaps.comparing(model)
     }
     both = [frozenset(f"{part}.{name}" for part in ("one", "two") for name in names) for names in ("yz", "x", "xz")]
     assert set(pairs) == set(both)
-    assert len(closed_gaps._places(model)) == 3
-    assert len(closed_gaps._groups(model)) == len(model.groups) + 1
+    assert len(closed_gaps.comparing(model)) == 3
+    assert len(closed_gaps.groups(model)) == len(model.groups) + 1
     assert pairs[both[2]][0] == len(model.groups)
     assert all(g < len(model.groups) for g, _ in (pairs[both[0]], pairs[both[1]]))
 
@@ -79,12 +80,12 @@ def test_values_of_a_condition_are_found_in_the_discrete_state() -> None:
         v = model.variable(name)
         a[model.representative[v]] = value * model.sign[v]
     found = settled_discrete(model, parameters, a, np.zeros(len(a)))
-    for g, c in closed_gaps._places(model):
-        group = closed_gaps._groups(model)[g]
+    for g, c in closed_gaps.comparing(model):
+        group = closed_gaps.groups(model)[g]
         relation = group.template.relations[c]
         value = apply(model, relation_kernel(group.template, c), g, group, parameters, a, np.zeros(len(a)), found)
         value = -value if relation.negated else value
-        places = closed_gaps._values_at(model, g, c)
+        places = closed_gaps.values_at(model, g, c)
         assert len(set(places.tolist())) == len(group) == 2
         assert found[places].tolist() == [float(v > 0 if relation.strict else v >= 0) for v in value]
 

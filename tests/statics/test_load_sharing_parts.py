@@ -75,7 +75,7 @@ class Loaded:
         return float(constants[self.model.representative[v]] * self.model.sign[v])
 
     def free(self) -> Any:
-        return load_sharing._self_balanced(self.motion.factors, self.torques)[: self.model.n_variables]
+        return load_sharing.self_balanced(self.motion.factors, self.torques)[: self.model.n_variables]
 
     def with_preload(self, weights: Any) -> Motion:
         return replace(self.motion, constants=self.motion.constants + self.free() @ weights)
@@ -90,10 +90,10 @@ def loaded(count: int, rigid: int = 0) -> Loaded:
 def test_products_that_are_rounding_are_zero(size: float) -> None:
     """Relative to the sizes of their terms: up to 1e-12 of these."""
     matrix, near, far = np.array([[1.0, -1.0], [3.0, 1.0]]), 1.0 - 1.9e-12, 1.0 - 2.1e-12
-    found = load_sharing._exact(size * matrix, np.array([[1.0, 1.0], [near, far]]))
+    found = load_sharing.exact(size * matrix, np.array([[1.0, 1.0], [near, far]]))
     assert found[0].tolist() == [0.0, pytest.approx(size * 2.1e-12, rel=1e-3)]
     assert found[1] == pytest.approx([4 * size, 4 * size])
-    assert load_sharing._exact(sparse.csr_matrix(size * matrix), np.array([[1.0], [near]]))[0, 0] == 0.0
+    assert load_sharing.exact(sparse.csr_matrix(size * matrix), np.array([[1.0], [near]]))[0, 0] == 0.0
 
 
 def test_what_is_a_deflection_and_what_a_force() -> None:
@@ -103,13 +103,13 @@ def test_what_is_a_deflection_and_what_a_force() -> None:
         ("mesh[2].part", "N"), ("load.tau", "N.m"), ("last.phi", "rad"), ("last.w", ""),
     ):  # fmt: skip
         v = int(model.representative[model.variable(name)])
-        assert [load_sharing._kind(model, v, order) for order in (0, 1, 2)] == [kind, "", ""], name
+        assert [load_sharing.kind_of(model, v, order) for order in (0, 1, 2)] == [kind, "", ""], name
 
 
 def test_each_spring_counts_once_with_its_deflection_times_its_force() -> None:
     """However its equations are written: the work of what the rows give is force times deflection, with one sign for all."""
     one = loaded(3)
-    deflection, force = load_sharing._elastic(one.model, one.numbers, one.motion)
+    deflection, force = load_sharing.elastic(one.model, one.numbers, one.motion)
     constants = np.random.default_rng(2).uniform(1.0, 2.0, one.model.n_variables)
     works = np.sort(np.abs((deflection @ constants) * (force @ constants)))
     pairs = [(f"mesh[{k}].q", f"mesh[{k}].F") for k in range(3)] + [
@@ -124,7 +124,7 @@ def test_each_spring_counts_once_with_its_deflection_times_its_force() -> None:
 @pytest.mark.parametrize("k", [0, 1, 2])
 def test_a_spring_without_stiffness_is_none_and_the_others_are_there(k: int) -> None:
     one = loaded(3)
-    deflection, force = load_sharing._elastic(one.model, one.translation.parameter_values({f"mesh[{k}].c": 0.0}), one.motion)
+    deflection, force = load_sharing.elastic(one.model, one.translation.parameter_values({f"mesh[{k}].c": 0.0}), one.motion)
     assert deflection.shape == force.shape == (5, one.model.n_variables)
     names = {one.model.name(int(v)) for v in deflection.indices[deflection.data != 0.0]}
     assert {name for name in names if name.startswith("mesh")} == {f"mesh[{i}].q" for i in range(3) if i != k}
@@ -134,7 +134,7 @@ def test_a_spring_without_stiffness_is_none_and_the_others_are_there(k: int) -> 
 def test_forces_that_balance_themselves_leave_all_equations_as_they_are(count: int, rigid: int) -> None:
     """As many as there are paths, less one."""
     one = loaded(count, rigid)
-    whole = load_sharing._self_balanced(one.motion.factors, one.torques)
+    whole = load_sharing.self_balanced(one.motion.factors, one.torques)
     assert whole.shape == (2 * one.model.n_variables, count + rigid - 1)
     matrix = one.motion.factors.matrix
     assert np.abs(matrix @ whole).max(initial=0.0) <= 1e-9 * (abs(matrix) @ np.abs(whole)).max(initial=0.0)
@@ -154,7 +154,7 @@ def test_whatever_preload_is_there_is_taken_out(count: int) -> None:
     parts = np.array([1 / compliance(k) for k in range(count)])
     for size in (0.0, 1.0, 30.0):
         motion = one.with_preload(size * draw.normal(size=count - 1))
-        found = load_sharing._balanced(one.model, one.numbers, motion, one.free(), one.torques)
+        found = load_sharing.balanced(one.model, one.numbers, motion, one.free(), one.torques)
         torques = [one.value(f"shaft[{k}].tau", found) for k in range(count)]
         assert np.abs(torques) == pytest.approx(120.0 * parts / parts.sum(), rel=1e-9, abs=1e-6 * size)
         assert one.value("load.tau", found) == pytest.approx(-120.0, rel=1e-6)
@@ -170,7 +170,7 @@ def test_rigid_paths_take_all_and_the_smallest_torques() -> None:
     one = loaded(2, 2)
     for size in (0.0, 3.0):
         motion = one.with_preload(size * np.array([1.0, -2.0, 0.5]))
-        found = load_sharing._balanced(one.model, one.numbers, motion, one.free(), one.torques)
+        found = load_sharing.balanced(one.model, one.numbers, motion, one.free(), one.torques)
         assert [one.value(f"gear[{k}].flange_b.tau", found) for k in range(2)] == pytest.approx([-60.0, -60.0])
         assert [one.value(f"shaft[{k}].tau", found) for k in range(2)] == pytest.approx([0.0, 0.0], abs=1e-9)
 

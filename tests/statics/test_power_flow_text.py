@@ -16,16 +16,16 @@ def flange(component: str, name: str, speed: float, torque: float, shaft: int = 
 
 def test_columns_are_thirteen_letters_wide_behind_the_names() -> None:
     turns, slides = flange("motor", "flange", 100.0, -12.5), flange("a", "b", -0.25, 4e6, sliding=True)
-    assert power_flow._table([turns], (100.0, 12.5)) == [
+    assert power_flow.table_of([turns], (100.0, 12.5)) == [
         "flange         speed, rad/s  speed, 1/min   torque, N.m      power, W",
         "motor.flange            100        954.93         -12.5         -1250",
         "(torque and power are positive into the component: a drive's power is negative, a load's positive)",
     ]
-    assert power_flow._table([turns, slides], (100.0, 4e6))[1:3] == [
+    assert power_flow.table_of([turns, slides], (100.0, 4e6))[1:3] == [
         "motor.flange            100        954.93         -12.5         -1250",
         "a.b                   -0.25             -         4e+06        -1e+06  (m/s, N)",
     ]
-    assert power_flow._table([], (0.0, 0.0))[0].startswith("flange   speed, rad/s")
+    assert power_flow.table_of([], (0.0, 0.0))[0].startswith("flange   speed, rad/s")
 
 
 @pytest.mark.parametrize("length", [5, 31, 32, 33, 41, 42, 43, 60])
@@ -37,12 +37,12 @@ def test_names_of_up_to_42_letters_are_whole(length: int, sliding: bool) -> None
     flanges[0] = FlangePower(("0123456789" * 6)[: length - 2], "f", 1.0, 2.0, 2.0, 0, True)
     if sliding:
         flanges.append(flange("s", "f", 1.0, 2.0, sliding=True))
-    head, first, *_ = power_flow._table(flanges, (1.0, 2.0))
+    head, first, *_ = power_flow.table_of(flanges, (1.0, 2.0))
     width = min(length, most)
     assert head.startswith("flange".ljust(width) + "   speed, rad/s")
     assert (first[:width] == flanges[0].name) == (length <= most)
     assert first[width : width + 15] == "1".rjust(15)
-    assert all(len(line) <= 100 for line in power_flow._table(flanges, (1.0, 2.0)))
+    assert all(len(line) <= 100 for line in power_flow.table_of(flanges, (1.0, 2.0)))
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def test_names_of_up_to_42_letters_are_whole(length: int, sliding: bool) -> None
     ],
 )  # fmt: skip
 def test_what_is_rounding_beside_the_largest_is_shown_as_zero(speed: float, torque: float, shown: list[str]) -> None:
-    _, line, _ = power_flow._table([flange("a", "b", speed, torque)], (1.0, 5.0))
+    _, line, _ = power_flow.table_of([flange("a", "b", speed, torque)], (1.0, 5.0))
     assert line.split() == ["a.b", *shown]
 
 

@@ -117,7 +117,7 @@ FLANGES = (
 def test_shafts_and_rods_are_flanges_and_lines_and_housings_are_none() -> None:
     model = plant()
     found = {}
-    for i, potential, flow, flange in statics._mechanical(model):
+    for i, potential, flow, flange in statics.mechanical(model):
         path = model.instances[i].path
         name = f"{path}.{flange}" if path else flange
         found[name] = (potential, flow)
@@ -125,13 +125,13 @@ def test_shafts_and_rods_are_flanges_and_lines_and_housings_are_none() -> None:
     for name, (potential, flow) in found.items():
         angle, torque = ("s", "f") if "rod" in name or name.startswith("mass") else ("phi", "tau")
         assert (potential, flow) == (model.variable(f"{name}.{angle}"), model.variable(f"{name}.{torque}")), name
-    assert statics._composites(model) == {"", "box"}
+    assert statics.composites(model) == {"", "box"}
 
 
 @pytest.mark.parametrize("value", [0.0, 1.5, -2.0])
 def test_speeds_and_torques_have_the_signs_of_their_flanges_and_zeros_have_none(value: float) -> None:
     model = plant()
-    flanges = {f.name: f for f in statics._flanges(model, motion(model, value))}
+    flanges = {f.name: f for f in statics.flange_powers(model, motion(model, value))}
     assert sorted(flanges) == sorted(FLANGES)
     for name, f in flanges.items():
         slides = "rod" in name or name.startswith("mass")
@@ -155,7 +155,7 @@ def test_what_exchanges_something_else_through_a_line_is_named(q: float) -> None
     model = plant()
     found = motion(model, 1.0)
     found.constants[int(model.representative[model.variable("machine.line.q")])] = q
-    assert statics._beside(model, found) == (("machine",) if q else ())
+    assert statics.exchanged_beside(model, found) == (("machine",) if q else ())
 
 
 def test_open_torques_are_named_by_the_flanges_of_basic_components() -> None:
@@ -167,9 +167,9 @@ def test_open_torques_are_named_by_the_flanges_of_basic_components() -> None:
         for name in names:
             v = model.variable(f"{name}.{'f' if 'rod' in name or name.startswith('mass') else 'tau'}")
             wanted += [name] if model.representative[v] == rep and model.sign[v] else []
-        assert sorted(statics._shared_names(model, {rep})) == sorted(wanted)
+        assert sorted(statics.shared_names(model, {rep})) == sorted(wanted)
         assert wanted
-    assert statics._shared_names(model, set()) == ()
+    assert statics.shared_names(model, set()) == ()
 
 
 OPEN = {
@@ -195,14 +195,14 @@ def test_speeds_and_outer_torques_that_stay_open_are_named(name: str, turning: b
     found = motion(model, 1.0 if turning else 0.0)
     v = int(model.representative[model.variable(name.removesuffix("'"))]) + model.n_variables * name.endswith("'")
     found.undetermined[v] = 1e-8
-    statics._refuse_open(model, found)
+    statics.refuse_open(model, found)
     found.undetermined[v] = 1.1e-8
     wanted = [one for one in OPEN[name] if turning or not one.startswith("torque")]
     if not wanted:
-        statics._refuse_open(model, found)
+        statics.refuse_open(model, found)
         return
     with pytest.raises(ArgumentError) as refused:
-        statics._refuse_open(model, found)
+        statics.refuse_open(model, found)
     said = str(refused.value).removeprefix("too little is given: the ").removesuffix(" stay open; give more speeds or torques")
     names, _, more = said.partition(" and ")
     assert set(names.split(", ")) <= set(wanted)
@@ -221,19 +221,19 @@ def test_speeds_and_outer_torques_that_stay_open_are_named(name: str, turning: b
 def test_speeds_are_variables_angles_and_flanges(name: str, variable: str, order: int) -> None:
     model = plant()
     v = model.variable(variable)
-    assert statics._speed(model, name) == (int(model.representative[v]), order, int(model.sign[v]))
+    assert statics.speed_named(model, name) == (int(model.representative[v]), order, int(model.sign[v]))
 
 
 @pytest.mark.parametrize("name", ["der(der(box.body.phi))", "der(der(box.end))", "der(der(mass.v))"])
 def test_an_acceleration_is_no_speed(name: str) -> None:
     with pytest.raises(ArgumentError) as refused:
-        statics._speed(plant(), name)
+        statics.speed_named(plant(), name)
     assert str(refused.value) == f"{name} is no speed"
 
 
 def test_what_is_given_has_the_sign_of_what_stands_for_it() -> None:
     model = plant()
-    given = statics._given(model, {"box.turn.flange_b": 3.0, "mass.v": 2.0}, {"drive.tau": 7.0})
+    given = statics.given_values(model, {"box.turn.flange_b": 3.0, "mass.v": 2.0}, {"drive.tau": 7.0})
     for one, (name, variable, order, value) in zip(
         given,
         [
@@ -245,7 +245,7 @@ def test_what_is_given_has_the_sign_of_what_stands_for_it() -> None:
     ):
         v = model.variable(variable)
         assert one == Given(name, int(model.representative[v]), order, value * int(model.sign[v]))
-    assert statics._given(model, None, None) == []
+    assert statics.given_values(model, None, None) == []
 
 
 def test_speeds_of_a_state_are_told_from_deflections() -> None:
@@ -259,7 +259,7 @@ def test_speeds_of_a_state_are_told_from_deflections() -> None:
         (v("box.body.w"), 0): 1.0, (v("mass.v"), 0): 2.0, (v("box.body.phi"), 0): 3.0, (v("box.body.phi"), 1): 4.0,
         (v("drag.phi_rel"), 0): 5.0, (v("drag.phi_rel"), 1): 6.0, (v("machine.rod.s"), 1): 7.0,
     }  # fmt: skip
-    speeds, deflections = statics._speeds_and_deflections(model, Point(0.0, states, np.empty(0), np.empty(0)))
+    speeds, deflections = statics.speeds_and_deflections(model, Point(0.0, states, np.empty(0), np.empty(0)))
     found = {(s.variable, s.order): s.value for s in speeds}
     angle, reading = (v("box.body.phi"), 1), (v("drag.phi_rel"), 0)
     assert {(v("box.body.w"), 0), (v("mass.v"), 0), angle, (v("machine.rod.s"), 1)} == set(found)
@@ -275,12 +275,12 @@ def test_speeds_agree_up_to_a_millionth_of_the_largest(size: float, order: int, 
     found = SimpleNamespace(constants=np.full(2, 50.0), rates=np.full(2, 50.0))
     own = found.rates if order else found.constants
     own[:] = [size, 1e-3 * size + off * abs(size)]
-    assert statics._agree(found, speeds) == agrees  # type: ignore[arg-type]
+    assert statics.agree(found, speeds) == agrees  # type: ignore[arg-type]
     own[:] = [0.9e-9, 0.0]
     still = [Given("fast", 0, order, 0.0), Given("slow", 1, order, 0.0)]
-    assert statics._agree(found, still)  # type: ignore[arg-type]
+    assert statics.agree(found, still)  # type: ignore[arg-type]
     own[0] = 1.1e-9
-    assert not statics._agree(found, still)  # type: ignore[arg-type]
+    assert not statics.agree(found, still)  # type: ignore[arg-type]
 
 
 class Later(gl.Component):

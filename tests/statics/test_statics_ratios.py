@@ -115,8 +115,8 @@ def dragged() -> gl.System:
 def point(most: float, speeds: dict[str, float] | None = None, **torques: float) -> Any:
     translation = dragged().translation
     model, numbers = translation.structure.complete, translation.parameter_values({})
-    given = statics._given(model, speeds, {f"{name}.tau": value for name, value in torques.items()})
-    found = statics._steady_point(translation, numbers, given, most)
+    given = statics.given_values(model, speeds, {f"{name}.tau": value for name, value in torques.items()})
+    found = statics.steady_point(translation, numbers, given, most)
     if found is None:
         return None
     assert found.t == 0.0

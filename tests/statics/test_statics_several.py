@@ -131,10 +131,10 @@ def test_four_of_what_stays_open_are_named_and_the_others_counted(count: int) ->
     for k in range(count):
         motion.undetermined[int(model.representative[model.variable(f"motor[{k}].tau")])] = 1.0
     if not count:
-        statics._refuse_open(model, motion)
+        statics.refuse_open(model, motion)
         return
     with pytest.raises(ArgumentError) as refused:
-        statics._refuse_open(model, motion)
+        statics.refuse_open(model, motion)
     names = ", ".join(f"input motor[{k}].tau" for k in range(min(count, 4)))
     more = " and 1 more" if count == 5 else ""
     assert str(refused.value) == f"too little is given: the {names}{more} stay open; give more speeds or torques"
@@ -144,14 +144,17 @@ def test_flanges_of_a_train_of_one_part_are_named_alone() -> None:
     model = gl.compile(Alone()).translation.structure.complete
     n = model.n_variables
     motion: Any = SimpleNamespace(constants=np.ones(n), rates=np.ones(n))
-    assert [(f.name, f.component, f.leaf) for f in statics._flanges(model, motion)] == [("left", "", True), ("right", "", True)]
+    assert [(f.name, f.component, f.leaf) for f in statics.flange_powers(model, motion)] == [
+        ("left", "", True),
+        ("right", "", True),
+    ]
     for name in ("left", "right"):
         v = model.variable(f"{name}.tau")
         if model.sign[v]:
-            assert name in statics._shared_names(model, {int(model.representative[v])})
+            assert name in statics.shared_names(model, {int(model.representative[v])})
 
 
 def test_a_speed_at_the_limit_of_what_agrees_agrees() -> None:
     still = [Given("fast", 0, 0, 0.0)]
-    assert statics._agree(SimpleNamespace(constants=np.array([1e-9]), rates=np.zeros(1)), still)  # type: ignore[arg-type]
-    assert not statics._agree(SimpleNamespace(constants=np.array([1.0000001e-9]), rates=np.zeros(1)), still)  # type: ignore[arg-type]
+    assert statics.agree(SimpleNamespace(constants=np.array([1e-9]), rates=np.zeros(1)), still)  # type: ignore[arg-type]
+    assert not statics.agree(SimpleNamespace(constants=np.array([1.0000001e-9]), rates=np.zeros(1)), still)  # type: ignore[arg-type]

@@ -49,7 +49,7 @@ def test_rows_on_which_an_unknown_depends_are_those_that_hang_together() -> None
     kinematic = np.array([True, True, True, False, True, True])
     rows = MotionEquations(matrix, np.zeros(6), kinematic, str, np.ones(6))
     for wanted, chosen in (([0], [0, 1]), ([2], [0, 1]), ([3], [2]), ([4], [4]), ([5], [5]), ([1, 5], [0, 1, 5])):
-        factors, found = steady_motion._connected(rows, np.array(wanted))
+        factors, found = steady_motion.connected(rows, np.array(wanted))
         assert found.tolist() == chosen, wanted
         assert factors.matrix.toarray() == pytest.approx(matrix.toarray()[chosen])
 
@@ -87,7 +87,7 @@ def test_a_ratio_that_follows_from_other_equations_counts_with_its_value(half: f
     assert gl.mobility(system, parameters={"gear.half": half}) == 1
     translation = system.translation
     model, numbers = translation.model, translation.parameter_values({"gear.half": half})
-    rows = steady_motion._kinematic_rows(model, numbers, [], model.initial_discrete())
+    rows = steady_motion.kinematic_rows(model, numbers, [], model.initial_discrete())
     n = model.n_variables
 
     def place(name: str) -> tuple[int, int]:
@@ -289,7 +289,7 @@ def test_torques_forces_and_whatever_flows_are_told_from_other_variables() -> No
     seen = set()
     for g, group in enumerate(model.groups):
         for name in group.template.locals:
-            found = steady_motion._forces(model, g, name)
+            found = steady_motion.forces(model, g, name)
             assert found.dtype == bool
             for i, owner in enumerate(group.owners.tolist()):
                 own = name if owner >= 0 else None

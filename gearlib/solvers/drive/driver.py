@@ -142,7 +142,7 @@ class Driver:
         self.events_before = 0 if before is None else before.record.events
         n, n_roots = problem.x0.size, problem.n_roots if problem.roots is not None else 0
         first, last = float(times[0]) if before is None else before.t, self.t_end
-        stops, n_timed = _stops(problem.time_events, first, last)
+        stops, n_timed = stops_in(problem.time_events, first, last)
         origin = late_start(first, last) if before is None else before.record.origin
         size = BLOCK * max(1, -(-n // BLOCK))
         own = {"x": 2 * size if problem.implicit else size} | stepper.memory(size, n_roots)
@@ -151,7 +151,7 @@ class Driver:
             problem.discrete.indices(problem.data.size)[:2],
         )  # fmt: skip
         key = stepper.Record, *own.values(), *sizes
-        words, relative, places = recent(problem.layouts, key, lambda: _layout(stepper.Record, own, *sizes), MOST_LAYOUTS)
+        words, relative, places = recent(problem.layouts, key, lambda: layout(stepper.Record, own, *sizes), MOST_LAYOUTS)
         # one allocation: a call of numpy takes as long as several steps of a small model
         whole = np.empty(places["end"].stop)
         here = whole[: words.size].view(np.int64)
@@ -316,7 +316,7 @@ class Driver:
         """
         record, self.t_end, self.status = self.record, t, "more"
         self._steps_before = record.steps
-        stops, record.n_timed = _stops(time_events, self.t, t)
+        stops, record.n_timed = stops_in(time_events, self.t, t)
         self.stops = stops - record.origin
         record.stops, record.n_stops, record.stop = address_of(self.stops), stops.size, 0
         record.n_times = record.sample = 0
@@ -389,7 +389,7 @@ def address_of(array: NDArray[Any]) -> int:
     return ctypes.addressof(ctypes.c_char.from_buffer(buffer))  # takes a third of the time of ``array.ctypes.data``
 
 
-def _layout(
+def layout(
     Record: type[DriveRecord], own: dict[str, int], n: int, n_roots: int, n_data: int, n_index: int, n_stops: int, n_timed: int,
     n_times: int, discrete: tuple[int, int],
 ) -> tuple[Integers, Integers, dict[str, slice]]:  # fmt: skip
@@ -425,7 +425,7 @@ def _layout(
     return np.frombuffer(bytes(record), np.int64), np.frombuffer(bytes(pointers), np.int64), places
 
 
-def _stops(time_events: Floats, first: float, last: float) -> tuple[Floats, int]:
+def stops_in(time_events: Floats, first: float, last: float) -> tuple[Floats, int]:
     """Times to step to exactly, the time events in the interval followed by its end, and the number of time events."""
     if time_events.size == 0:
         return np.array([last]), 0

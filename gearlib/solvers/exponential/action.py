@@ -187,15 +187,15 @@ def prepare(A: Triplets, order: Integers, span: float, inputs: int = 0, known: K
     diagonal[A.rows[on]] = A.entries[on]
     rows, columns, entries = A.rows[~on], A.columns[~on], A.entries[~on]
     key = "mirror", n, rows.tobytes(), columns.tobytes()
-    places, there = recent({} if known is None else known, key, lambda: _mirrored(n, rows, columns), MOST_KNOWN)
+    places, there = recent({} if known is None else known, key, lambda: transposes(n, rows, columns), MOST_KNOWN)
     mirrored = np.where(there, entries[places], 0.0)  # of each entry (i, j) the entry (j, i), zero where there is none
-    scale = _balance(rows, columns, entries, mirrored, diagonal, span)
+    scale = balance(rows, columns, entries, mirrored, diagonal, span)
     gain = scale[columns] / scale[rows]
     entries, mirrored = entries * gain, mirrored / gain
     tight, safe = enclosing(diagonal, rows, columns, entries, mirrored, span)
     place = np.empty(n, np.int64)
     place[order] = np.arange(n)
-    parts = _split(place[rows], place[columns], entries, diagonal[order])
+    parts = split(place[rows], place[columns], entries, diagonal[order])
     main = int(np.searchsorted(parts[0], 0))
     alone = n - inputs if n > 2 * TILE and (parts[3] >= n - inputs).all() else 0
     probe = np.where(np.cos(np.arange(n) ** 2 + 0.5) > 0, 1.0, -1.0)  # excites every mode
@@ -204,7 +204,7 @@ def prepare(A: Triplets, order: Integers, span: float, inputs: int = 0, known: K
         factor = 2.0 / (ellipse.radius * ellipse.focus)
         diagonals, others = parts[1] * factor, parts[4] * factor
         diagonals[main] = (diagonal[order] - ellipse.centre) * factor  # both ellipses are rounded, each to a centre of its own
-        if ellipse == safe or _growth(ellipse, parts[0], diagonals, parts[2], parts[3], others, probe) < _GROWTH:
+        if ellipse == safe or growth(ellipse, parts[0], diagonals, parts[2], parts[3], others, probe) < _GROWTH:
             return Action(scale, order, ellipse, parts[0], diagonals, parts[2], parts[3], others, alone)
         tight = Ellipse(tight.centre, 1.1 * tight.real, 1.1 * tight.imaginary)
 
@@ -219,7 +219,7 @@ def _room(vectors: int, record: Series) -> Floats:
     return np.zeros((vectors, record.n + 2 * record.margin))
 
 
-def _growth(
+def growth(
     ellipse: Ellipse, offsets: Integers, diagonals: Floats, rows: Integers, columns: Integers, entries: Floats, probe: Floats
 ) -> float:
     """Growth of the polynomials of a matrix: more than a few where the ellipse does not enclose its field of values."""
@@ -245,7 +245,7 @@ def band_order(A: Triplets, n: int) -> Integers:
     return order
 
 
-def _split(
+def split(
     rows: Integers, columns: Integers, entries: Floats, diagonal: Floats
 ) -> tuple[Integers, Floats, Integers, Integers, Floats]:
     """A matrix as its well-filled diagonals, and the remaining entries by row, column and value."""
@@ -263,7 +263,7 @@ def _split(
     return offsets, diagonals, rows[~on], columns[~on], entries[~on]
 
 
-def _mirrored(n: int, i: Integers, j: Integers) -> tuple[Integers, NDArray[np.bool_]]:
+def transposes(n: int, i: Integers, j: Integers) -> tuple[Integers, NDArray[np.bool_]]:
     """Index of the transpose of each entry (i, j), and whether it is present."""
     key, mirror = i * n + j, j * n + i
     by_key = np.argsort(key)
@@ -272,7 +272,7 @@ def _mirrored(n: int, i: Integers, j: Integers) -> tuple[Integers, NDArray[np.bo
     return places, key[places] == mirror
 
 
-def _balance(rows: Integers, columns: Integers, entries: Floats, mirrored: Floats, diagonal: Floats, span: float) -> Floats:
+def balance(rows: Integers, columns: Integers, entries: Floats, mirrored: Floats, diagonal: Floats, span: float) -> Floats:
     """State scales under which entries (i, j) and (j, i) have equal magnitude and one-way couplings are small.
 
     For a spring and an inertia, deflections in units of 1/sqrt(c) and speeds in units of 1/sqrt(J) make the squared norm an energy.
@@ -300,15 +300,15 @@ def _balance(rows: Integers, columns: Integers, entries: Floats, mirrored: Float
         rate = np.full(groups, math.exp(target))
         np.maximum.at(rate, label, np.abs(diagonal) + row_sums)
         smaller = (np.log(rate) - target)[to]  # than in units of what it follows
-        lost = float(_levels(to, of, smaller, groups).max())
+        lost = float(levels(to, of, smaller, groups).max())
         if lost > _LOST:
             size -= (1.0 - _LOST / lost) * smaller
-        logs += _levels(to, of, size, groups)[label]
+        logs += levels(to, of, size, groups)[label]
     scale: Floats = np.exp(logs)
     return scale
 
 
-def _levels(to: Integers, of: Integers, size: Floats, groups: int) -> Floats:
+def levels(to: Integers, of: Integers, size: Floats, groups: int) -> Floats:
     """Largest sum of ``size`` along the one-way couplings that lead to each group; zero everywhere if there are cycles."""
     level = np.zeros(groups)
     for _ in range(30):  # longest chain of one-way couplings; cycles among groups are not resolved further

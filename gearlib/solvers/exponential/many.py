@@ -54,7 +54,7 @@ def histories(
 
 
 def _march(A: Floats, B: Floats, forcing: Forcing, cuts: Sequence[Stretch], x: Floats, columns: Integers, out: Floats) -> None:
-    n, known, scales = A.shape[1], dict[tuple[bytes, float], RepeatedSteps](), _balanced(A)
+    n, known, scales = A.shape[1], dict[tuple[bytes, float], RepeatedSteps](), balanced(A)
     for k, stretch in enumerate(cuts):
         if stretch.h == 0.0:
             if stretch.row >= 0:
@@ -84,7 +84,7 @@ class RepeatedSteps:
     """Deviations from the identity of exp(G h), exp(2 G h), exp(4 G h), ... of many matrices, computed as they are needed."""
 
     def __init__(self, G: Floats, h: float, scales: Floats) -> None:
-        self._chain = [_deviations(G, h, scales)]
+        self._chain = [deviations(G, h, scales)]
 
     def _of(self, k: int) -> Floats:
         while len(self._chain) <= k:
@@ -101,7 +101,7 @@ class RepeatedSteps:
     def samples(self, z: Floats, count: int, columns: Integers) -> Floats:
         """The next ``count`` values of some entries, shape (runs, count, columns)."""
         runs, n = z.shape
-        half = _rows_for(count, len(columns))
+        half = rows_for(count, len(columns))
         m = 2**half
         rows = np.zeros((runs, len(columns), n))
         rows[:, np.arange(len(columns)), columns] = 1.0
@@ -119,12 +119,12 @@ class RepeatedSteps:
         return np.asarray(found.reshape(runs, m * blocks, len(columns))[:, :count])
 
 
-def _rows_for(count: int, columns: int) -> int:
+def rows_for(count: int, columns: int) -> int:
     """Doublings of the rows: as many as of the columns for one state, fewer for many."""
     return max(0, min((count - 1).bit_length(), round(0.5 * math.log2(max(count / columns, 1.0)))))
 
 
-def _balanced(A: Floats) -> Floats:
+def balanced(A: Floats) -> Floats:
     """Sizes of states, (runs, states), that balance each matrix: powers of two, which make different units comparable."""
     from scipy.linalg.lapack import dgebal
 
@@ -132,7 +132,7 @@ def _balanced(A: Floats) -> Floats:
     return np.array([dgebal(matrix, scale=1, permute=0)[3] for matrix in good])
 
 
-def _deviations(G: Floats, h: float, scales: Floats) -> Floats:
+def deviations(G: Floats, h: float, scales: Floats) -> Floats:
     """exp(G h) - I of many matrices, each with as many doublings as it needs."""
     n, size = scales.shape[1], np.abs(G)
     size[:, :n] /= scales[:, :, None]

@@ -109,7 +109,7 @@ def _make(problem: Problem, kind: str | None) -> MatrixPlan:
     place = np.arange(n) if order is None else np.argsort(order)
     lower, upper = _widths(place[rows], place[columns])
     if kind is None:
-        kind = _cheapest(n, len(rows) + n, lower, upper, problem.jac is not None)
+        kind = cheapest(n, len(rows) + n, lower, upper, problem.jac is not None)
     if kind == "dense":
         return _dense(n, rows, columns, differential)
     if kind == "sparse":
@@ -184,7 +184,7 @@ def _far_end(start: int, neighbours: list[list[int]]) -> int:
         start = min((node for node in order if level[node] == last), key=lambda node: len(neighbours[node]))
 
 
-def _cheapest(n: int, nonzeros: int, lower: int, upper: int, analytic: bool) -> str:
+def cheapest(n: int, nonzeros: int, lower: int, upper: int, analytic: bool) -> str:
     """The storage with the fewest operations per step: IDA solves once per step and factorises about every twentieth.
 
     SuperLU's share depends on the fill-in, which is not known here. 80 operations per nonzero lie within a factor of two of what

@@ -115,7 +115,7 @@ class Sundials:
 
     def _look_up(self, name: str) -> Any:
         # SuperLU's library depends on an OpenBLAS (25 ms): loaded only when a sparse matrix is to be factorised
-        more = _opened(self.folder, "sunlinsolsuperlumt") if name == "SUNLinSol_SuperLUMT" else ()
+        more = opened(self.folder, "sunlinsolsuperlumt") if name == "SUNLinSol_SuperLUMT" else ()
         for library in (*self.libraries, *more):
             function = getattr(library, name, None)
             if function is not None:
@@ -124,13 +124,13 @@ class Sundials:
         raise UnavailableError(f"the SUNDIALS libraries of scikit-sundae lack {name}")
 
 
-def _opened(folder: Path, *words: str) -> tuple[ctypes.CDLL, ...]:
+def opened(folder: Path, *words: str) -> tuple[ctypes.CDLL, ...]:
     """The libraries whose names contain one of some words."""
     found = sorted(path for path in folder.iterdir() if re.search(r"\.(so|dylib|dll)(\.|$)", path.name))
     return tuple(ctypes.CDLL(str(path)) for word in words for path in found if word in path.name)
 
 
-def _configuration(package: Path) -> dict[str, str]:
+def configuration(package: Path) -> dict[str, str]:
     """Build configuration of scikit-sundae's SUNDIALS, read from the file in its wheel (importing it takes half a second)."""
     path = package / "py_config.pxi"
     if not path.is_file():
@@ -141,7 +141,7 @@ def _configuration(package: Path) -> dict[str, str]:
 @functools.cache
 def _load() -> Sundials | str:
     try:
-        return _open()
+        return open_sundials()
     except (UnavailableError, OSError) as problem:
         return str(problem)
 
@@ -160,7 +160,7 @@ def load() -> Sundials:
     return found
 
 
-def _open() -> Sundials:
+def open_sundials() -> Sundials:
     spec = importlib.util.find_spec("sksundae")
     if spec is None or spec.origin is None:
         raise UnavailableError("scikit-sundae is not installed")
@@ -168,14 +168,14 @@ def _open() -> Sundials:
     folder = package / ".dylibs" if sys.platform == "darwin" else package.parent / "scikit_sundae.libs"
     if not folder.is_dir():
         raise UnavailableError("this scikit-sundae ships no shared SUNDIALS libraries")
-    built = _configuration(package)
+    built = configuration(package)
     if built.get("SUNDIALS_FLOAT_TYPE") != "double" or built.get("SUNDIALS_INT_TYPE") != "int":
         raise UnavailableError("scikit-sundae's SUNDIALS was not built for double precision and 32-bit indices")
     if sys.platform == "win32":
         os.add_dll_directory(str(folder))
     # libsundials_ida contains the serial vectors and the dense and band solvers too, except for symbols that a linker may have dropped.
     words = ("sundials_ida", "sundials_core", "nvecserial", "sunmatrix", "sunlinsoldense", "sunlinsolband")
-    sundials = Sundials(built.get("SUNDIALS_VERSION", ""), folder, _opened(folder, *words))
+    sundials = Sundials(built.get("SUNDIALS_VERSION", ""), folder, opened(folder, *words))
     major, minor, patch = _int(), _int(), _int()
     label = ctypes.create_string_buffer(64)
     sundials.SUNDIALSGetVersionNumber(ctypes.byref(major), ctypes.byref(minor), ctypes.byref(patch), label, 64)

@@ -341,13 +341,13 @@ class Table2D:
         if is_symbolic(x) or is_symbolic(y):
             return bilinear("Table2D(x, y, z)", x, y, self.x, self.y, self.z, flag("events", events))
         places = np.broadcast_arrays(reals("x", x, "finite numbers"), reals("y", y, "finite numbers"))
-        (i, u), (j, v) = (_cell(knots, place) for knots, place in zip((self.x, self.y), places, strict=True))
+        (i, u), (j, v) = (cell(knots, place) for knots, place in zip((self.x, self.y), places, strict=True))
         a, b = np.minimum(i + 1, len(self.x) - 1), np.minimum(j + 1, len(self.y) - 1)
         lower, upper = (self.z[k, j] + (self.z[k, b] - self.z[k, j]) * v for k in (i, a))
         return lower + (upper - lower) * u
 
 
-def _cell(knots: Floats, places: Floats) -> tuple[NDArray[np.int64], Floats]:
+def cell(knots: Floats, places: Floats) -> tuple[NDArray[np.int64], Floats]:
     """Index of the interval that contains a point, and the relative position in it, 0 to 1."""
     i = np.clip(np.searchsorted(knots, places, side="right") - 1, 0, max(len(knots) - 2, 0))
     width = knots[np.minimum(i + 1, len(knots) - 1)] - knots[i]

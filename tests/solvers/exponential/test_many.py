@@ -81,9 +81,9 @@ def test_rows_are_doubled_as_often_as_columns() -> None:
         (1, 1, 0), (2, 1, 0), (3, 1, 1), (16, 1, 2), (17, 1, 2), (64, 1, 3), (100, 1, 3), (1024, 1, 5), (1024, 4, 4), (1024, 16, 3),
         (1024, 1024, 0), (16, 100, 0),
     ):  # fmt: skip
-        assert many._rows_for(count, columns) == doublings
+        assert many.rows_for(count, columns) == doublings
     for count in range(1, 300):
-        assert 2 ** many._rows_for(count, 1) <= 2 * count
+        assert 2 ** many.rows_for(count, 1) <= 2 * count
 
 
 @pytest.mark.parametrize("h", [0.3, -0.3, 40.0, 1e-9])
@@ -95,16 +95,16 @@ def test_each_matrix_has_as_many_doublings_as_it_needs(h: float) -> None:
     H[:, :3, 3] = rng.normal(size=(5, 3))
     units = np.append(10.0 ** rng.uniform(-3, 3, (5, 3)), np.full((5, 1), 1e-5), axis=1)
     G = H * units[:, :, None] / units[:, None, :]
-    scales = many._balanced(G[:, :3, :3])
+    scales = many.balanced(G[:, :3, :3])
     assert scales.shape == (5, 3)
     assert (np.log2(scales) % 1.0 == 0.0).all()
     balanced = G[:, :3, :3] / scales[:, :, None] * scales[:, None, :]
     assert np.abs(balanced).sum(axis=1).max() < 20.0
-    found = many._deviations(G, h, scales)
+    found = many.deviations(G, h, scales)
     for own, exact, unit in zip(found, H, units, strict=True):
         expected = expm(exact * h) - np.eye(4)
         assert own / unit[:, None] * unit == pytest.approx(expected, rel=1e-9, abs=1e-14 + 1e-12 * np.abs(expected).max())
     wrong = np.where(np.arange(5)[:, None, None] == 2, np.nan, G)
-    others = many._deviations(wrong, h, many._balanced(wrong[:, :3, :3]))
+    others = many.deviations(wrong, h, many.balanced(wrong[:, :3, :3]))
     assert not np.isfinite(others[2]).any()
     assert others[:2] == pytest.approx(found[:2], rel=1e-12)
