@@ -70,10 +70,10 @@ def test_it_gives_up_after_so_many_iterations() -> None:
 @pytest.mark.parametrize(("shares", "taken"), [((), 1.0), ((1.0,), 1.0), ((1.0, 0.5, 0.2, 0.1), 0.2), ((1.0, 0.5), 0.5)])
 def test_the_first_share_that_helps_is_taken_or_the_last(shares: tuple[float, ...], taken: float) -> None:
     """From x = 2 a whole step leads to arctan's other side and farther away, half of one still does, a fifth does not."""
-    seen: list[tuple[float, float, float]] = []
+    seen: list[Floats] = []
 
     def settled(x: Floats, step: Floats, rest: Floats) -> bool:
-        seen.append((x[0], step[0], rest[0]))
+        seen.extend((x, step, rest))
         return True
 
     def steep(x: Floats) -> tuple[Floats, Correction]:
@@ -81,7 +81,8 @@ def test_the_first_share_that_helps_is_taken_or_the_last(shares: tuple[float, ..
 
     found = newton(steep, np.array([2.0]), settled, 3, shares)
     x = 2.0 - 9.0 * taken
-    assert seen == [pytest.approx((x, 9.0 * taken, np.arctan(x if shares else 2.0)))]
+    assert [np.shape(a) for a in seen] == [(1,)] * 3
+    assert np.concatenate(seen) == pytest.approx([x, 9.0 * taken, np.arctan(x if shares else 2.0)])
     assert (found.settled, found.iterations, found.singular, found.x[0]) == (True, 1, False, seen[0][0])
 
 
