@@ -55,3 +55,7 @@ def test_an_output_that_is_always_zero_has_a_row_of_zeros(two: gl.System) -> Non
     assert entries(two, [], ["loose.flange_b.tau"]) == [[], [], [[]], [[]]]
     _, B, C, D = entries(two, ["right.tau"], ["loose.flange_b.tau", "b.w"])
     assert (B, C, D) == ([[0.25]], [[0.0], [1.0]], [[0.0], [0.0]])
+
+
+def test_without_states_the_first_input_has_its_column(two: gl.System) -> None:
+    assert entries(two, ["left.tau", "more.tau"], ["a.a"]) == [[], [], [[]], [[0.5, 0.5]]]

@@ -93,7 +93,8 @@ def test_bars_of_motion_and_energy() -> None:
     assert energy.get_xlim()[0] == -energy.get_xlim()[1] < -100
     assert (motion.get_title(), energy.get_title()) == ("Motion", "Energy")
     assert not energy.texts
-    for ax in (motion, energy):  # legends below the labels of the axes
+    for ax in (motion, energy):  # a line at 0, and legends below the labels of the axes
+        assert [0, 0] in [list(line.get_xdata()) for line in ax.lines]
         ax.figure.draw_without_rendering()
         assert ax.get_legend().get_window_extent().y1 <= ax.xaxis.label.get_window_extent().y0
         assert ax.get_legend().get_window_extent().y0 >= 0

@@ -235,3 +235,20 @@ def test_what_is_always_zero_inside_takes_no_part(turned: bool) -> None:
     assert found.omega == pytest.approx([np.sqrt(2.5)])
     shares = dict(zip(found.components, found.potential[0], strict=True))
     assert shares == pytest.approx({"disc": 0.0, "stiff": 80.0, "soft": 20.0})
+
+
+def test_bodies_behind_a_torque_that_is_given_have_their_energies() -> None:
+
+    class Given(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.first, self.ground, self.shaft = gp.Torque(tau=gl.sin(gl.time)), gp.Fixed(), gp.Spring(c=8.0)
+            self.second, self.disc = gp.Torque(tau=gl.cos(gl.time)), gp.Inertia(J=2.0)
+            return [
+                gl.connect(self.ground.flange, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.disc.flange_a, self.first.flange, self.second.flange),
+            ]
+
+    found = gl.modes(gl.compile(Given()))
+    assert found.omega == pytest.approx([2.0])
+    assert set(found.components) == {"shaft", "disc"}
+    assert found.kinetic.sum() == found.potential.sum() == pytest.approx(100.0)
