@@ -128,6 +128,12 @@ def test_an_angle_that_would_turn_for_ever() -> None:
     assert "repeat every turn" not in reason(turning)  # of a unit that is no angle
 
 
+def test_an_angle_that_turns_beside_what_may_grow() -> None:
+    """Nothing depends on x, so that it may grow; its rate varies with y all the same."""
+    said = reason(lambda x, y, p, q: (p + gl.sin(y), 2 + q + gl.sin(y)), kind=Angle)
+    assert said.startswith("the equations vary with y, which would grow for ever")
+
+
 def test_directions_that_may_grow() -> None:
     """Orthonormal; none where each state matters, one where only a difference does."""
 
