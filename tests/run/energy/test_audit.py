@@ -243,3 +243,11 @@ def test_an_event_just_before_a_sample_moves_no_energy(before: float) -> None:
         found = audit(part("source", "-w", source=True), histories={"w": lambda t: t}, events=events)
         assert found.time.tolist() == T.tolist()
         assert found.work["source"] == pytest.approx(T**2 / 2, abs=1e-8)
+
+
+def test_a_power_that_is_never_resolved_ends_the_refinement() -> None:
+    """A step at no event: panels are cut around it seven times, and the work is known to a part of the last one."""
+    runs: list[int] = []
+    found = audit(part("source", "-w", source=True), histories={"w": lambda t: 1.0 * (t > 0.7123)}, runs=runs)
+    assert len(runs) == 8
+    assert found.work["source"] == pytest.approx(np.maximum(T - 0.7123, 0.0), abs=1e-4)
