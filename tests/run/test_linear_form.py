@@ -191,6 +191,27 @@ def test_what_cannot_be_evaluated_is_named() -> None:
                 linear_form(translation.scene, numbers, ())
 
 
+def test_the_first_of_several_that_cannot_be_evaluated_is_named() -> None:
+    class Rooted(gl.Component):
+        p = gl.Parameter("1", default=4.0)
+        x, y = gl.Variable("1"), gl.Variable("1")
+        rate = gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), self.rate * self.y), gl.Eq(self.y, gl.sqrt(self.p) * self.x + 1.0)]
+
+    class Three(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.c = Rooted(), Rooted(), Rooted()
+            return []
+
+    translation = gl.compile(Three()).translation
+    for bad, named in ((("a", "b"), "a"), (("b", "c"), "b"), (("c",), "c")):
+        numbers = translation.scene.numbers(translation.parameter_values({f"{part}.p": -1.0 for part in bad}))
+        with pytest.raises(SingularError, match=rf"^{named}: .* cannot be evaluated with {named}\.p = -1$"):
+            linear_form(translation.scene, numbers, ())
+
+
 def test_blocks_that_parameters_change_keep_their_form() -> None:
     """Whatever is bound to parameters: the loop of gears of a train whose sizes follow from one."""
     translation = gl.compile(Bound()).translation

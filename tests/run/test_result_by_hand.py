@@ -264,3 +264,22 @@ def test_a_result_of_a_file_is_not_judged() -> None:
     stored.check_sampling("a", 0.0, 1.0)
     with pytest.raises(ArgumentError, match=r"^name is 3; expected"):
         stored.check_sampling(3)  # type: ignore[arg-type]
+
+
+def test_sensitivities_that_were_not_asked_for() -> None:
+    """What there is instead is named."""
+    with pytest.raises(ArgumentError) as refused:
+        run().sensitivity("x", "rate")
+    assert str(refused.value) == (
+        "the run was not asked for sensitivities with respect to 'rate' (it has none): simulate(..., sensitivities=['rate'])"
+    )
+    found = system().simulate(2.0, samples=3, method="rk", sensitivities=["rate", "start(x)"])
+    assert found.sensitivity("x", "rate") == pytest.approx([0.0, -1.0, -2.0])
+    assert found.sensitivity("y", "start(x)") == pytest.approx([-1.0] * 3)
+    assert found.sensitivity("nothing", "rate").tolist() == [0.0] * 3
+    with pytest.raises(ArgumentError) as refused:
+        found.sensitivity("x", "twice")
+    assert str(refused.value) == (
+        "the run was not asked for sensitivities with respect to 'twice' (it has rate, start(x)): simulate(..., "
+        "sensitivities=['twice'])"
+    )

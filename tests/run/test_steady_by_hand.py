@@ -128,6 +128,12 @@ def test_an_angle_that_would_turn_for_ever() -> None:
     assert "repeat every turn" not in reason(turning)  # of a unit that is no angle
 
 
+def test_an_angle_that_turns_beside_what_may_grow() -> None:
+    """Nothing depends on x, so that it may grow; its rate varies with y all the same."""
+    said = reason(lambda x, y, p, q: (p + gl.sin(y), 2 + q + gl.sin(y)), kind=Angle)
+    assert said.startswith("the equations vary with y, which would grow for ever")
+
+
 def test_directions_that_may_grow() -> None:
     """Orthonormal; none where each state matters, one where only a difference does."""
 
@@ -209,3 +215,16 @@ def test_without_states_there_is_nothing_to_search() -> None:
     begin = Start(np.zeros(0), np.zeros(scene.model.n_variables), (), changes=np.zeros((0, 2)))
     assert search_steady(scene, numbers, begin, np.zeros(0), 0.0).shape == (0,)
     assert steady_changes(scene, numbers, begin, np.zeros(0), 0.0, np.zeros(0), []).shape == (0, 2)
+
+
+def test_a_steady_start_with_its_derivatives() -> None:
+    """x = y = sqrt(p): 1/6 at p = 9; none where they are not asked for."""
+    translation = compiled(circle)
+    scene, numbers = translation.with_states(translation.structure.states), translation.parameter_values({"p": 9.0})
+    seeds = [(translation.model.parameters.index["p"], 0, 1.0)]
+    found = translation.start(scene, numbers, 0.0, "steady", (), seeds=seeds)
+    assert found.steady
+    assert found.changes == pytest.approx(np.full((2, 1), 1 / 6), rel=1e-6)
+    plain = translation.start(scene, numbers, 0.0, "steady", ())
+    assert plain.changes is None
+    assert plain.states == pytest.approx([3.0, 3.0], rel=1e-9)

@@ -288,3 +288,17 @@ def test_start_values_of_discrete_variables() -> None:
     assert translation.model.discrete_starts[[names.index("n"), names.index("m")]].tolist() == [2.0, 3.0]
     with pytest.raises(NameLookupError, match=r"^n is a discrete variable; its start value is part of the model"):
         translation.start(scene, numbers, 0.0, {"n": 7.0}, ())
+
+
+def test_what_decided_the_equations_has_no_derivative() -> None:
+    """A zero that was substituted, by its own name and by that of the parameter that it follows from."""
+    massless = gl.compile(Ends()).translation.fitted({"a": 0.0})[0]
+    numbers = massless.parameter_values({"a": 0.0})
+    for name, what in (("a", "a changes one.J, which"), ("one.J", "one.J")):
+        with pytest.raises(ArgumentError) as refused:
+            massless.parameter_changes([name], numbers, [])
+        assert str(refused.value) == (
+            f"{what} is 0, and that decided which equation determines what: there is no derivative with respect to it; give another "
+            "value: parameters={'one.J': ...}"
+        )
+    assert massless.parameter_changes(["b"], numbers, [])

@@ -134,9 +134,8 @@ def balance(
             break
         quarters = [(middle + x * half)[coarse] for x in (-0.5, 0.0, 0.5)]
         cuts = np.sort(np.concatenate([cuts, *quarters]))
-    place = np.searchsorted(cuts, reported - 0.5 * NARROW * span)
-    at_event = np.isin(cuts, marks)
-    return powers.summed(reported, np.minimum(place, len(cuts) - 1), at_event, rtol)
+    place = np.searchsorted(cuts, reported, side="right") - 1
+    return powers.summed(reported, place, np.isin(cuts, marks), rtol)
 
 
 class _Powers:

@@ -234,3 +234,20 @@ def test_what_cannot_be_explained_or_told() -> None:
     assert asked == [1e-12, 1e-5]
     assert explained(residual(1.0, unknown=("wire",)), fails)
     assert len(asked) == 2
+
+
+@pytest.mark.parametrize("before", [8e-11, 1.2e-10, 1.9e-10, 2.1e-10, 1e-9])
+def test_an_event_just_before_a_sample_moves_no_energy(before: float) -> None:
+    """Whether or not both are taken for one, which 1e-10 of the run decides; also of several events in a row."""
+    for events in ([1.0 - before], [1.0 - 1.9 * before, 1.0 - before], [0.5 - before, 1.5 - before, 2.0 - before, before]):
+        found = audit(part("source", "-w", source=True), histories={"w": lambda t: t}, events=events)
+        assert found.time.tolist() == T.tolist()
+        assert found.work["source"] == pytest.approx(T**2 / 2, abs=1e-8)
+
+
+def test_a_power_that_is_never_resolved_ends_the_refinement() -> None:
+    """A step at no event: panels are cut around it seven times, and the work is known to a part of the last one."""
+    runs: list[int] = []
+    found = audit(part("source", "-w", source=True), histories={"w": lambda t: 1.0 * (t > 0.7123)}, runs=runs)
+    assert len(runs) == 8
+    assert found.work["source"] == pytest.approx(np.maximum(T - 0.7123, 0.0), abs=1e-4)

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 import gearlib as gl
+from tests.many_runs.test_in_lanes import Relaxing
 
 
 class Decay(gl.Component):
@@ -50,3 +51,13 @@ def test_the_choice_and_its_reason(kind: dict[str, bool], start: Any, u: Any, wh
     assert (run.stats["method"] == "exact") == (why.startswith("the scene is linear"))
     if implicit:
         assert run["x"] == pytest.approx([2.0] * 3, rel=1e-9)
+
+
+def test_counts_of_all_legs_are_added() -> None:
+    """A relaxation oscillator that an explicit method begins and IDA goes on with: more of everything than in its first part alone."""
+    whole, begun = (gl.compile(Relaxing()).simulate(t, samples=2, parameters={"mu": 3e4}) for t in (5.0, 1e-3))
+    assert whole.stats["legs"] > 1
+    assert begun.stats["legs"] == 1
+    for count in ("steps", "rhs", "work"):
+        assert whole.stats[count] > begun.stats[count] > 0, count
+    assert whole.stats["jac"] > 0

@@ -365,3 +365,12 @@ def test_discrete_variables_begin_where_they_are_told() -> None:
         run.advance(1.5)
         assert run["n"] == first + 1.0
         assert run["x"] == pytest.approx(1.5 + (0.5 if start else 0.0))
+
+
+@pytest.mark.parametrize("method", ["rk5", "ida", "auto"])
+def test_steps_before_zero(drive: gl.System, method: str) -> None:
+    """From -3 s on; the length of an advance counts, not its times. w = 8 (1 - exp(-(t + 3) / 4))."""
+    run = drive.stepper(t_start=-3.0, method=method, inputs={"torque.tau": 4.0}, rtol=1e-9)
+    for t in (-2.5, -1.0, 0.0, 0.5):
+        run.advance(t)
+        assert run["load.w"] == pytest.approx(8.0 * (1.0 - math.exp(-(t + 3.0) / 4.0)), rel=1e-6)
