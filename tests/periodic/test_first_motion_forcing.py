@@ -102,6 +102,21 @@ def test_phases_of_meshes_grow() -> None:
     assert check(lambda phase, x: 2.0, lambda phase, x: x[0], growth=(1.0, 0.0)) == off("b")
 
 
+def test_a_phase_of_a_mesh_grows_with_the_time() -> None:
+    """What depends on the difference of both repeats."""
+    assert check(lambda phase, x: np.cos(0.3 * (x[0] - phase)) + np.cos(phase), growth=(1.0,)) == ""
+    assert check(lambda phase, x: np.cos(0.3 * (x[0] + phase)) + np.cos(phase), growth=(1.0,)) == off("a")
+
+
+def test_flags_are_those_of_the_moment() -> None:
+    driven: Any = SimpleNamespace(
+        growth=np.zeros(1), omega=2.5, discrete=lambda phase, x: phase, rates=lambda phase, x, flags: (np.cos(phase) + flags - phase)[None],
+        linear_rates=lambda phase, x, flags: ((np.cos(phase) + flags - phase)[None], np.zeros((len(phase), 1, 1))),
+        scene=SimpleNamespace(state_names=("a",), nominal=np.ones(1)),
+    )  # fmt: skip
+    parts._check_forcing(driven, np.ones(1), None)
+
+
 def test_whose_frequency_it_is_is_said() -> None:
     rate = wave(drift=1.0)
     for frequency, said in (
