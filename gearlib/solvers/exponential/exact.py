@@ -257,9 +257,8 @@ class ExactRun:
                     x = x.copy()
                     x[1:] += self._jumps[piece][:, states]
                     t = self._forcing.start(piece)
-                    first, last = np.searchsorted(
-                        self._times, [t - same, t + same]
-                    )  # a sample at the jump belongs to what follows
+                    # a sample at the jump belongs to what follows
+                    first, last = np.searchsorted(self._times, [t - same, t + same])
                     out[first:last][..., states] = x
             exosystem = self._forcing.pieces[stretch.piece]
             if stretch.h == 0.0:

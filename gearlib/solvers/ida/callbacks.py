@@ -111,9 +111,7 @@ def defect(s: IdaRecord, t: float, y: int, dy: int, r: int) -> int:
         refuse(s, t, f, 0)
         return -1
     if status > 0 or not all_finite(f, n):
-        if not all_finite(floats_at(y), n):  # IDA's iteration went astray after an earlier refusal
-            return 1
-        return refuse(s, t, f, n)
+        return refuse(s, t, f, n) if all_finite(floats_at(y), n) else 1  # else its iteration went astray after a refusal
     target, rate, d, order = floats_at(r), floats_at(dy), floats_at(s.differential), ints_at(s.order)
     if s.implicit != 0:
         for i in range(n if s.order != 0 else 0):

@@ -39,9 +39,8 @@ class MatrixPlan:
     diagonal: Integers = field(default_factory=lambda: _NO_INTEGERS)
     rows: Integers = field(default_factory=lambda: _NO_INTEGERS)  # in IDA's order, of each nonzero of the Jacobian
     columns: Integers = field(default_factory=lambda: _NO_INTEGERS)
-    part: Integers = field(
-        default_factory=lambda: _NO_INTEGERS
-    )  # of each nonzero: 0 in the column of a state, 1 of an algebraic unknown, 2 of x'
+    # Of each nonzero: 0 in the column of a state, 1 of an algebraic unknown, 2 of x'
+    part: Integers = field(default_factory=lambda: _NO_INTEGERS)
     pattern: tuple[NDArray[np.int32], NDArray[np.int32]] | None = None  # column starts and rows of a sparse matrix
 
     def operations(self, n: int) -> tuple[float, float]:

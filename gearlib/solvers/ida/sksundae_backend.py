@@ -175,9 +175,7 @@ class SundaeIda(IdaStepper, PythonStepper):
         self.record.n_rhs += 1
         status = self.rhs(t, self._natural(y, dy), self.f)
         wrong = np.flatnonzero(~np.isfinite(self.f))
-        if (status != 0 or len(wrong)) and np.isfinite(
-            y
-        ).all():  # else an earlier refusal, by which IDA's iteration went astray
+        if (status != 0 or len(wrong)) and np.isfinite(y).all():  # else IDA went astray after a refusal
             self._refuse(t, int(wrong[0]) if len(wrong) and status >= 0 else -1)
         return status or int(len(wrong) > 0)
 
@@ -234,13 +232,10 @@ class SundaeIda(IdaStepper, PythonStepper):
         self.sides = np.where(self.g > 0, 1.0, -1.0)
 
     def _turning(self, t: float, y: Any, dy: Any, values: Any) -> Any:
-        if self.record.attempt_time > self.record.step_end:
-            self.record.step_begin, self.record.step_end = self.record.step_end, self.record.attempt_time
-        h = (
-            self.record.step_end - self.record.step_begin
-            if self.record.step_end > self.record.step_begin
-            else 1e-3 * self.record.first_guess
-        )
+        record = self.record
+        if record.attempt_time > record.step_end:
+            record.step_begin, record.step_end = record.step_end, record.attempt_time
+        h = record.step_end - record.step_begin if record.step_end > record.step_begin else 1e-3 * record.first_guess
         dt = SLOPE_OVER * h
         if t + dt <= t or self.root_values(t + dt, self._natural(y + dt * dy, dy), self.g) != 0:
             return np.full(self.n_roots, NEGATIVE_ZERO)

@@ -203,8 +203,7 @@ class Solver:
         self.sundials = sundials
         self._arrays: list[Floats] = []  # memory used by IDA's vectors
         self._vectors: list[int] = []
-        self.mem = self.matrix = self.linear_solver = 0
-        self.sparse = False
+        self.mem = self.matrix = self.linear_solver = self.sparse = 0
         self._context = ctypes.c_void_p()
         self._check(sundials.SUNContext_Create(0, ctypes.byref(self._context)))
         self._silence()
@@ -258,7 +257,7 @@ class Solver:
 
     def use_sparse(self, nonzeros: int) -> tuple[int, int, int]:
         """Use a matrix in compressed sparse columns, factorised by SuperLU; returns the addresses of values, rows and column starts."""
-        lib, self.sparse = self.sundials, True
+        lib, self.sparse = self.sundials, 1
         self.matrix = self._check(lib.SUNSparseMatrix(self.n, self.n, nonzeros, _CSC, self._context))
         self.linear_solver = self._check(lib.SUNLinSol_SuperLUMT(self.yy, self.matrix, 1, self._context))
         values, rows = lib.SUNSparseMatrix_Data(self.matrix), lib.SUNSparseMatrix_IndexValues(self.matrix)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from gearlib.solvers.ida import ida, sundials
-from gearlib.solvers.ida.sundials import Solver, UnavailableError, configuration, load, open_sundials, opened
+from gearlib.solvers.ida.sundials import Solver, UnavailableError, load
 
 MADE = {
     "SUNContext_Create": "SUNContext_Free", "N_VMake_Serial": "N_VDestroy", "IDACreate": "IDAFree", "SUNDenseMatrix": "SUNMatDestroy",
@@ -84,40 +84,40 @@ def test_an_installation_without_the_libraries_is_told(monkeypatch: pytest.Monke
     spec: list[Any] = [None]
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: spec[0])
     with pytest.raises(UnavailableError, match=r"^scikit-sundae is not installed$"):
-        open_sundials()
+        sundials._open()
     spec[0] = SimpleNamespace(origin=None)
     with pytest.raises(UnavailableError, match=r"^scikit-sundae is not installed$"):
-        open_sundials()
+        sundials._open()
     package = tmp_path / "sksundae"
     package.mkdir()
     spec[0] = SimpleNamespace(origin=str(package / "__init__.py"))
     for platform, folder in (("darwin", package / ".dylibs"), ("linux", tmp_path / "scikit_sundae.libs")):
         monkeypatch.setattr(sys, "platform", platform)
         with pytest.raises(UnavailableError, match=r"^this scikit-sundae ships no shared SUNDIALS libraries$"):
-            open_sundials()
+            sundials._open()
         folder.mkdir()
         with pytest.raises(UnavailableError, match=r"^scikit-sundae does not say how its SUNDIALS was built$"):
-            open_sundials()
+            sundials._open()
         folder.rmdir()
     folder.mkdir()
     for real, integer in (("single", "int"), ("double", "long"), ("", "int")):
         text = f'SUNDIALS_FLOAT_TYPE = "{real}"\nSUNDIALS_INT_TYPE = "{integer}"\nSUNDIALS_VERSION = "7.0.0"\n'
         (package / "py_config.pxi").write_text(text)
-        assert configuration(package)["SUNDIALS_VERSION"] == "7.0.0"
+        assert sundials._configuration(package)["SUNDIALS_VERSION"] == "7.0.0"
         with pytest.raises(UnavailableError, match=r"^scikit-sundae's SUNDIALS was not built for double precision and 32-bit"):
-            open_sundials()
+            sundials._open()
 
 
 @pytest.mark.parametrize(("declared", "said"), [("7.0.1", "SUNDIALS {} found, 7.0.1 declared, 7 expected"), ("", None)])
 def test_another_version_than_declared_is_refused(declared: str, said: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
     own = load()
     built = {"SUNDIALS_FLOAT_TYPE": "double", "SUNDIALS_INT_TYPE": "int", "SUNDIALS_VERSION": declared or own.version}
-    monkeypatch.setattr(sundials, "configuration", lambda package: built)
+    monkeypatch.setattr(sundials, "_configuration", lambda package: built)
     if said is None:
-        assert open_sundials().version == own.version
+        assert sundials._open().version == own.version
     else:
         with pytest.raises(UnavailableError) as told:
-            open_sundials()
+            sundials._open()
         assert str(told.value) == said.format(own.version)
 
 
@@ -135,10 +135,10 @@ def test_a_new_major_version_is_refused(monkeypatch: pytest.MonkeyPatch) -> None
         def __getattr__(self, name: str) -> Any:
             return getattr(own, name)
 
-    monkeypatch.setattr(sundials, "configuration", lambda package: built)
+    monkeypatch.setattr(sundials, "_configuration", lambda package: built)
     monkeypatch.setattr(sundials, "Sundials", lambda *_: Newer())
     with pytest.raises(UnavailableError, match=r"^SUNDIALS 8\.2\.3 found, 8\.2\.3 declared, 7 expected$"):
-        open_sundials()
+        sundials._open()
 
 
 def test_libraries_are_found_by_a_word_in_their_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,7 +146,7 @@ def test_libraries_are_found_by_a_word_in_their_names(tmp_path: Path, monkeypatc
     for name in ("libida.so.7", "libida.txt", "libcore.dylib", "core.dll", "libother.so"):
         (tmp_path / name).write_text("")
     monkeypatch.setattr(ctypes, "CDLL", lambda path: Path(path).name)
-    assert opened(tmp_path, "core", "ida", "none") == ("core.dll", "libcore.dylib", "libida.so.7")
+    assert sundials._opened(tmp_path, "core", "ida", "none") == ("core.dll", "libcore.dylib", "libida.so.7")
 
 
 def test_the_road_is_known_before_it_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
