@@ -224,3 +224,27 @@ def test_blocks_that_parameters_change_keep_their_form() -> None:
         slots = evaluate(numbers, np.array([0.4]), x[:, None], np.zeros((0, 1)), np.zeros((scene.n_discrete, 1)))[:, 0]
         u = np.array([float(sympy.sympify(e).subs(TIME, 0.4)) for e in found.inputs])
         assert found.A @ x + found.B @ u == pytest.approx(slots[scene.program.output_slots], rel=1e-11, abs=1e-9)
+
+
+def test_several_constants_together() -> None:
+    """x' = 2 - x + y, y' = 5 - 3 y, z' = 14 - z: all constants act through one input."""
+
+    class Pulled(gl.Component):
+        x, y, z = gl.Variable("any"), gl.Variable("any"), gl.Variable("any")
+        k = gl.Parameter("any", default=2.0)
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(gl.der(self.x), self.k - self.x + self.y),
+                gl.Eq(gl.der(self.y), 2.5 * self.k - 3 * self.y),
+                gl.Eq(gl.der(self.z), 7 * self.k - self.z),
+            ]
+
+    translation = gl.compile(Pulled()).translation
+    scene = translation.with_states(translation.structure.states)
+    found = linear_form(scene, scene.numbers(translation.parameter_values({})), ())
+    assert isinstance(found, LinearForm)
+    assert found.inputs == (1,)
+    order = [scene.state_names.index(name) for name in "xyz"]
+    assert found.B[order, 0].tolist() == [2.0, 5.0, 14.0]
+    assert found.A[np.ix_(order, order)].tolist() == [[-1.0, 1.0, 0.0], [0.0, -3.0, 0.0], [0.0, 0.0, -1.0]]
