@@ -23,7 +23,7 @@ def carried_out(name: str) -> tuple[Callable[[float], float], list[float]]:
         return 7.0
 
     names: dict[str, object] = {"any_of": bool, name: library}
-    exec("from __future__ import annotations\n" + lane_functions._source(*ARGUMENTS[name]), names)
+    exec("from __future__ import annotations\n" + lane_functions.source(*ARGUMENTS[name]), names)
     return names[f"{name}_of_lanes"], left  # type: ignore[return-value]
 
 
@@ -36,7 +36,7 @@ def test_the_function_is_the_libraries(name: str) -> None:
         for x in (rng.uniform(-size, size, 60)).tolist():
             assert function(x) == pytest.approx(exact(x), rel=1e-15, abs=4e-16)
     assert left == []
-    assert FUNCTIONS[name] == lane_functions._source(*ARGUMENTS[name])
+    assert FUNCTIONS[name] == lane_functions.source(*ARGUMENTS[name])
 
 
 @pytest.mark.parametrize("name", ARGUMENTS)

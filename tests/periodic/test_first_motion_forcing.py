@@ -114,7 +114,7 @@ def test_flags_are_those_of_the_moment() -> None:
         linear_rates=lambda phase, x, flags: ((np.cos(phase) + flags - phase)[None], np.zeros((len(phase), 1, 1))),
         scene=SimpleNamespace(state_names=("a",), nominal=np.ones(1)),
     )  # fmt: skip
-    parts._check_forcing(driven, np.ones(1), None)
+    parts.check_forcing(driven, np.ones(1), None)
 
 
 def test_whose_frequency_it_is_is_said() -> None:

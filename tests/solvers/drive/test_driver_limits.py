@@ -225,7 +225,7 @@ def test_rates_of_an_implicit_problem_have_room_behind_the_states() -> None:
 def test_arrays_lie_one_behind_the_other(n_roots: int, n_timed: int, capacity: int, n_times: int) -> None:
     """Behind the record, which holds their offsets; those that a later method takes over come last."""
     own = {"x": 8, "k": 12}
-    words, relative, places = driver_module._layout(DriveRecord, own, 5, n_roots, 10, 6, 3, n_timed, n_times, (4, 7))
+    words, relative, places = driver_module.layout(DriveRecord, own, 5, n_roots, 10, 6, 3, n_timed, n_times, (4, 7))
     lengths = {**own, "fired": n_roots, "data": 10, "index": 6, "stops": 3}
     if n_times:
         lengths |= {"times": 3, "out": 15, "discrete": 9, "log_t": capacity, "log_root": capacity}
@@ -248,7 +248,7 @@ def test_arrays_lie_one_behind_the_other(n_roots: int, n_timed: int, capacity: i
     assert found == [5, n_roots, 3, n_timed, 3, 4, n_times, capacity]
     assert (
         DriveRecord.from_buffer_copy(
-            driver_module._layout(DriveRecord, own, 5, 0, 10, 6, 3, 0, 0, (7, 4))[0].tobytes()
+            driver_module.layout(DriveRecord, own, 5, 0, 10, 6, 3, 0, 0, (7, 4))[0].tobytes()
         ).n_discrete
         == 0
     )
@@ -262,7 +262,7 @@ def test_arrays_lie_one_behind_the_other(n_roots: int, n_timed: int, capacity: i
     ],
 )  # fmt: skip
 def test_stops_are_time_events_after_the_start_and_the_end(events: list[float], stops: list[float], timed: int) -> None:
-    found, count = driver_module._stops(np.array(events), 1.0, 3.0)
+    found, count = driver_module.stops_in(np.array(events), 1.0, 3.0)
     assert (found.tolist(), count) == (stops, timed)
 
 

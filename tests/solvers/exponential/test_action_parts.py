@@ -54,7 +54,7 @@ def test_an_ellipse_is_taken_only_if_its_polynomials_do_not_grow() -> None:
         tight, safe = enclosing(diagonal, rows, columns, entries, mirrored, 1.0)
         found = prepare(triplets(A), np.arange(2 * n), span=1.0)
         e, probe = found.ellipse, np.ones(2 * n)
-        assert action_module._growth(e, found.offsets, found.diagonals, found.rows, found.columns, found.entries, probe) < 10.0
+        assert action_module.growth(e, found.offsets, found.diagonals, found.rows, found.columns, found.entries, probe) < 10.0
         if A is damped:
             assert e == tight != safe
         else:
@@ -66,8 +66,8 @@ def test_an_ellipse_is_taken_only_if_its_polynomials_do_not_grow() -> None:
             share = 1.1 ** -(steps if e != safe else 0)
             less = Ellipse(e.centre, e.real * share, e.imaginary * share)  # the one that would have been taken at first
             factor = 2.0 / (less.radius * less.focus)
-            offsets, diagonals, r, c, others = action_module._split(rows, columns, entries, diagonal - less.centre)
-            assert action_module._growth(less, offsets, diagonals * factor, r, c, others * factor, probe) >= 10.0 or e == safe
+            offsets, diagonals, r, c, others = action_module.split(rows, columns, entries, diagonal - less.centre)
+            assert action_module.growth(less, offsets, diagonals * factor, r, c, others * factor, probe) >= 10.0 or e == safe
 
 
 @pytest.mark.parametrize("span", [1e-9, 1.0, 1e9])
@@ -108,7 +108,7 @@ def test_units_make_springs_and_inertias_alike() -> None:
     units = 10.0 ** rng.uniform(-4, 4, n)
     A = (symmetric - symmetric.T) * units[:, None] / units
     diagonal, rows, columns, entries, mirrored = parts(A)
-    scale = action_module._balance(rows, columns, entries, mirrored, diagonal, 1.0)
+    scale = action_module.balance(rows, columns, entries, mirrored, diagonal, 1.0)
     scaled = entries * scale[columns] / scale[rows]
     assert np.abs(scaled) == pytest.approx(np.abs(symmetric + symmetric.T)[rows, columns], rel=1e-9)
 
@@ -122,7 +122,7 @@ def test_one_way_couplings_become_small(rate: float, span: float, target: float,
     A = np.zeros((4, 4))
     A[0, 1], A[1, 0], A[2, 0], A[3, 2] = rate, -rate, 3.0 * unit, 1e-3 / unit
     diagonal, rows, columns, entries, mirrored = parts(A)
-    scale = action_module._balance(rows, columns, entries, mirrored, diagonal, span)
+    scale = action_module.balance(rows, columns, entries, mirrored, diagonal, span)
     assert scale[0] == pytest.approx(scale[1])
     assert A[2, 0] * scale[0] / scale[2] == pytest.approx(target)
     assert A[3, 2] * scale[2] / scale[3] == pytest.approx(target)
@@ -134,7 +134,7 @@ def test_what_follows_much_faster_than_it_is_coupled_loses_three_digits_at_most(
     for n in (2, 3, 20):
         A = -rate * np.eye(n) + 1e-2 * np.diag(np.ones(n - 1), -1)
         diagonal, rows, columns, entries, mirrored = parts(A)
-        scale = action_module._balance(rows, columns, entries, mirrored, diagonal, 1.0)
+        scale = action_module.balance(rows, columns, entries, mirrored, diagonal, 1.0)
         coupling = entries * scale[columns] / scale[rows]
         assert coupling == pytest.approx(np.full(n - 1, coupling[0]), rel=1e-9)
         whole = (n - 1) * math.log(rate)  # of the end of the cascade, with couplings of one over the span
@@ -145,14 +145,14 @@ def test_what_follows_much_faster_than_it_is_coupled_loses_three_digits_at_most(
 def test_levels_are_the_longest_ways_through_one_way_couplings() -> None:
     """Two ways lead to group 3; nothing leads to 0 and 4; with a cycle there are none."""
     to, of, size = np.array([1, 2, 3, 3]), np.array([0, 1, 2, 0]), np.array([1.0, 2.0, -4.0, 0.5])
-    assert action_module._levels(to, of, size, 5).tolist() == [0.0, 1.0, 3.0, 0.5, 0.0]
+    assert action_module.levels(to, of, size, 5).tolist() == [0.0, 1.0, 3.0, 0.5, 0.0]
     size[2] = 4.0
-    assert action_module._levels(to, of, size, 5).tolist() == [0.0, 1.0, 3.0, 7.0, 0.0]
-    assert action_module._levels(np.array([0, 1]), np.array([1, 0]), np.ones(2), 3).tolist() == [0.0] * 3
+    assert action_module.levels(to, of, size, 5).tolist() == [0.0, 1.0, 3.0, 7.0, 0.0]
+    assert action_module.levels(np.array([0, 1]), np.array([1, 0]), np.ones(2), 3).tolist() == [0.0] * 3
     none = np.empty(0, np.int64)
-    assert action_module._levels(none, none, np.empty(0), 2).tolist() == [0.0, 0.0]
+    assert action_module.levels(none, none, np.empty(0), 2).tolist() == [0.0, 0.0]
     chain = np.arange(25)
-    assert action_module._levels(chain + 1, chain, np.ones(25), 26).tolist() == list(range(26))
+    assert action_module.levels(chain + 1, chain, np.ones(25), 26).tolist() == list(range(26))
 
 
 @pytest.mark.parametrize("n", [1, 9, 16, 23])
@@ -169,7 +169,7 @@ def test_a_matrix_is_split_into_filled_diagonals_and_single_entries(n: int) -> N
         if len(places) >= n / 8:
             wanted.add(offset)
     diagonal, rows, columns, entries, _ = parts(A)
-    offsets, diagonals, r, c, others = action_module._split(rows, columns, entries, diagonal)
+    offsets, diagonals, r, c, others = action_module.split(rows, columns, entries, diagonal)
     assert offsets.tolist() == sorted(wanted)
     found = np.zeros((n, n))
     np.add.at(found, (r, c), others)
@@ -189,11 +189,11 @@ def test_mirror_images_of_entries() -> None:
     rows, columns = np.nonzero(A)
     shuffled = rng.permutation(len(rows))
     rows, columns = rows[shuffled], columns[shuffled]
-    places, there = action_module._mirrored(n, rows, columns)
+    places, there = action_module.transposes(n, rows, columns)
     assert there.tolist() == (A[columns, rows] != 0.0).tolist()
     assert rows[places[there]].tolist() == columns[there].tolist()
     assert columns[places[there]].tolist() == rows[there].tolist()
-    places, there = action_module._mirrored(n, rows[:0], columns[:0])
+    places, there = action_module.transposes(n, rows[:0], columns[:0])
     assert (len(places), len(there)) == (0, 0)
 
 

@@ -115,22 +115,22 @@ def test_costs_of_storages_are_compared() -> None:
     """A solution in each step, a factorisation in every twentieth: of full matrices, bands and nonzeros; bands win a draw."""
     for n, lower, upper in ((20, 3, 1), (40, 7, 2), (40, 2, 7), (60, 0, 0), (120, 20, 30)):
         dense, band = n**2 + n**3 / 3 / 20, n * (2 * lower + upper) + n * lower * (lower + upper) / 20
-        found = iteration_matrix._cheapest(n, 10**9, lower, upper, True)
+        found = iteration_matrix.cheapest(n, 10**9, lower, upper, True)
         assert found == ("band" if band <= dense else "dense")
-        assert iteration_matrix._cheapest(n, 10**9, lower, upper, False) == found
+        assert iteration_matrix.cheapest(n, 10**9, lower, upper, False) == found
     for n in (200, 300):
         dearest = n**2 + n**3 // 60
         for nonzeros in ((dearest - 50_000) // 80 - 1, (dearest - 50_000) // 80 + 2):
             sparse = 50_000 + 80 * nonzeros < dearest
-            assert iteration_matrix._cheapest(n, nonzeros, n - 1, n - 1, True) == ("sparse" if sparse else "dense")
-    assert iteration_matrix._cheapest(400, 10_000, 180, 180, True) == "sparse"
-    assert iteration_matrix._cheapest(400, 10_000, 180, 180, False) == "dense"
+            assert iteration_matrix.cheapest(n, nonzeros, n - 1, n - 1, True) == ("sparse" if sparse else "dense")
+    assert iteration_matrix.cheapest(400, 10_000, 180, 180, True) == "sparse"
+    assert iteration_matrix.cheapest(400, 10_000, 180, 180, False) == "dense"
     for lower in range(12, 24):  # where a band of 40 becomes dearer than a full matrix
         band, dense = 40 * (3 * lower + lower**2 / 10), 1600 + 64000 / 60
-        assert iteration_matrix._cheapest(40, 10**9, lower, lower, True) == ("band" if band < dense else "dense")
+        assert iteration_matrix.cheapest(40, 10**9, lower, lower, True) == ("band" if band < dense else "dense")
     for upper in range(20, 80):
         band = 40 * (6 + upper + 3 * (3 + upper) / 20)
-        assert iteration_matrix._cheapest(40, 10**9, 3, upper, True) == ("band" if band < 1600 + 64000 / 60 else "dense")
+        assert iteration_matrix.cheapest(40, 10**9, 3, upper, True) == ("band" if band < 1600 + 64000 / 60 else "dense")
 
 
 @pytest.mark.parametrize(("upper", "lower"), [(1, 1), (1, 2), (2, 1), (2, 2), (0, 2)])

@@ -84,40 +84,40 @@ def test_an_installation_without_the_libraries_is_told(monkeypatch: pytest.Monke
     spec: list[Any] = [None]
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: spec[0])
     with pytest.raises(UnavailableError, match=r"^scikit-sundae is not installed$"):
-        sundials._open()
+        sundials.open_sundials()
     spec[0] = SimpleNamespace(origin=None)
     with pytest.raises(UnavailableError, match=r"^scikit-sundae is not installed$"):
-        sundials._open()
+        sundials.open_sundials()
     package = tmp_path / "sksundae"
     package.mkdir()
     spec[0] = SimpleNamespace(origin=str(package / "__init__.py"))
     for platform, folder in (("darwin", package / ".dylibs"), ("linux", tmp_path / "scikit_sundae.libs")):
         monkeypatch.setattr(sys, "platform", platform)
         with pytest.raises(UnavailableError, match=r"^this scikit-sundae ships no shared SUNDIALS libraries$"):
-            sundials._open()
+            sundials.open_sundials()
         folder.mkdir()
         with pytest.raises(UnavailableError, match=r"^scikit-sundae does not say how its SUNDIALS was built$"):
-            sundials._open()
+            sundials.open_sundials()
         folder.rmdir()
     folder.mkdir()
     for real, integer in (("single", "int"), ("double", "long"), ("", "int")):
         text = f'SUNDIALS_FLOAT_TYPE = "{real}"\nSUNDIALS_INT_TYPE = "{integer}"\nSUNDIALS_VERSION = "7.0.0"\n'
         (package / "py_config.pxi").write_text(text)
-        assert sundials._configuration(package)["SUNDIALS_VERSION"] == "7.0.0"
+        assert sundials.configuration(package)["SUNDIALS_VERSION"] == "7.0.0"
         with pytest.raises(UnavailableError, match=r"^scikit-sundae's SUNDIALS was not built for double precision and 32-bit"):
-            sundials._open()
+            sundials.open_sundials()
 
 
 @pytest.mark.parametrize(("declared", "said"), [("7.0.1", "SUNDIALS {} found, 7.0.1 declared, 7 expected"), ("", None)])
 def test_another_version_than_declared_is_refused(declared: str, said: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
     own = load()
     built = {"SUNDIALS_FLOAT_TYPE": "double", "SUNDIALS_INT_TYPE": "int", "SUNDIALS_VERSION": declared or own.version}
-    monkeypatch.setattr(sundials, "_configuration", lambda package: built)
+    monkeypatch.setattr(sundials, "configuration", lambda package: built)
     if said is None:
-        assert sundials._open().version == own.version
+        assert sundials.open_sundials().version == own.version
     else:
         with pytest.raises(UnavailableError) as told:
-            sundials._open()
+            sundials.open_sundials()
         assert str(told.value) == said.format(own.version)
 
 
@@ -135,10 +135,10 @@ def test_a_new_major_version_is_refused(monkeypatch: pytest.MonkeyPatch) -> None
         def __getattr__(self, name: str) -> Any:
             return getattr(own, name)
 
-    monkeypatch.setattr(sundials, "_configuration", lambda package: built)
+    monkeypatch.setattr(sundials, "configuration", lambda package: built)
     monkeypatch.setattr(sundials, "Sundials", lambda *_: Newer())
     with pytest.raises(UnavailableError, match=r"^SUNDIALS 8\.2\.3 found, 8\.2\.3 declared, 7 expected$"):
-        sundials._open()
+        sundials.open_sundials()
 
 
 def test_libraries_are_found_by_a_word_in_their_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,7 +146,7 @@ def test_libraries_are_found_by_a_word_in_their_names(tmp_path: Path, monkeypatc
     for name in ("libida.so.7", "libida.txt", "libcore.dylib", "core.dll", "libother.so"):
         (tmp_path / name).write_text("")
     monkeypatch.setattr(ctypes, "CDLL", lambda path: Path(path).name)
-    assert sundials._opened(tmp_path, "core", "ida", "none") == ("core.dll", "libcore.dylib", "libida.so.7")
+    assert sundials.opened(tmp_path, "core", "ida", "none") == ("core.dll", "libcore.dylib", "libida.so.7")
 
 
 def test_the_road_is_known_before_it_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:

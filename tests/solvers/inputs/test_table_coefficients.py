@@ -107,12 +107,12 @@ def test_a_later_table_has_its_corners_later() -> None:
 def test_cells_of_a_grid() -> None:
     """The place in each, held at the edge; a single line is a cell of no width."""
     knots = np.array([0.0, 1.0, 4.0])
-    i, share = table._cell(knots, np.array([-1.0, 0.0, 0.25, 1.0, 2.5, 4.0, 9.0]))
+    i, share = table.cell(knots, np.array([-1.0, 0.0, 0.25, 1.0, 2.5, 4.0, 9.0]))
     assert i.tolist() == [0, 0, 0, 1, 1, 1, 1]
     assert share.tolist() == [0.0, 0.0, 0.25, 0.0, 0.5, 1.0, 1.0]
-    i, share = table._cell(knots[:2], np.array([0.5, 1.0, 9.0]))
+    i, share = table.cell(knots[:2], np.array([0.5, 1.0, 9.0]))
     assert (i.tolist(), share.tolist()) == ([0] * 3, [0.5, 1.0, 1.0])
-    i, share = table._cell(np.array([2.0]), np.array([1.0, 2.0, 3.0]))
+    i, share = table.cell(np.array([2.0]), np.array([1.0, 2.0, 3.0]))
     assert (i.tolist(), share.tolist()) == ([0] * 3, [0.0] * 3)
 
 
