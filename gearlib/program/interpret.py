@@ -271,7 +271,7 @@ def evaluate(
     guess : array, shape (slots,) or (slots, times), optional
         Initial guess of Newton's iterations: for the first time (each later time starts from the solution before it), or for each time.
     forgiving : bool
-        Whether equations without a solution leave their unknowns at the guess, at the times at which they have none.
+        Whether equations without a solution leave their unknowns where the search ended, at the times at which they have none.
 
     Returns
     -------
