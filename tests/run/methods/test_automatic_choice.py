@@ -59,5 +59,6 @@ def test_counts_of_all_legs_are_added() -> None:
     assert whole.stats["legs"] > 1
     assert begun.stats["legs"] == 1
     for count in ("steps", "rhs", "work"):
+        assert whole.stats[count] is not None, count
         assert whole.stats[count] > begun.stats[count] > 0, count
     assert whole.stats["jac"] > 0
