@@ -94,14 +94,10 @@ def test_a_test_names_a_function_by_calling_it() -> None:
     def calling(_private: Any, public: Any) -> None:
         _private(public())
 
-    module = "gearlib/periodic/floquet.py"
-    line = (
-        source(module)
-        .splitlines()
-        .index("def _panels(found: Moments, longest: float) -> tuple[Floats, Floats, Floats, list[int]]:")
-        + 2
-    )
-    assert definition(module, line) == ("periodic", "panels")
+    module = "gearlib/linear/poles.py"
+    line = next(n for n, text in enumerate(source(module).splitlines(), 2) if text.startswith("def _"))
+    name = source(module).splitlines()[line - 2].removeprefix("def _").partition("(")[0]
+    assert definition(module, line) == ("linear", name)
     assert {"calling", "private", "public"} <= words(calling)
 
 

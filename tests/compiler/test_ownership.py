@@ -194,7 +194,7 @@ def slowly(text, fused=False):
 
 object_code.object_code = slowly
 thread = threading.Thread(target=lambda: object_code.compiled(source.replace("{number}", "3"), "f"), daemon=True)
-cache._private()
+cache.private()
 thread.start()
 assert begun.wait(60), "nothing was compiled"
 child = os.fork()
@@ -212,7 +212,7 @@ else:
     sys.exit("the child hangs")
 thread.join()
 assert status == 0, status
-assert cache._private().exists(), "the child removed its parent's folder"
+assert cache.private().exists(), "the child removed its parent's folder"
 """
 
 

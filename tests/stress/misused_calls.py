@@ -636,7 +636,7 @@ def components() -> list[Call]:
 def _part(kind: type[gl.Component]) -> Callable[..., Any]:
     needed = {
         n: min(2.0, d.max / 2) if isinstance(d, gl.Parameter) else 0.5
-        for n, d in kind._bindable.items()
+        for n, d in type(kind.__new__(kind))._bindable.items()  # a class may make one of its own models
         if getattr(d, "default", None) is NO_VALUE
     }
     needed |= {"r_p": 0.5} if {"r_p", "r_h"} <= set(needed) else {}
