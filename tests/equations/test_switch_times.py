@@ -59,6 +59,7 @@ def test_times_that_differ_by_rounding_are_one_and_those_at_the_ends_none() -> N
     [
         (sympy.sin(3 * t + 1) > 0.4, lambda s: math.sin(3 * s + 1) - 0.4),
         (2 - 3 * sympy.cos(5 * t) < 1, lambda s: 1 - 3 * math.cos(5 * s)),
+        (sympy.sin(3 * t + 1) / 2 > 0.2, lambda s: math.sin(3 * s + 1) / 2 - 0.2),
         (sympy.sin(2 * t) + sympy.cos(2 * t) > 1.2, lambda s: math.sin(2 * s) + math.cos(2 * s) - 1.2),
         (3 * sympy.exp(-t / 4) < 2, lambda s: 3 * math.exp(-s / 4) - 2),
         ((t - 1) * (t - 2) * (t + 3) * (2 * t - 5) > 0.1, lambda s: (s - 1) * (s - 2) * (s + 3) * (2 * s - 5) - 0.1),
