@@ -137,7 +137,8 @@ def test_parallel_parts_in_series_carry_the_same() -> None:
     same = sums_of([[0, 2, 3], [3, 0, 2]], [[1, 1, 1], [-1, -1, -1]])
     assert series_of_parallels([same], aliases) == ([], [same]), "one of them is redundant, which is found later"
     law = template_of(gl.Eq(sum(real_symbol(name) ** 2 for name in "xyz"), 0), "no sum", lambda name: False)
-    assert series_of_parallels([replace(group, template=law)], aliases) == ([], [replace(group, template=law)])
+    lawful = replace(group, template=law)
+    assert series_of_parallels([lawful], aliases) == ([], [lawful])
 
 
 def test_sums_of_one_length_are_one_group() -> None:

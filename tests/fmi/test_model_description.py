@@ -108,7 +108,7 @@ def test_the_first_variable_as_an_output_has_its_unit() -> None:
 
 def test_variables_and_structure_in_fmi_3(both: Any) -> None:
     root = ElementTree.fromstring(description_3(both[0]))
-    found = {e.get("name", ""): e for e in root.find("ModelVariables") or ()}
+    found = {e.get("name", ""): e for e in root.findall("ModelVariables/*")}
     assert list(found) == NAMES
     for name, expected in EXPECTED.items():
         e = found[name]
@@ -121,7 +121,7 @@ def test_variables_and_structure_in_fmi_3(both: Any) -> None:
         assert e.get("displayUnit") == SHOWN.get(e.get("unit", ""))
         assert e.get("intermediateUpdate") == ("true" if name == "u" else None)
     structure = [
-        (e.tag, NAMES[int(e.get("valueReference", ""))], e.get("dependencies")) for e in root.find("ModelStructure") or ()
+        (e.tag, NAMES[int(e.get("valueReference", ""))], e.get("dependencies")) for e in root.findall("ModelStructure/*")
     ]
     assert [name for tag, name, _ in structure if tag == "Output"] == ["x", "der(w)", "y", "n"]
     assert [name for tag, name, _ in structure if tag == "ContinuousStateDerivative"] == ["der(x)", "der(w)"]
@@ -136,7 +136,7 @@ def test_variables_and_structure_in_fmi_2(both: Any) -> None:
     """Positions count from 1, and event indicators are no variables."""
     root = ElementTree.fromstring(description_2(both[0]))
     names = NAMES[:-1]
-    found = list(root.find("ModelVariables") or ())
+    found = list(root.findall("ModelVariables/*"))
     assert [e.get("name") for e in found] == names
     for e in found:
         (real,) = e
@@ -149,7 +149,7 @@ def test_variables_and_structure_in_fmi_2(both: Any) -> None:
         assert real.get("description") is None
     groups = {
         group.tag: {names[int(e.get("index", "")) - 1]: e.get("dependencies") for e in group}
-        for group in root.find("ModelStructure") or ()
+        for group in root.findall("ModelStructure/*")
     }
     assert list(groups["Outputs"]) == ["x", "der(w)", "y", "n"]
     assert list(groups["Derivatives"]) == ["der(x)", "der(w)"]
@@ -235,7 +235,7 @@ class Cooling(gl.Component):
 
 def test_differences_of_temperatures_are_not_shown_from_273_degrees_below() -> None:
     root = ElementTree.fromstring(description_3(described(Cooling(), ["dT"])[0]))
-    variables = {e.get("name"): e for e in root.find("ModelVariables") or ()}
+    variables = {e.get("name"): e for e in root.findall("ModelVariables/*")}
     assert {variables[name].get("unit") for name in ("T", "dT")} == {"K"}
     assert "displayUnit" not in variables["dT"].attrib
 

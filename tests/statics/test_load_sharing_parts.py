@@ -160,7 +160,7 @@ def test_whatever_preload_is_there_is_taken_out(count: int) -> None:
         assert one.value("load.tau", found) == pytest.approx(-120.0, rel=1e-6)
     settled = shared(one.model, one.numbers, one.given, one.with_preload(np.ones(count - 1)), one.torques)
     assert [abs(one.value(f"shaft[{k}].tau", settled.constants)) for k in range(count)] == pytest.approx(
-        120.0 * parts / parts.sum(), rel=1e-9
+        120.0 * parts / parts.sum(), rel=1e-9, abs=1e-6
     )
     assert settled.rates == pytest.approx(one.motion.rates)
 

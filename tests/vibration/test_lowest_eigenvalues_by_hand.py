@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sparse
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from gearlib.linear.balancing import similarity
 from gearlib.vibration import lowest_eigenvalues
@@ -27,7 +28,7 @@ def swings(w: Any, ratio: Any = 0.0, real: Any = (), zeros: int = 0, seed: int =
     ratio = np.broadcast_to(ratio, w.shape)
     units = 10.0 ** draw.uniform(-3, 3, len(w))
     blocks = [np.array([[0.0, x * u], [-x / u, -2 * r * x]]) for x, r, u in zip(w, ratio, units, strict=True)]
-    A = sparse.block_diag([*blocks, *([[x]] for x in real), *([[0.0]] for _ in range(zeros))]).tocsc()
+    A = sparse.csc_matrix(block_diag(*blocks, *([[x]] for x in real), *([[0.0]] for _ in range(zeros))))
     order = draw.permutation(A.shape[0])
     above = -ratio * w + 1j * w * np.sqrt(1 - ratio**2)
     return sparse.csc_matrix(A[order][:, order]), np.concatenate([above, above.conj(), np.array(real, complex)])

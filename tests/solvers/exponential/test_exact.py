@@ -320,7 +320,7 @@ def test_dense_scenes_fall_into_parts() -> None:
     A, B = chain(15)
     whole = scipy.sparse.block_diag([A, 2 * A, 3 * A], format="csr")
     mixed = np.random.default_rng(0).permutation(87)
-    inputs = scipy.sparse.block_diag([B, B, B]).toarray()
+    inputs = scipy.linalg.block_diag(B, B, B)
     u = [sin(300 * t), cos(200 * t), 1 + 0 * t]
     run = recognise(u, 0.0, 0.1)
     times = np.linspace(0, 0.1, 5)
