@@ -169,9 +169,11 @@ def _refuse_unknown(model: FlatModel, moved: NDArray[np.bool_], vary: NDArray[np
     """Refuse products, squares and conditions of variables that determine each other, or of rates of those that ``vary``."""
     for group in model.groups:
         template = group.template
+        if template.linear:
+            continue
         pairs = [(name, order, _names(partial_kernel(template, c))) for c, (name, order) in enumerate(template.columns)]
         pairs += [(name, order, {name}) for name, order in template.relation_columns if not order]
-        for name, order, others in [] if template.linear else pairs:
+        for name, order, others in pairs:
             own = group.variables[:, _place(template, name)]
             beside = group.variables[:, [_place(template, other) for other in sorted(others)]]
             for i in np.flatnonzero((vary if order else open_)[own] & (moved | open_)[beside].any(axis=1)).tolist():

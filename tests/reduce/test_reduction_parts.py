@@ -172,9 +172,8 @@ class Cam(gl.Component):
         return cam + (follower if self.heavy else [gl.Eq(self.v, 2 * self.s), gl.Eq(self.f, gl.sin(self.s))])
 
 
-@pytest.mark.parametrize("order", [("light", "up", "down"), ("up", "light", "down"), ("down", "light", "up")])
-def test_the_angle_of_a_cam_is_a_state_where_the_follower_moves_faster(order: tuple[str, ...]) -> None:
-    """It determines the follower's place at any angle; that determines it in one half of a turn only."""
+def cams(order: tuple[str, ...]) -> gl.Component:
+    """A light follower, and heavy ones up and down, declared in an order."""
 
     class Cams(gl.Component):
         def assemble(self) -> list[Any]:
@@ -183,7 +182,13 @@ def test_the_angle_of_a_cam_is_a_state_where_the_follower_moves_faster(order: tu
                 setattr(self, name, made[name])
             return []
 
-    found = structure_of(Cams())
+    return Cams()
+
+
+@pytest.mark.parametrize("order", [("light", "up", "down"), ("up", "light", "down"), ("down", "light", "up")])
+def test_the_angle_of_a_cam_is_a_state_where_the_follower_moves_faster(order: tuple[str, ...]) -> None:
+    """It determines the follower's place at any angle; that determines it in one half of a turn only."""
+    found = structure_of(cams(order))
     assert named(found, found.states) == {f"{name}.{state}" for name in order for state in ("phi", "w")}
     counts = {name: 0 for name in order}
     for e, count in enumerate(found.differentiation.counts):
@@ -295,15 +300,7 @@ def test_the_rate_of_a_cams_angle_is_a_state_before_a_preferred_speed_of_the_fol
 @pytest.mark.parametrize("order", [("light", "up", "down"), ("up", "light", "down"), ("down", "light", "up")])
 def test_each_differentiated_constraint_tells_for_itself_what_it_is_not_to_be_solved_for(order: tuple[str, ...]) -> None:
     """The angle of its own cam and that one's speed, if there is a follower that it can be solved for instead."""
-
-    class Cams(gl.Component):
-        def assemble(self) -> list[Any]:
-            made = {"light": Cam(heavy=False), "up": Cam(), "down": Cam(down=True)}
-            for name in order:
-                setattr(self, name, made[name])
-            return []
-
-    found = structure_of(Cams())
+    found = structure_of(cams(order))
     model = found.model
     names = [model.name(v) for v in range(model.n_variables)]
     for e, row in enumerate(model.rows):
