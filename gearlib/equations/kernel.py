@@ -157,7 +157,7 @@ def _operations(expression: Any) -> int:
     if isinstance(expression, sympy.Pow):
         exponent = expression.exp
         if exponent.is_Integer:
-            return below + max(1, int(abs(exponent)).bit_length() - 1) + DIVISION * int(exponent.is_negative)
+            return below + max(1, int(abs(exponent)).bit_length() - 1) + (DIVISION if exponent.is_negative else 0)
         return below + (DIVISION if exponent.is_Rational and exponent.q == 2 else CALL)
     return below + CALL if isinstance(expression, sympy.Function) and not expression.is_Piecewise else below
 
