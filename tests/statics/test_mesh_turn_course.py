@@ -264,3 +264,103 @@ def test_the_rate_of_what_follows_from_a_phase_has_a_mean_of_zero_alone(beside: 
             gl.power_flow(system, speeds={"body.w": W})
         return
     assert gl.power_flow(system, speeds={"body.w": W})["load.flange"].torque == pytest.approx(0.5, rel=1e-9)
+
+
+RATES: list[tuple[Any, float | None]] = [
+    (lambda s: s.z + s.y**2, 0.5),
+    (lambda s: s.doubled + s.acceleration + 3.0, 3.0),
+    (lambda s: s.z * gl.cos(s.phase), None),
+    (lambda s: s.doubled * gl.cos(s.phase), None),
+    (lambda s: s.acceleration * s.y, None),
+    (lambda s: s.doubled**2, None),
+    (lambda s: s.late * s.y, None),
+    (lambda s: gl.Piecewise((1.0, s.z > 0.5), (2.0, True)), None),
+]
+
+
+class RatesKept(gl.Component):
+    """Rates of what follows from a phase, kept in variables of their own."""
+
+    flange = gp.Flange("shaft")
+    law = gl.Structural(0)
+    newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
+    phase = gl.Variable("rad")
+    y, z, doubled, acceleration, late = (gl.Variable("1") for _ in range(5))
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(self.y, gl.sin(self.phase)),
+            gl.Eq(self.z, self.second * gl.der(self.y)),
+            gl.Eq(self.doubled, 2 * self.z),
+            gl.Eq(self.acceleration, self.second * gl.der(self.z)),
+            gl.Eq(self.late, self.doubled + gl.cos(self.phase)),
+            gl.Eq(self.flange.tau, self.newton_metre * RATES[self.law][0](self)),
+        ]
+
+
+@pytest.mark.parametrize("law", range(len(RATES)))
+def test_a_rate_that_is_kept_in_a_variable_has_a_course_that_is_not_known(law: int) -> None:
+    """Its mean is zero alone. Beside what varies it is refused: with a rate of zero, ``z cos(phase)`` was 0 and not 7.5."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), RatesKept(law=law)
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    system = gl.compile(Driven())
+    expected = RATES[law][1]
+    if expected is None:
+        why = r"since load\.(z|doubled|acceleration|late) follows from rates that vary with the phase$"
+        with pytest.raises(ModelError, match=r"^RatesKept: .*: its mean over a turn of the mesh is not known, " + why):
+            gl.power_flow(system, speeds={"body.w": W})
+        return
+    assert gl.power_flow(system, speeds={"body.w": W})["load.flange"].torque == pytest.approx(expected, rel=1e-9)
+
+
+SUMS: list[tuple[Any, float]] = [
+    (lambda s: s.total * s.y, 0.5),
+    (lambda s: s.half * s.y, 0.25),
+    (lambda s: s.half**2, 0.25),
+    (lambda s: s.behind * s.y, 1.0),
+    (lambda s: s.fast * s.y, 0.5),
+    (lambda s: s.fast**2, W**2 + 0.5),
+    (lambda s: s.faster**2, 9 * W**2 + 2.0),
+    (lambda s: s.faster * s.speed, 3 * W**2),
+]
+
+
+class Summed(gl.Component):
+    """Sums of what follows from a phase, with each other and with speeds; no equation shows by its form what it is for."""
+
+    flange = gp.Flange("shaft")
+    law = gl.Structural(0)
+    newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
+    phase = gl.Variable("rad")
+    faster, fast, behind, half, total, y, speed = (gl.Variable("1") for _ in range(7))
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(0, self.faster - 2 * self.fast - self.speed),
+            gl.Eq(self.fast - self.speed, self.y),
+            gl.Eq(self.behind + self.total, 2 * self.y + self.half * 2),
+            gl.Eq(2 * self.half, self.total),
+            gl.Eq(self.total - self.y, gl.cos(self.phase)),
+            gl.Eq(self.y, gl.sin(self.phase)),
+            gl.Eq(self.speed, self.second * gl.der(self.flange.phi)),
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(self.flange.tau, self.newton_metre * SUMS[self.law][0](self)),
+        ]
+
+
+@pytest.mark.parametrize("law", range(len(SUMS)))
+def test_sums_of_what_follows_from_a_phase_and_of_speeds_have_a_course(law: int) -> None:
+    """``y = sin(phase)``, ``total = y + cos(phase)``; the means of products of such sums were those of products of means."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Summed(law=law)
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})
+    assert flow["load.flange"].torque == pytest.approx(SUMS[law][1], rel=1e-9)
