@@ -9,8 +9,10 @@ torques require.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +25,9 @@ from gearlib.flatten.model import EquationGroup, FlatModel
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 PARTS = 4096  # midpoints per period: the slope of a cubic spline is averaged to 1e-11 of its size, a jump to 1/4096 of its size
+MIXED = 4099  # points where phases of different rates meet: a prime number, so that each phase takes as many values
+GENERATOR = 2533  # MIXED over the golden ratio: steps of rates without a common period
+COMMON = 64  # largest ratio of rates with a common period; beyond it, only harmonics of higher orders would tell
 REPEATS = 1e-9  # relative to the change over one point: a smaller remainder after a full period is rounding
 
 
@@ -142,9 +147,13 @@ def turn(
     seeds = np.unique(np.concatenate(phases))
     place = np.full(n, -1, np.int64)
     place[seeds] = np.arange(len(seeds))
-    angle = 2 * np.pi * ((np.arange(PARTS) + 0.5) / PARTS - 0.5)
-    over = Turn(place, a[seeds][:, None] + angle)
     followers = _followers(model, place >= 0)
+    steps = _steps(model, seeds, followers, b)
+    points = PARTS if (steps == 1).all() else MIXED
+    angle = 2 * np.pi * ((np.arange(points) + 0.5) / points - 0.5)
+    begin, begun, sign = np.zeros(n), model.representative[model.started], model.sign[model.started]
+    begin[begun] = sign * parameters[model.start_slots]  # two phases of one rate keep their difference
+    over = Turn(place, np.where(a == 0, begin, a)[seeds][:, None] + steps[:, None] * angle)
     open_ = np.zeros(n, bool)
     open_[[_determined(model, f) for f in followers]] = True
     of_rates = np.zeros(n, bool)
@@ -167,6 +176,53 @@ def turn(
         of_rates[[_determined(model, f) for f in behind]] = True
     _refuse_unknown(model, over.place >= 0, over.place >= len(seeds), open_, of_rates)
     return over
+
+
+def _steps(model: FlatModel, seeds: Integers, followers: list[tuple[int, int, int]], b: Floats) -> Integers:
+    """How often each phase turns while the points are gone through: as their rates are to each other, where equations mix phases.
+
+    Rates without a common period get steps of a lattice rule, by which each combination of phases comes as often as any other
+    (N. M. Korobov, 1959; see I. H. Sloan, S. Joe, "Lattice methods for multiple integration", 1994).
+    """
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    moved = np.zeros(model.n_variables, bool)
+    moved[seeds] = moved[[_determined(model, f) for f in followers]] = True
+    together = [np.concatenate([[_determined(model, f)], _others(model, f)]) for f in followers]
+    for v in (group.variables for group in model.groups if not group.template.linear):
+        together += [*v[moved[v].sum(axis=1) > 1]]
+    pairs = [(meeting[0], v) for row in together for meeting in [row[moved[row]]] for v in meeting[1:]]
+    ends = np.array(pairs, np.int64).reshape(-1, 2).T
+    n = len(moved)
+    part = connected_components(csr_matrix((np.ones(len(pairs)), (ends[0], ends[1])), shape=(n, n)), directed=False)[1][seeds]
+    steps = np.ones(len(seeds), np.int64)
+    for number in np.flatnonzero(np.bincount(part) > 1):
+        places = np.flatnonzero(part == number)
+        steps[places] = steps_of(b[seeds[places]])
+    return steps
+
+
+def steps_of(rates: Floats) -> Integers:
+    """Whole numbers as the rates are to each other; beside them, times ``GENERATOR``, those of other rates without a common period.
+
+    >>> steps_of(np.array([10.0, -10.0, 15.0, 20.0, np.pi])).tolist()
+    [2, -2, 3, 4, 2533]
+    """
+    steps, first = np.zeros(len(rates), np.int64), 1
+    while len(left := np.flatnonzero(steps == 0)):
+        base = rates[left[0]]
+        ratios = [Fraction(rate / base if base else 0.0).limit_denominator(COMMON) for rate in rates[left]]
+        near = [
+            0 < abs(q) <= COMMON and abs(rate - float(q) * base) <= REPEATS * abs(rate)
+            for q, rate in zip(ratios, rates[left], strict=True)
+        ]
+        near[0], ratios[0] = True, Fraction(1)
+        own = [q for q, is_near in zip(ratios, near, strict=True) if is_near]
+        common = math.lcm(*(q.denominator for q in own))
+        steps[left[near]] = [int(q * common) * first for q in own]
+        first = first * GENERATOR % MIXED
+    return steps
 
 
 def _refuse_unknown(
@@ -305,7 +361,7 @@ def _through(
     over: Turn,
 ) -> Floats:  # fmt: skip
     """Values of a kernel over a period, shape (equations, points), with phase-dependent conditions evaluated at each point."""
-    template, shape = kernel.template, (len(group), PARTS)
+    template, shape = kernel.template, (len(group), over.values.shape[1])
     columns = [*template.columns, *template.relation_columns]
     arguments = [over.argument(group, *columns[c], a, b) for c in kernel.columns]
     constants = [parameters[group.parameters[:, p]][:, None] for p in kernel.parameters]
