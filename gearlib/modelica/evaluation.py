@@ -346,19 +346,17 @@ class Evaluation:
         )
 
     def _call(self, node: CallNode) -> Any:
-        name = node.function
-        if name in ("noEvent", "smooth", "homotopy", "der", "pre", "edge", "change", "initial", "sample", "semiLinear"):
-            return self._operator_function(name, node)
-        if name not in _FUNCTIONS and name not in _OF_NUMBERS and name not in ("sum", "product", "array"):
-            full = lookup(tuple(name.split(".")), self.scope)
-            if isinstance(full, ClassScope):
-                raise ModelicaError(f"{node.at}: user-defined functions, such as {name}, are not supported")
-            path = ".".join(full)
-            if (conversion := conversion_named(path)) is not None:
-                (x,) = self._arguments(node, 1)
-                factor, offset = conversion
-                return x * factor + offset if offset else x * factor
-            name = path.removeprefix("Modelica.Math.")
+        full = lookup(tuple(node.function.split(".")), self.scope)  # a name of the text hides a built-in function
+        if isinstance(full, ClassScope):
+            raise ModelicaError(f"{node.at}: user-defined functions, such as {node.function}, are not supported")
+        path = ".".join(full)
+        if path in ("noEvent", "smooth", "homotopy", "der", "pre", "edge", "change", "initial", "sample", "semiLinear"):
+            return self._operator_function(path, node)
+        if (conversion := conversion_named(path)) is not None:
+            (x,) = self._arguments(node, 1)
+            factor, offset = conversion
+            return x * factor + offset if offset else x * factor
+        name = path.removeprefix("Modelica.Math.")
         if node.named:
             raise ModelicaError(f"{node.at}: {node.function}: arguments by name are not supported")
         if name in _FUNCTIONS:
