@@ -405,17 +405,18 @@ class Evaluation:
         if name == "sample":
             first, period = (self.number(a) for a in arguments)
             return language.sample(period, first)
-        x = self.value(arguments[0])
-        if name == "noEvent":
-            return x if isinstance(x, (bool, int, float)) or _is_condition(x) else language.no_event(x)
-        if name == "der":
-            return 0 if isinstance(x, (int, float)) else language.der(x)
         if name == "semiLinear":
             above, below = (OperationNode(node.at, "*", (a, arguments[0])) for a in arguments[1:])
             positive = OperationNode(node.at, ">=", (arguments[0], NumberNode(node.at, 0)))
             return self._choice(ChoiceNode(node.at, ((positive, above),), below))
+        (of,) = arguments
+        x = self.value(of)
+        if name == "noEvent":
+            return x if isinstance(x, (bool, int, float)) or _is_condition(x) else language.no_event(x)
+        if name == "der":
+            return 0 if isinstance(x, (int, float)) else language.der(x)
         if name == "pre":  # of a continuous variable: its left limit, which actions of When see
-            declared = self.declaration(arguments[0]) if isinstance(arguments[0], ReferenceNode) else None
+            declared = self.declaration(of) if isinstance(of, ReferenceNode) else None
             return x if isinstance(declared, (Variable, Derivative)) else language.pre(x)
         before = language.pre(x)
         if name == "change":

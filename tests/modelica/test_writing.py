@@ -11,7 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.equations.modelica_printer import modelica_text
-from gearlib.errors import ModelicaError
+from gearlib.errors import ArgumentError, ModelicaError
 from gearlib.language.component import equations_of
 from gearlib.language.expressions import real_symbol, value_of
 from tests.gearparts import msl_examples, msl_hybrid_examples
@@ -147,6 +147,12 @@ def test_expressions_keep_their_value(expression: Any, text: str | None) -> None
             for e in (equation.right, value_of(written))
         )
         assert found == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("option", ["flat", "standard_library"])
+def test_options_are_true_or_false(option: str) -> None:
+    with pytest.raises(ArgumentError, match=f"to_modelica: {option} is 1; expected True or False"):
+        gl.to_modelica(gp.Inertia(J=1.0), **{option: 1})
 
 
 def test_what_modelica_does_not_have_is_refused() -> None:
