@@ -205,6 +205,13 @@ def test_redeclarations_keep_what_the_specification_says(declared: str, used: st
     assert float(equation.right.subs(real_symbol("k"), k).subs(outer)) == expected
 
 
+@pytest.mark.parametrize("used", ["Q.D d(c(redeclare B s));", "Q.D d(c.s(k = 5), c(redeclare B s));"])
+def test_a_redeclaration_at_any_depth_means_a_class_of_where_it_is_written(used: str) -> None:
+    inside = f"package Q {REDECLARED.partition('P')[2]} model C replaceable A s; end C; model D C c; end D; end Q;"
+    found = parts(used, f"package P {inside} model B parameter Real k = 3; Real x = 30 + k; end B;")
+    assert [e.right for e in equations_of(found["d.c.s"])] == [real_symbol("k") + 30]
+
+
 @pytest.mark.parametrize("used", ["redeclare model S = B, m = 4", "m = 4, redeclare model S = B"])
 def test_values_stand_before_or_behind_a_redeclaration(used: str) -> None:
     found = parts(f"C c({used});", f"{REDECLARED} model C parameter Real m = 1; replaceable model S = A; S s; end C;")
