@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import Kernel, partial_kernel, relation_kernel, residual_kernel
 from gearlib.equations.template import Template, memoised
 from gearlib.errors import ModelError
-from gearlib.flatten.model import EquationGroup, FlatModel
+from gearlib.flatten.model import EquationGroup, FlatModel, alphabetical
+from gearlib.flatten.time_means import ripples
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -211,16 +212,15 @@ def steps_of(rates: Floats) -> Integers:
     """
     steps, first = np.zeros(len(rates), np.int64), 1
     while len(left := np.flatnonzero(steps == 0)):
-        base = rates[left[0]]
-        ratios = [Fraction(rate / base if base else 0.0).limit_denominator(COMMON) for rate in rates[left]]
-        near = [
-            0 < abs(q) <= COMMON and abs(rate - float(q) * base) <= REPEATS * abs(rate)
-            for q, rate in zip(ratios, rates[left], strict=True)
-        ]
-        near[0], ratios[0] = True, Fraction(1)
-        own = [q for q, is_near in zip(ratios, near, strict=True) if is_near]
-        common = math.lcm(*(q.denominator for q in own))
-        steps[left[near]] = [int(q * common) * first for q in own]
+        base, common, alike = rates[left[0]], 1, {left[0]: Fraction(1)}
+        for k in left[1:] if base else ():
+            ratio = Fraction(rates[k] / base).limit_denominator(COMMON)
+            together = math.lcm(common, ratio.denominator)
+            near = abs(rates[k] - float(ratio) * base) <= REPEATS * abs(rates[k])
+            if near and 0 < abs(ratio) <= COMMON and together <= COMMON:
+                alike[k], common = ratio, together
+        for k, ratio in alike.items():
+            steps[k] = int(ratio * common) * first
         first = first * GENERATOR % MIXED
     return steps
 
@@ -231,11 +231,7 @@ def _refuse_unknown(
     """Refuse products, squares and conditions of variables that determine each other, or of rates of those that ``vary``."""
     for group in model.groups:
         template = group.template
-        if template.linear:
-            continue
-        pairs = [(name, order, _names(partial_kernel(template, c))) for c, (name, order) in enumerate(template.columns)]
-        pairs += [(name, order, {name}) for name, order in template.relation_columns if not order]
-        for name, order, others in pairs:
+        for name, order, others in _nonlinear(template):
             own = group.variables[:, _place(template, name)]
             beside = group.variables[:, [_place(template, other) for other in sorted(others)]]
             for i in np.flatnonzero((vary if order else open_)[own] & (moved | open_)[beside].any(axis=1)).tolist():
@@ -245,8 +241,35 @@ def _refuse_unknown(
                 raise ModelError(f"{template.label}: its mean over a turn of the mesh is not known, since {why}")
 
 
-def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
-    """(group, column, row) of equations that determine a variable from phases, speeds and their followers.
+def products_in_time(model: FlatModel, parameters: Floats) -> list[str]:
+    """Variables, by path, that follow from sinusoids of time, and whose square, product or comparison with such an equation holds."""
+    swing = {g: ripples(group, parameters) for g, group in enumerate(model.groups) if group.template.timed}
+    open_ = np.zeros(model.n_variables, bool)
+    open_[[_determined(model, f) for f in _followers(model, open_, swing)]] = True
+    found: dict[str, None] = {}
+    for group in model.groups if open_.any() else ():
+        for name, _, others in _nonlinear(group.template):
+            own = group.variables[:, _place(group.template, name)]
+            beside = group.variables[:, [_place(group.template, other) for other in sorted(others)]]
+            for i in np.flatnonzero(open_[own] & open_[beside].any(axis=1)).tolist():
+                found[model.name(int(own[i]))] = None
+    return sorted(found, key=alphabetical)
+
+
+@memoised
+def _nonlinear(template: Template) -> tuple[tuple[str, int, frozenset[str]], ...]:
+    """What an equation holds that is not linear: a variable, its order, and the variables that its coefficient or condition depends on."""
+    if template.linear:
+        return ()
+    pairs = [(name, order, _names(partial_kernel(template, c))) for c, (name, order) in enumerate(template.columns)]
+    pairs += [(name, order, {name}) for name, order in template.relation_columns if not order]
+    return tuple((name, order, frozenset(others)) for name, order, others in pairs)
+
+
+def _followers(
+    model: FlatModel, moved: NDArray[np.bool_], swing: Mapping[int, NDArray[np.bool_]] | None = None
+) -> list[tuple[int, int, int]]:
+    """(group, column, row) of equations that determine a variable from phases, speeds and their followers, or that ``swing`` by themselves.
 
     First where all else of an equation is known to follow from a phase or to be constant; then where an equation is written as if for
     one variable, since speeds that follow from torques are never known to be constant.
@@ -269,7 +292,7 @@ def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, in
             template = group.template
             columns = [(_place(template, name), order) for name, order in (*template.columns, *template.relation_columns)]
             changes = _changes(group)
-            varying = (reached & ~moved)[changes].any(axis=1)
+            varying = (reached & ~moved)[changes].any(axis=1) | (swing or {}).get(g, False)
             turning = (steady | reached)[changes].all(axis=1)
             keeping = steady[changes].all(axis=1) & ~varying & (not template.timed)
             candidates = _candidates(template)
