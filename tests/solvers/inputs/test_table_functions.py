@@ -180,6 +180,15 @@ def test_slopes_of_tables_are_those_of_the_piece_before(kind: str, outside: str)
     assert found == pytest.approx(np.dot([2.5, -4.0, 1.5], values_before) / h, abs=1e-5)
 
 
+def test_a_part_of_a_table_is_level_before_it_begins() -> None:
+    """And goes on as steeply as its last piece; slopes are those of its values."""
+    part, h = gl.Table([0.0, 1.0, 3.0, 4.0], [0.0, 2.0, 8.0, 1.0]).between(0.5, 2.5), 1e-6
+    times = np.array([0.3, 0.5, 0.6, 1.0, 1.5, 9.0])
+    found = [slopes_before([part], t, 1.0)[0] for t in times]
+    assert found == pytest.approx([0.0, 0.0, 2.0, 2.0, 3.0, 3.0], rel=1e-12)
+    assert found == pytest.approx((part(times - h) - part(times - 2 * h)) / h, abs=1e-8)
+
+
 def test_a_function_that_fails_is_named_with_its_input() -> None:
     def wind(t: float) -> Any:
         return {0.0: 1.5, 1.0: None, 2.0: float("nan")}.get(t) if t < 3 else 1 / 0
