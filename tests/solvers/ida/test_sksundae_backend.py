@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Callable
@@ -309,3 +310,16 @@ def test_both_roads_blame_the_same(how: str, may_leave: bool) -> None:
     assert other["bad time"] == pytest.approx(one["bad time"], rel=1e-2)
     if how != "jac stops":
         assert one["said"] == other["said"]
+
+
+def test_the_first_exception_on_the_way_through_ida_comes_out() -> None:
+    run = driver(stiff(), T, ida(native=False))
+    assert run.advance(1) == "more"
+    calls = itertools.count()
+
+    def failing(*_: Any) -> int:
+        raise KeyError(f"call {next(calls)}")
+
+    run.stepper.rhs = failing  # type: ignore[attr-defined]
+    with pytest.raises(KeyError, match="call 0"):
+        integrate(run)

@@ -170,6 +170,19 @@ def test_slopes_at_jumps_and_at_the_start() -> None:
     assert min(asked) >= 0.0
 
 
+@pytest.mark.parametrize(("longest", "calls"), [(0.25, None), (1e-15, 7)])
+def test_functions_are_not_asked_for_slopes_from_long_before(longest: float, calls: int | None) -> None:
+    """Up to a fourth of the way at least, as intervals grow; over three intervals, each with two values, where the clock allows no more."""
+    asked: list[float] = []
+    assert slopes_before([lambda s: asked.append(s) or 2.0 * s], 1.0, longest) == pytest.approx([2.0], rel=1e-6)
+    if calls is None:
+        assert 0.25 * longest < 1.0 - min(asked) <= longest
+    else:
+        assert len(asked) == calls
+        steps = sorted(1.0 - s for s in asked)
+        assert steps[1:] == pytest.approx([steps[1] * factor for factor in (1, 2, 4, 8, 16, 32)], rel=1e-12)
+
+
 @kinds
 @pytest.mark.parametrize("outside", ["hold", "periodic"])
 def test_slopes_of_tables_are_those_of_the_piece_before(kind: str, outside: str) -> None:
