@@ -11,7 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_kernel
-from gearlib.errors import ModelError
+from gearlib.errors import InputWarning, ModelError
 from gearlib.flatten.model import FlatModel
 from gearlib.statics import mesh_turn
 from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, repeating_columns, turn
@@ -327,6 +327,8 @@ SUMS: list[tuple[Any, float]] = [
     (lambda s: s.fast**2, W**2 + 0.5),
     (lambda s: s.faster**2, 9 * W**2 + 2.0),
     (lambda s: s.faster * s.speed, 3 * W**2),
+    (lambda s: s.scaled * s.y, 0.125),
+    (lambda s: s.scaled**2 * s.four, 0.125),
 ]
 
 
@@ -337,7 +339,8 @@ class Summed(gl.Component):
     law = gl.Structural(0)
     newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
     phase = gl.Variable("rad")
-    faster, fast, behind, half, total, y, speed = (gl.Variable("1") for _ in range(7))
+    four = gl.Parameter("1", default=4.0)
+    faster, fast, behind, half, total, scaled, y, speed = (gl.Variable("1") for _ in range(8))
 
     def equations(self) -> list[gl.Eq]:
         return [
@@ -345,6 +348,7 @@ class Summed(gl.Component):
             gl.Eq(self.fast - self.speed, self.y),
             gl.Eq(self.behind + self.total, 2 * self.y + self.half * 2),
             gl.Eq(2 * self.half, self.total),
+            gl.Eq(self.four * self.scaled, self.y),
             gl.Eq(self.total - self.y, gl.cos(self.phase)),
             gl.Eq(self.y, gl.sin(self.phase)),
             gl.Eq(self.speed, self.second * gl.der(self.flange.phi)),
@@ -435,3 +439,76 @@ def test_phases_of_one_rate_keep_the_difference_that_they_start_with(start: dict
 
     torque = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})["load.flange"].torque
     assert torque == pytest.approx(np.cos(start.get("other", 0.0) - start.get("phase", 0.0)) / 2, abs=1e-9)
+
+
+class Swinging(gl.Component):
+    """A torque by a law of signals that swing with time."""
+
+    flange = gp.Flange("shaft")
+    law = gl.Structural(0)
+    newton_metre, amplitude = gl.Parameter("N.m", default=1.0), gl.Parameter("1", default=1.0)
+    x, y, steady = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        laws = [
+            10 * self.x**2, 10 * self.x * self.y, gl.Piecewise((1.0, self.x > 0), (0.0, True)), self.steady * self.y,
+            3 + 10 * self.x, self.steady**2 + self.y,
+        ]  # fmt: skip
+        return [
+            gl.Eq(self.x, self.amplitude * gl.sin(50 * gl.time)),
+            gl.Eq(self.y - self.x, 2.0),
+            gl.Eq(self.steady, 3.0),
+            gl.Eq(self.flange.tau, -self.newton_metre * laws[self.law]),
+        ]
+
+
+@pytest.mark.parametrize(("law", "named"), [(0, "load.x swings"), (1, "load.x, load.y swing"), (2, "load.x swings")])
+def test_products_of_what_swings_with_time_are_told(law: int, named: str) -> None:
+    """The mean of a product is not the product of the means; where nothing swings, nothing is told."""
+    system = gl.compile(torque_on_damper(law))
+    with pytest.warns(
+        InputWarning, match=f"^Driven: {named} with time, and counts? with (its mean|their means) in an equation"
+    ):
+        system.power_flow()
+    flow = system.power_flow(parameters={"load.amplitude": 0.0})
+    assert flow["body.flange_a"].speed == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("law", "mean"), [(3, 6.0), (4, 3.0), (5, 11.0)])
+def test_sums_of_what_swings_with_time_count_with_their_mean(law: int, mean: float) -> None:
+    assert gl.compile(torque_on_damper(law)).power_flow()["body.flange_a"].speed == pytest.approx(mean, rel=1e-12)
+
+
+def torque_on_damper(law: int) -> gl.Component:
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.load, self.body, self.damper, self.ground = Swinging(law=law), gp.Inertia(J=1.0), gp.Damper(d=1.0), gp.Fixed()
+            return [
+                gl.connect(self.load.flange, self.body.flange_a), gl.connect(self.body.flange_b, self.damper.flange_a),
+                gl.connect(self.damper.flange_b, self.ground.flange),
+            ]  # fmt: skip
+
+    return Driven()
+
+
+@pytest.mark.parametrize(("swing", "geared"), [(30.0, True), (30.0, False), (0.0, True)])
+def test_a_load_on_a_speed_that_is_prescribed_and_swings_is_told(swing: float, geared: bool) -> None:
+    """The load grows with the square of a speed of 100 / 2; the swing would add 4.5 percent."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.source, self.body = gp.Speed(exact=True, w_ref=100 + swing * gl.sin(50 * gl.time)), gp.Inertia(J=1.0)
+            self.gear = gp.IdealGear(ratio=2.0 if geared else 1.0)
+            self.load = gp.QuadraticSpeedDependentTorque(tau_nominal=-8.0, w_nominal=10.0, torque_direction=False)
+            return [
+                gl.connect(self.source.flange, self.gear.flange_a), gl.connect(self.gear.flange_b, self.body.flange_a),
+                gl.connect(self.body.flange_b, self.load.flange),
+            ]  # fmt: skip
+
+    system = gl.compile(Driven())
+    if swing:
+        with pytest.warns(InputWarning, match=r"^Driven: load\.w swings with time, and counts with its mean in an equation"):
+            flow = system.power_flow()
+    else:
+        flow = system.power_flow()
+    assert flow["load.flange"].torque == pytest.approx(200.0 if geared else 800.0, rel=1e-9)
