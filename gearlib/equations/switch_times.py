@@ -159,4 +159,4 @@ def _sinusoid_roots(constant: float, signal: Signal, t0: float, t_end: float) ->
         math.floor(omega * t0 / math.tau), math.ceil(omega * t_end / math.tau) + 1
     )  # angle - phase: within one turn
     times = np.concatenate([(math.tau * turns + sign * angle - phase) / omega for sign in (1, -1)])
-    return [float(t) for t in times[(times > t0) & (times < t_end)]]
+    return list(map(float, times))
