@@ -40,6 +40,12 @@ def test_no_two_axes_come_near_each_other_however_many_mesh_with_one(wheels: int
         assert sum(symbol.radii) == pytest.approx(abs(found.height[symbol.shafts[1]]))
 
 
+@pytest.mark.parametrize(("radii", "apart"), [((0.12, 0.10), APART), ((0.12, 0.02), LARGEST * 5 / 6)])
+def test_a_wheel_in_its_ring_stands_below_it_no_nearer_than_axes_may_be(radii: tuple[float, float], apart: float) -> None:
+    found = axes_of(train(pair("ring", 0, 1, kind="internal", radii=radii, metres=True)))
+    assert found.height == pytest.approx((0.0, apart))
+
+
 def test_axes_that_nothing_joins_lie_below_the_others() -> None:
     found = axes_of(train(pair("one", 0, 1), pair("other", 2, 3)))
     assert found.height[2] == max(found.height[:2]) + 3 * LARGEST
