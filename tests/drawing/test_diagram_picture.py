@@ -72,7 +72,9 @@ def inside(shape: Shape, corner: np.ndarray, opposite: np.ndarray) -> bool:
 
 def named(found: list[Shape], words: str, y: float) -> Shape:
     """The text nearest to a height."""
-    return min((s for s in found if s.text == words), key=lambda s: abs(s.middle[1] - y))
+    here = [s for s in found if s.text == words]
+    assert here, f"{words} is not there"
+    return min(here, key=lambda s: abs(s.middle[1] - y))
 
 
 def test_wires_and_their_joints_are_drawn_at_their_places(diagram: Diagram) -> None:

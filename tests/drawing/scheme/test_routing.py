@@ -2,13 +2,43 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import gearlib as gl
+import gearparts as gp
 from gearlib.drawing.scheme.routing import Choice, RouteSearch
 from tests.drawing.scheme.test_stick_diagram import scheme_of
+
+ALONE: dict[str, Callable[[], gl.Component]] = {
+    "spring": lambda: gp.Spring(c=1.0),
+    "clutch": lambda: gp.Clutch(fn_max=1.0, f_normalized=1.0),
+    "ratio": lambda: gp.IdealGear(ratio=2.0),
+    "pair": lambda: gp.IdealGear(ratio=-2.0),
+    "mesh": lambda: gp.ExternalMesh(r_a=0.02, r_b=0.09, c=1e8, d=0.0),
+    "ring": lambda: gp.InternalMesh(r_a=0.09, r_b=0.03, c=1e8, d=0.0),
+    "set": lambda: gp.IdealPlanetary(ratio=2.0),
+    "double": lambda: gp.IdealPlanetary(ratio=-2.0),
+    "brake": lambda: gp.Brake(fn_max=1.0, f_normalized=1.0),
+    "torque": lambda: gp.Torque(tau=1.0),
+}
+
+
+@pytest.mark.parametrize("part", ALONE)
+def test_a_part_alone_crosses_nothing_whichever_side_it_shows(part: str) -> None:
+    axes = ALONE[part]().scheme().axes
+    assert len(axes.symbols) == 1
+    search = RouteSearch(axes)
+    for turned, second in itertools.product((False, True), repeat=2):
+        found = search.drawn(replace(search.first(), turned=(turned,), second=(second,)))
+        assert (found.crossings, found.enclosed) == (0, 0)
+        for shaft, (y, points) in found.spines.items():
+            (line,) = (of for of in found.lines if of[4] == shaft and of[1] == of[3] == y and of[0] == points[0][2])
+            assert line[2] == points[-1][2]
 
 
 @pytest.mark.parametrize("name", ["two stages", "xp", "ravigneaux", "losses"])

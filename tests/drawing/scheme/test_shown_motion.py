@@ -12,6 +12,7 @@ import gearparts as gp
 from gearlib.drawing.scheme.routing import RouteSearch
 from gearlib.drawing.scheme.shown_motion import LEAST, SWING, ShownMotion
 from gearlib.drawing.scheme.stick_diagram import Scheme
+from gearlib.drawing.scheme.train import Symbol
 from gearlib.errors import ArgumentError, ModelError
 from tests.drawing.shapes import CLOSE, shapes
 
@@ -155,6 +156,17 @@ def test_a_shaft_that_hardly_swings_is_shown_at_rest(amplitude: float, swings: b
     assert listing.note.startswith("no shaft") != swings
     said = motion.notes(scheme.axes.symbols[0])[0]
     assert said.endswith(f"{amplitude:.3f} of the largest" + ", phase 90°" * swings)
+
+
+@pytest.mark.parametrize(
+    ("turn", "phase"),
+    [(complex(-1.0, -0.0), 180), (complex(-1.0, 0.0), 180), (complex(-0.7, -1e-4), 180), (-1j, -90), (1.0, 0), (1 + 1j, 45),
+     (complex(-1.0, -0.02), -179)],
+)  # fmt: skip
+def test_phases_are_whole_degrees_above_minus_180(turn: complex, phase: int) -> None:
+    symbol = Symbol("body", "end", "torque", (0,), ("flange",), label="body")
+    (said,) = ShownMotion("mode", {0: turn}).notes(symbol)
+    assert said == f"flange: {abs(turn):.3f} of the largest, phase {phase}°"
 
 
 def test_flanges_of_the_model_itself() -> None:
