@@ -9,8 +9,10 @@ torques require.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +20,15 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import Kernel, partial_kernel, relation_kernel, residual_kernel
 from gearlib.equations.template import Template, memoised
 from gearlib.errors import ModelError
-from gearlib.flatten.model import EquationGroup, FlatModel
+from gearlib.flatten.model import EquationGroup, FlatModel, alphabetical
+from gearlib.flatten.time_means import ripples
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 PARTS = 4096  # midpoints per period: the slope of a cubic spline is averaged to 1e-11 of its size, a jump to 1/4096 of its size
+MIXED = 4099  # points where phases of different rates meet: a prime number, so that each phase takes as many values
+GENERATOR = 2533  # MIXED over the golden ratio: steps of rates without a common period
+COMMON = 64  # largest ratio of rates with a common period; beyond it, only harmonics of higher orders would tell
 REPEATS = 1e-9  # relative to the change over one point: a smaller remainder after a full period is rounding
 
 
@@ -142,9 +148,13 @@ def turn(
     seeds = np.unique(np.concatenate(phases))
     place = np.full(n, -1, np.int64)
     place[seeds] = np.arange(len(seeds))
-    angle = 2 * np.pi * ((np.arange(PARTS) + 0.5) / PARTS - 0.5)
-    over = Turn(place, a[seeds][:, None] + angle)
     followers = _followers(model, place >= 0)
+    steps = _steps(model, seeds, followers, b)
+    points = PARTS if (steps == 1).all() else MIXED
+    angle = 2 * np.pi * ((np.arange(points) + 0.5) / points - 0.5)
+    begin, begun, sign = np.zeros(n), model.representative[model.started], model.sign[model.started]
+    begin[begun] = sign * parameters[model.start_slots]  # two phases of one rate keep their difference
+    over = Turn(place, np.where(a == 0, begin, a)[seeds][:, None] + steps[:, None] * angle)
     open_ = np.zeros(n, bool)
     open_[[_determined(model, f) for f in followers]] = True
     of_rates = np.zeros(n, bool)
@@ -169,17 +179,59 @@ def turn(
     return over
 
 
+def _steps(model: FlatModel, seeds: Integers, followers: list[tuple[int, int, int]], b: Floats) -> Integers:
+    """How often each phase turns while the points are gone through: as their rates are to each other, where equations mix phases.
+
+    Rates without a common period get steps of a lattice rule, by which each combination of phases comes as often as any other
+    (N. M. Korobov, 1959; see I. H. Sloan, S. Joe, "Lattice methods for multiple integration", 1994).
+    """
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    moved = np.zeros(model.n_variables, bool)
+    moved[seeds] = moved[[_determined(model, f) for f in followers]] = True
+    together = [np.concatenate([[_determined(model, f)], _others(model, f)]) for f in followers]
+    for v in (group.variables for group in model.groups if not group.template.linear):
+        together += [*v[moved[v].sum(axis=1) > 1]]
+    pairs = [(meeting[0], v) for row in together for meeting in [row[moved[row]]] for v in meeting[1:]]
+    ends = np.array(pairs, np.int64).reshape(-1, 2).T
+    n = len(moved)
+    part = connected_components(csr_matrix((np.ones(len(pairs)), (ends[0], ends[1])), shape=(n, n)), directed=False)[1][seeds]
+    steps = np.ones(len(seeds), np.int64)
+    for number in np.flatnonzero(np.bincount(part) > 1):
+        places = np.flatnonzero(part == number)
+        steps[places] = steps_of(b[seeds[places]])
+    return steps
+
+
+def steps_of(rates: Floats) -> Integers:
+    """Whole numbers as the rates are to each other; beside them, times ``GENERATOR``, those of other rates without a common period.
+
+    >>> steps_of(np.array([10.0, -10.0, 15.0, 20.0, np.pi])).tolist()
+    [2, -2, 3, 4, 2533]
+    """
+    steps, first = np.zeros(len(rates), np.int64), 1
+    while len(left := np.flatnonzero(steps == 0)):
+        base, common, alike = rates[left[0]], 1, {left[0]: Fraction(1)}
+        for k in left[1:] if base else ():
+            ratio = Fraction(rates[k] / base).limit_denominator(COMMON)
+            together = math.lcm(common, ratio.denominator)
+            near = abs(rates[k] - float(ratio) * base) <= REPEATS * abs(rates[k])
+            if near and 0 < abs(ratio) <= COMMON and together <= COMMON:
+                alike[k], common = ratio, together
+        for k, ratio in alike.items():
+            steps[k] = int(ratio * common) * first
+        first = first * GENERATOR % MIXED
+    return steps
+
+
 def _refuse_unknown(
     model: FlatModel, moved: NDArray[np.bool_], vary: NDArray[np.bool_], open_: NDArray[np.bool_], of_rates: NDArray[np.bool_]
 ) -> None:
     """Refuse products, squares and conditions of variables that determine each other, or of rates of those that ``vary``."""
     for group in model.groups:
         template = group.template
-        if template.linear:
-            continue
-        pairs = [(name, order, _names(partial_kernel(template, c))) for c, (name, order) in enumerate(template.columns)]
-        pairs += [(name, order, {name}) for name, order in template.relation_columns if not order]
-        for name, order, others in pairs:
+        for name, order, others in _nonlinear(template):
             own = group.variables[:, _place(template, name)]
             beside = group.variables[:, [_place(template, other) for other in sorted(others)]]
             for i in np.flatnonzero((vary if order else open_)[own] & (moved | open_)[beside].any(axis=1)).tolist():
@@ -189,8 +241,35 @@ def _refuse_unknown(
                 raise ModelError(f"{template.label}: its mean over a turn of the mesh is not known, since {why}")
 
 
-def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
-    """(group, column, row) of equations that determine a variable from phases, speeds and their followers.
+def products_in_time(model: FlatModel, parameters: Floats) -> list[str]:
+    """Variables, by path, that follow from sinusoids of time, and whose square, product or comparison with such an equation holds."""
+    swing = {g: ripples(group, parameters) for g, group in enumerate(model.groups) if group.template.timed}
+    open_ = np.zeros(model.n_variables, bool)
+    open_[[_determined(model, f) for f in _followers(model, open_, swing)]] = True
+    found: dict[str, None] = {}
+    for group in model.groups if open_.any() else ():
+        for name, _, others in _nonlinear(group.template):
+            own = group.variables[:, _place(group.template, name)]
+            beside = group.variables[:, [_place(group.template, other) for other in sorted(others)]]
+            for i in np.flatnonzero(open_[own] & open_[beside].any(axis=1)).tolist():
+                found[model.name(int(own[i]))] = None
+    return sorted(found, key=alphabetical)
+
+
+@memoised
+def _nonlinear(template: Template) -> tuple[tuple[str, int, frozenset[str]], ...]:
+    """What an equation holds that is not linear: a variable, its order, and the variables that its coefficient or condition depends on."""
+    if template.linear:
+        return ()
+    pairs = [(name, order, _names(partial_kernel(template, c))) for c, (name, order) in enumerate(template.columns)]
+    pairs += [(name, order, {name}) for name, order in template.relation_columns if not order]
+    return tuple((name, order, frozenset(others)) for name, order, others in pairs)
+
+
+def _followers(
+    model: FlatModel, moved: NDArray[np.bool_], swing: Mapping[int, NDArray[np.bool_]] | None = None
+) -> list[tuple[int, int, int]]:
+    """(group, column, row) of equations that determine a variable from phases, speeds and their followers, or that ``swing`` by themselves.
 
     First where all else of an equation is known to follow from a phase or to be constant; then where an equation is written as if for
     one variable, since speeds that follow from torques are never known to be constant.
@@ -213,7 +292,7 @@ def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, in
             template = group.template
             columns = [(_place(template, name), order) for name, order in (*template.columns, *template.relation_columns)]
             changes = _changes(group)
-            varying = (reached & ~moved)[changes].any(axis=1)
+            varying = (reached & ~moved)[changes].any(axis=1) | (swing or {}).get(g, False)
             turning = (steady | reached)[changes].all(axis=1)
             keeping = steady[changes].all(axis=1) & ~varying & (not template.timed)
             candidates = _candidates(template)
@@ -305,7 +384,7 @@ def _through(
     over: Turn,
 ) -> Floats:  # fmt: skip
     """Values of a kernel over a period, shape (equations, points), with phase-dependent conditions evaluated at each point."""
-    template, shape = kernel.template, (len(group), PARTS)
+    template, shape = kernel.template, (len(group), over.values.shape[1])
     columns = [*template.columns, *template.relation_columns]
     arguments = [over.argument(group, *columns[c], a, b) for c in kernel.columns]
     constants = [parameters[group.parameters[:, p]][:, None] for p in kernel.parameters]

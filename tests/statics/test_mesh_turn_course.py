@@ -11,7 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_kernel
-from gearlib.errors import ModelError
+from gearlib.errors import InputWarning, ModelError
 from gearlib.flatten.model import FlatModel
 from gearlib.statics import mesh_turn
 from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, repeating_columns, turn
@@ -364,3 +364,124 @@ def test_sums_of_what_follows_from_a_phase_and_of_speeds_have_a_course(law: int)
 
     flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})
     assert flow["load.flange"].torque == pytest.approx(SUMS[law][1], rel=1e-9)
+
+
+TWO_PHASES: list[tuple[Any, float, float]] = [
+    (lambda s: s.y * s.z, 2.0, 0.0),
+    (lambda s: s.y**2 * s.z**2, 2.0, 0.25),
+    (lambda s: gl.sin(s.phase) * gl.sin(s.other), 2.0, 0.0),
+    (lambda s: gl.sin(2 * s.phase) * s.z, 2.0, 0.5),
+    (lambda s: s.y * s.z, -1.0, -0.5),
+    (lambda s: s.y * gl.cos(s.other), -1.0, 0.0),
+    (lambda s: s.y * s.z, 1.0, 0.5),
+    (lambda s: s.sum**2, 1.0, 2.0),
+    (lambda s: s.sum**2, 0.3, 1.0),
+    (lambda s: s.sum**2, -1.0, 0.0),
+    (lambda s: gl.sin(3 * s.phase) * gl.sin(2 * s.other), 1.5, 0.5),
+    (lambda s: gl.sin(23 * s.phase) * gl.sin(57 * s.other), 23 / 57, 0.5),
+    (lambda s: s.y**2 * s.z**2, float(np.sqrt(3.0)), 0.25),
+    (lambda s: s.y**2 * s.z**2, 1.0, 0.375),
+    (lambda s: s.positive, float(np.sqrt(3.0)), 0.25),
+    (lambda s: s.positive, 1.0, 0.5),
+]
+
+
+class TwoPhases(gl.Component):
+    """A law of two meshes that turn at different rates."""
+
+    flange = gp.Flange("shaft")
+    law = gl.Structural(0)
+    newton_metre = gl.Parameter("N.m", default=1.0)
+    rate = gl.Parameter("1", default=1.0)
+    phase, other = gl.Variable("rad"), gl.Variable("rad")
+    y, z, sum, positive = (gl.Variable("1") for _ in range(4))
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(gl.der(self.other), 3 * self.rate * gl.der(self.flange.phi)),
+            gl.Eq(self.y, gl.sin(self.phase)),
+            gl.Eq(self.z, gl.sin(self.other)),
+            gl.Eq(self.sum, self.y + self.z),
+            gl.Eq(self.positive, gl.Piecewise((gl.Piecewise((1.0, self.y > 0), (0.0, True)), self.z > 0), (0.0, True))),
+            gl.Eq(self.flange.tau, self.newton_metre * TWO_PHASES[self.law][0](self)),
+        ]
+
+
+@pytest.mark.parametrize("law", range(len(TWO_PHASES)))
+def test_the_mean_of_what_depends_on_two_phases_is_that_of_their_own_rates(law: int) -> None:
+    """``y = sin(phase)``, ``z = sin(rate phase)``; both phases turned together, so that ``y z`` had the mean 0.5 at any rates."""
+    _, rate, mean = TWO_PHASES[law]
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), TwoPhases(law=law, rate=rate)
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    system = gl.compile(Driven())
+    for speed in (W, -W):
+        torque = gl.power_flow(system, speeds={"body.w": speed})["load.flange"].torque
+        assert torque == pytest.approx(mean, rel=1e-9, abs=1e-3 if law >= 14 else 1e-9)  # a jump falls between points
+
+
+@pytest.mark.parametrize("start", [{}, {"other": np.pi / 2}, {"phase": 1.0, "other": 1.0 + np.pi / 3}, {"phase": -0.3}])
+def test_phases_of_one_rate_keep_the_difference_that_they_start_with(start: dict[str, float]) -> None:
+    """The mean of ``sin(p) sin(p + d)`` is ``cos(d) / 2``."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), TwoPhases(law=2, rate=1.0, start=start)
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    torque = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})["load.flange"].torque
+    assert torque == pytest.approx(np.cos(start.get("other", 0.0) - start.get("phase", 0.0)) / 2, abs=1e-9)
+
+
+class Swinging(gl.Component):
+    """A torque by a law of signals that swing with time."""
+
+    flange = gp.Flange("shaft")
+    law = gl.Structural(0)
+    newton_metre, amplitude = gl.Parameter("N.m", default=1.0), gl.Parameter("1", default=1.0)
+    x, y, steady = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        laws = [
+            10 * self.x**2, 10 * self.x * self.y, gl.Piecewise((1.0, self.x > 0), (0.0, True)), self.steady * self.y,
+            3 + 10 * self.x, self.steady**2 + self.y,
+        ]  # fmt: skip
+        return [
+            gl.Eq(self.x, self.amplitude * gl.sin(50 * gl.time)),
+            gl.Eq(self.y - self.x, 2.0),
+            gl.Eq(self.steady, 3.0),
+            gl.Eq(self.flange.tau, -self.newton_metre * laws[self.law]),
+        ]
+
+
+@pytest.mark.parametrize(("law", "named"), [(0, "load.x swings"), (1, "load.x, load.y swing"), (2, "load.x swings")])
+def test_products_of_what_swings_with_time_are_told(law: int, named: str) -> None:
+    """The mean of a product is not the product of the means; where nothing swings, nothing is told."""
+    system = gl.compile(torque_on_damper(law))
+    with pytest.warns(
+        InputWarning, match=f"^Driven: {named} with time, and counts? with (its mean|their means) in an equation"
+    ):
+        system.power_flow()
+    flow = system.power_flow(parameters={"load.amplitude": 0.0})
+    assert flow["body.flange_a"].speed == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("law", "mean"), [(3, 6.0), (4, 3.0), (5, 11.0)])
+def test_sums_of_what_swings_with_time_count_with_their_mean(law: int, mean: float) -> None:
+    assert gl.compile(torque_on_damper(law)).power_flow()["body.flange_a"].speed == pytest.approx(mean, rel=1e-12)
+
+
+def torque_on_damper(law: int) -> gl.Component:
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.load, self.body, self.damper, self.ground = Swinging(law=law), gp.Inertia(J=1.0), gp.Damper(d=1.0), gp.Fixed()
+            return [
+                gl.connect(self.load.flange, self.body.flange_a), gl.connect(self.body.flange_b, self.damper.flange_a),
+                gl.connect(self.damper.flange_b, self.ground.flange),
+            ]  # fmt: skip
+
+    return Driven()
