@@ -37,6 +37,7 @@ def test_no_two_axes_come_near_each_other_however_many_mesh_with_one(wheels: int
     assert np.diff(sorted(found.height)).min() >= APART
     assert np.abs(found.height[1]) == pytest.approx(PAIR)
     assert (np.diff(np.abs(found.height[1:])) >= 0).all(), "each as near as the ones before it leave room"
+    assert np.abs(found.height[:9]).max() < 3.5 * PAIR, "four on either side"
     for symbol in found.symbols:
         assert sum(symbol.radii) == pytest.approx(abs(found.height[symbol.shafts[1]]))
 
