@@ -311,3 +311,25 @@ def test_what_is_set_at_the_start_follows_from_no_other() -> None:
         found = [names[k] for k in needed_discretes(translation.structure, [translation.scene.named(rate)[0]])]
         assert [name for name in found if not name.startswith("when_")] == [own]
         assert len(found) == 2
+
+
+class Deciding(gl.Component):
+    """y rises by what the sign of x decides; z is set to y when w passes 1."""
+
+    x, w = gl.Variable("1", start=1.0), gl.Variable("1", start=0.0)
+    y, z, alone = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), -1.0),
+            gl.Eq(gl.der(self.w), 2.0),
+            gl.Eq(gl.der(self.y), gl.Piecewise((3.0, self.x > 0.0), (1.0, True))),
+            gl.Eq(gl.der(self.z), 0.0),
+            gl.Eq(gl.der(self.alone), 1.0),
+            gl.When(self.w > 1.0, gl.reinit(self.z, self.y)),
+        ]
+
+
+@pytest.mark.parametrize(("output", "states"), [("y", ["x", "y"]), ("z", ["w", "x", "y", "z"]), ("x", ["x"])])
+def test_states_that_events_depend_on_are_needed(output: str, states: list[str]) -> None:
+    assert sorted(gl.compile(Deciding(), outputs=[output]).states) == states

@@ -302,3 +302,33 @@ def test_what_decided_the_equations_has_no_derivative() -> None:
             "value: parameters={'one.J': ...}"
         )
     assert massless.parameter_changes(["b"], numbers, [])
+
+
+class Doubled(gl.Component):
+    """Two gears in a row, and one beside them with the product of their ratios."""
+
+    ratio = gl.Parameter("1", default=3.0)
+    beside = gl.Parameter("1", default=lambda s: s.ratio**2)
+
+    def assemble(self) -> list[Any]:
+        self.a, self.b = gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+        self.one, self.two = gp.IdealGear(ratio=self.ratio), gp.IdealGear(ratio=self.ratio)
+        self.other = gp.IdealGear(ratio=self.beside)
+        return [
+            gl.connect(self.a.flange_b, self.one.flange_a, self.other.flange_a),
+            gl.connect(self.one.flange_b, self.two.flange_a),
+            gl.connect(self.two.flange_b, self.other.flange_b, self.b.flange_a),
+        ]
+
+
+@pytest.mark.parametrize("ratio", [3.0, -0.5])
+def test_a_loop_that_closes_with_a_curved_binding_has_a_derivative(ratio: float) -> None:
+    """Of what all its ratios follow from; of none of them alone, and not where one of them is given."""
+    translation = gl.compile(Doubled(ratio=ratio)).translation
+    numbers, names = translation.parameter_values({}), translation.model.parameters.names
+    changes = {names[p]: w for p, _, w in translation.parameter_changes(["ratio"], numbers, [])}
+    assert changes["two.ratio"] == 1.0
+    assert changes["other.ratio"] == pytest.approx(2 * ratio)
+    for name, given in (("beside", []), ("two.ratio", []), ("ratio", ["beside"])):
+        with pytest.raises(LoopError, match=rf"^there is no derivative with respect to {name}: "):
+            translation.parameter_changes([name], numbers, given)
