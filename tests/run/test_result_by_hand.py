@@ -283,3 +283,29 @@ def test_sensitivities_that_were_not_asked_for() -> None:
         "the run was not asked for sensitivities with respect to 'twice' (it has rate, start(x)): simulate(..., "
         "sensitivities=['twice'])"
     )
+
+
+def test_states_that_were_not_integrated_are_found_beside_the_run() -> None:
+    """z, the integral of 3 - 2 t, without another run; which is of a single segment."""
+    own: Any = system().simulate(2.0, samples=5, method="rk")
+    own._run = None
+    assert own["z"] == pytest.approx(3.0 * own.time - own.time**2, abs=1e-12)
+    assert "segments" not in own.stats
+
+
+@pytest.mark.parametrize(("atol", "kept"), [(1e-4, 1e-4), (None, None), ([1e-4], None)])
+def test_tolerances_of_a_run_that_is_repeated_with_more_states(atol: Any, kept: float | None) -> None:
+    """One number holds for all of them; numbers for each state do not fit others."""
+
+    class Late(gl.Component):
+        """y follows from x, and from itself; no integral."""
+
+        x, y = gl.Variable("any", start=1.0), gl.Variable("any", start=0.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), -self.x), gl.Eq(gl.der(self.y), self.x - self.y)]
+
+    own: Any = gl.compile(Late(), outputs=["x"]).simulate(1.0, samples=3, method="rk", rtol=1e-8, atol=atol)
+    assert own["y"] == pytest.approx(own.time * np.exp(-own.time), abs=1e-3)
+    assert own._extended.request.atol == kept
+    assert own.sampled_at(np.array([0.5]))["x"] == pytest.approx([np.exp(-0.5)], abs=1e-3)

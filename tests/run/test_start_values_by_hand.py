@@ -278,3 +278,21 @@ def test_six_names_at_most_are_listed() -> None:
     six = ", ".join(f"x{k}" for k in range(1, 7))
     assert f"s is fixed at 30, but the other fixed values ({six}, ...) and the equations make it 28; fix" in str(refused.value)
     assert str(refused.value).endswith(f"; s follows from {six}, ...")
+
+
+class Swinging(gl.Component):
+    """x swings, and its derivative is a state of its own."""
+
+    x = gl.Variable("any", start=3.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(gl.der(self.x)), -4.0 * self.x)]
+
+
+def test_derivatives_that_are_states_begin_at_zero() -> None:
+    """x = 3 cos 2 t."""
+    translation = gl.compile(Swinging()).translation
+    found = start_values(translation.scene, translation.parameter_values({}), np.empty(0), 0.0, {})
+    assert dict(zip(translation.scene.state_names, found.states.tolist(), strict=True)) == {"x": 3.0, "der(x)": 0.0}
+    run = gl.System(translation).simulate(1.0, samples=5, rtol=1e-9)
+    assert run["x"] == pytest.approx(3.0 * np.cos(2.0 * run.time), abs=1e-7)

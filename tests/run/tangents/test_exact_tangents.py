@@ -184,3 +184,21 @@ def test_the_reference_is_right() -> None:
     ends = [expm(by_hand(2, **{**at, "c": 100.0 + s * step})) for s in (1, -1)]
     _, dE = expm_frechet(by_hand(2, **at), _slope(2, at, "c"))
     assert np.allclose((ends[0] - ends[1]) / (2 * step), dE, atol=1e-8)
+
+
+class Bound(gl.Component):
+    """x' = -x + 3 k sin(5 t) + 4 k: amplitudes that follow from a parameter, several times as large."""
+
+    k = gl.Parameter("any", default=0.7)
+    wave, level = gl.Parameter("any", default=lambda s: 3 * s.k), gl.Parameter("any", default=lambda s: -4 * s.k)
+    x = gl.Variable("any", start=0.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), self.wave * gl.sin(5.0 * gl.time) - self.level - self.x)]
+
+
+def test_drives_that_follow_from_a_parameter() -> None:
+    """x is in proportion to k."""
+    run = gl.compile(Bound()).simulate(2.0, samples=9, method="exact", sensitivities=["k"])
+    assert np.abs(run["x"]).max() > 1.0
+    assert run.sensitivity("x", "k") == pytest.approx(run["x"] / 0.7, rel=1e-9, abs=1e-12)
