@@ -517,21 +517,3 @@ def test_what_rounding_hides_far_away_is_not_steady(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("gearlib.program.invariance.CANCELLED", 0.0)  # rounding counts as a spring that takes the torque
     with pytest.raises(StartError, match="no steady state was found"):
         gl.compile(EqualGears()).simulate(1.0, start="steady")
-
-
-class Grinding(gl.Component):
-    """A body that a damper and a bearing bring to rest after 30 s: 0.1 w + 0.05 slow it down."""
-
-    def assemble(self) -> list[Any]:
-        self.body, self.fan, self.ground = gp.Inertia(J=1.0, start={"w": 10.0}), gp.Damper(d=0.1), gp.Fixed()
-        self.bearing = gp.Brake(fn_max=0.1, f_normalized=1.0)
-        return [
-            c(self.body.flange_b, self.fan.flange_a, self.bearing.flange_a),
-            c(self.fan.flange_b, self.ground.flange),
-        ]
-
-
-def test_a_slow_stop_is_waited_for() -> None:
-    """The rates fall to a third in each 10 s, so that it may come to rest at any time."""
-    run = gl.compile(Grinding(), outputs=["body.w"]).simulate(1.0, samples=2, start="steady")
-    assert np.abs(run["body.w"]).max() < 1e-9

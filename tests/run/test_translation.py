@@ -216,6 +216,28 @@ def test_parts_are_those_of_the_compilation(monkeypatch: pytest.MonkeyPatch) -> 
     assert gl.compile(Row()).simulate(1.0, samples=2, parameters={"J": 0.0})["others[0].w"] == pytest.approx([0.0, 2.0])
 
 
+class Chosen(Row):
+    """The same, with one of two bodies behind the shaft."""
+
+    behind = 0
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.first = gp.Torque(tau=6.0), gp.Inertia(J=self.J)
+        self.shaft, self.others = gp.SpringDamper(c=10.0, d=1.0), [gp.Inertia(J=1.0), gp.Inertia(J=1.0)]
+        return [
+            gl.connect(self.torque.flange, self.first.flange_a),
+            gl.connect(self.first.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.others[type(self).behind].flange_a),
+        ]
+
+
+def test_connections_are_those_of_the_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = gl.compile(Chosen(), outputs=["others[0].w"])
+    monkeypatch.setattr(Chosen, "behind", 1)
+    assert system.simulate(1.0, samples=2, parameters={"J": 0.0})["others[0].w"] == pytest.approx([0.0, 6.0])
+    assert gl.compile(Chosen()).simulate(1.0, samples=2, parameters={"J": 0.0})["others[0].w"].tolist() == [0.0, 0.0]
+
+
 class Around(gl.Component):
     """Two bodies that two discs join: the angles of both must be the same."""
 

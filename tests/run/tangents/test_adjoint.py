@@ -42,6 +42,16 @@ def test_of_a_decay(method: str) -> None:
     assert found == pytest.approx({"k": by_k, "start(x)": by_x}, rel=1e-8)
 
 
+@pytest.mark.parametrize("samples", [2, 3, 40, 700])
+def test_every_sample_has_its_weight(samples: int) -> None:
+    """Also where there are more of them than steps."""
+    run = gl.compile(Decay()).simulate(2.0, samples=samples)
+    weights = np.cos(np.arange(samples)) / samples
+    found = run.gradient({"x": weights}, ["k", "start(x)"])
+    decay = np.exp(-0.7 * run.time)
+    assert found == pytest.approx({"k": -3.0 * weights @ (run.time * decay), "start(x)": weights @ decay}, rel=1e-7, abs=1e-9)
+
+
 def test_of_the_xp_train() -> None:
     train = gp.ZhouCui2022(tau_in=100.0, e_amplitude=1e-5, e_omega=500.0, e_phase=0.1)
     as_tangents(gl.compile(train, outputs=["w_out", "q_ring"]), XP, ["w_out", "q_ring", "der(w_out)"], 0.01)
