@@ -26,6 +26,7 @@ from gearlib.run.translation import Compiled, Translation
 from gearlib.solvers.inputs.table import values
 from gearlib.statics.closed_gaps import drifting, refuse_drift, with_gaps_closed
 from gearlib.statics.load_sharing import shared
+from gearlib.statics.mesh_turn import products_in_time
 from gearlib.statics.power_flow import FlangePower, PowerFlow
 from gearlib.statics.steady_motion import (
     CONTRADICTION,
@@ -381,6 +382,14 @@ def _warn_of_time(translation: Translation, numbers: Floats, given: Sequence[Giv
         inputs = [name for name in names if found[name] is not None]
         remedy = f"; pass power_flow(torques={{{inputs[0]!r}: ...}})" if inputs else ""
         warn(f"{translation.name}: {some(names, ', ')} {in_words(names)} in the power flow{remedy}", InputWarning)
+    if products := products_in_time(model, numbers):
+        what = (
+            "swings with time, and counts with its mean"
+            if len(products) == 1
+            else "swing with time, and count with their means"
+        )
+        where = "in an equation that is not linear in what swings; run the train for the means of its torques"
+        warn(f"{translation.name}: {some(products, ', ')} {what} {where}", InputWarning)
 
 
 def refuse_open(model: FlatModel, motion: Motion) -> None:
