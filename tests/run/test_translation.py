@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import Any
 
@@ -44,6 +45,17 @@ def test_parameters_follow_from_each_other_unless_given() -> None:
 def test_what_is_no_number_is_refused(value: Any) -> None:
     with pytest.raises(ArgumentError, match=r"^parameter size is .*; expected a number$"):
         bound().parameter_values({"size": value})
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0])
+def test_numbers_out_of_bounds_are_refused_alike_whatever_their_type(value: float) -> None:
+    said = []
+    for number in (value, np.float64(value)):
+        with pytest.raises(gl.GearlibError) as refused:
+            bound().parameter_values({"a.J": number})
+        said.append(str(refused.value))
+    assert said[0] == said[1]
+    assert "a.J" in said[0]
 
 
 def test_derivatives_of_parameters_by_others() -> None:
