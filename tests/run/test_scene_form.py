@@ -156,7 +156,7 @@ def test_first_values_are_left_to_ida_where_iteration_finds_none(kind: str) -> N
         x, y = gl.Variable("1", start=0.0), gl.Variable("1", guess=1.0)
 
         def equations(self) -> list[Any]:
-            return [gl.Eq(gl.der(self.x), 1.0 + 0.0 * self.y), gl.Eq(self.y**2 + 1.0, self.x)]
+            return [gl.Eq(gl.der(self.x), 1.0 + self.y), gl.Eq(self.y**2 + 1.0, self.x)]
 
     system = gl.compile(Missed(), outputs=["y"])
     own, model = scene_form(system.translation.scene, kind), system.translation.model
