@@ -20,8 +20,19 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import Kernel, partial_kernel, relation_kernel, residual_kernel
 from gearlib.equations.template import Template, memoised
 from gearlib.errors import ModelError
-from gearlib.flatten.model import EquationGroup, FlatModel, alphabetical
-from gearlib.flatten.time_means import ripples
+from gearlib.flatten.followers import (
+    Follower,
+    column_place,
+    determined,
+    followers_of,
+    names_of,
+    nonlinear_terms,
+    others_of,
+    place_of,
+    rates_of,
+    slopes_of,
+)
+from gearlib.flatten.model import EquationGroup, FlatModel
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -141,14 +152,14 @@ def turn(
     """Variation of phase-dependent variables over a common period; each value has the same mean as in the motion."""
     n = model.n_variables
     phases = [
-        model.groups[g].variables[:, _local(model.groups[g].template, c)] for g, found in repeating.items() for c in found
+        model.groups[g].variables[:, column_place(model.groups[g].template, c)] for g, found in repeating.items() for c in found
     ]
     if not phases:
         return None
     seeds = np.unique(np.concatenate(phases))
     place = np.full(n, -1, np.int64)
     place[seeds] = np.arange(len(seeds))
-    followers = _followers(model, place >= 0)
+    followers, turns = followers_of(model, parameters, place >= 0)
     steps = _steps(model, seeds, followers, b)
     points = PARTS if (steps == 1).all() else MIXED
     angle = 2 * np.pi * ((np.arange(points) + 0.5) / points - 0.5)
@@ -156,30 +167,32 @@ def turn(
     begin[begun] = sign * parameters[model.start_slots]  # two phases of one rate keep their difference
     over = Turn(place, np.where(a == 0, begin, a)[seeds][:, None] + steps[:, None] * angle)
     open_ = np.zeros(n, bool)
-    open_[[_determined(model, f) for f in followers]] = True
+    open_[[determined(model, f) for f in followers]] = True
     of_rates = np.zeros(n, bool)
-    of_rates[[_determined(model, (g, c, i)) for g, c, i in followers if (open_[_changes(model.groups[g])[i]]).any()]] = True
+    of_rates[
+        [determined(model, (g, c, i)) for g, c, i in followers if (open_ & ~turns)[rates_of(model.groups[g])[i]].any()]
+    ] = True
     # Those of an algebraic loop or of rates are left: their means will do where they enter linearly
-    while ready := [f for f in followers if not (open_[_others(model, f)].any() or of_rates[_determined(model, f)])]:
+    while ready := [f for f in followers if not (open_[others_of(model, f)].any() or of_rates[determined(model, f)])]:
         for g, c in dict.fromkeys((g, c) for g, c, _ in ready):
             rows = np.array([i for other, _, i in ready if other == g], np.int64)
             group = model.groups[g]
-            j = _local(group.template, c)
+            j = column_place(group.template, c)
             v = group.variables[rows, j]
             rest = _through(model, residual_kernel(group.template), g, group, parameters, a, b, discrete, over)[rows]
-            slope = float(partial_kernel(group.template, c).number or 1.0)
-            change = -(rest - rest.mean(axis=1, keepdims=True)) / slope * group.signs[rows, j][:, None]
+            scale = (group.signs[:, j] / slopes_of(group, c, parameters))[rows, None]
+            change = -(rest - rest.mean(axis=1, keepdims=True)) * scale
             place[v] = len(over.values) + np.arange(len(v))
             over = Turn(place, np.concatenate([over.values, a[v][:, None] + change]))
             open_[v] = False
         followers = [f for f in followers if f not in set(ready)]
-    while behind := [f for f in followers if of_rates[_others(model, f)].any() and not of_rates[_determined(model, f)]]:
-        of_rates[[_determined(model, f) for f in behind]] = True
-    _refuse_unknown(model, over.place >= 0, over.place >= len(seeds), open_, of_rates)
+    while behind := [f for f in followers if of_rates[others_of(model, f)].any() and not of_rates[determined(model, f)]]:
+        of_rates[[determined(model, f) for f in behind]] = True
+    _refuse_unknown(model, over.place >= 0, (over.place >= 0) & ~turns, open_, of_rates)
     return over
 
 
-def _steps(model: FlatModel, seeds: Integers, followers: list[tuple[int, int, int]], b: Floats) -> Integers:
+def _steps(model: FlatModel, seeds: Integers, followers: list[Follower], b: Floats) -> Integers:
     """How often each phase turns while the points are gone through: as their rates are to each other, where equations mix phases.
 
     Rates without a common period get steps of a lattice rule, by which each combination of phases comes as often as any other
@@ -189,8 +202,8 @@ def _steps(model: FlatModel, seeds: Integers, followers: list[tuple[int, int, in
     from scipy.sparse.csgraph import connected_components
 
     moved = np.zeros(model.n_variables, bool)
-    moved[seeds] = moved[[_determined(model, f) for f in followers]] = True
-    together = [np.concatenate([[_determined(model, f)], _others(model, f)]) for f in followers]
+    moved[seeds] = moved[[determined(model, f) for f in followers]] = True
+    together = [np.concatenate([[determined(model, f)], others_of(model, f)]) for f in followers]
     for v in (group.variables for group in model.groups if not group.template.linear):
         together += [*v[moved[v].sum(axis=1) > 1]]
     pairs = [(meeting[0], v) for row in together for meeting in [row[moved[row]]] for v in meeting[1:]]
@@ -231,9 +244,9 @@ def _refuse_unknown(
     """Refuse products, squares and conditions of variables that determine each other, or of rates of those that ``vary``."""
     for group in model.groups:
         template = group.template
-        for name, order, others in _nonlinear(template):
-            own = group.variables[:, _place(template, name)]
-            beside = group.variables[:, [_place(template, other) for other in sorted(others)]]
+        for name, order, others in nonlinear_terms(template):
+            own = group.variables[:, place_of(template, name)]
+            beside = group.variables[:, [place_of(template, other) for other in sorted(others)]]
             for i in np.flatnonzero((vary if order else open_)[own] & (moved | open_)[beside].any(axis=1)).tolist():
                 loop = "follows from equations that have to be solved together at each phase; solve them for it"
                 known = "follows from rates that vary with the phase" if of_rates[own[i]] else loop
@@ -241,142 +254,9 @@ def _refuse_unknown(
                 raise ModelError(f"{template.label}: its mean over a turn of the mesh is not known, since {why}")
 
 
-def products_in_time(model: FlatModel, parameters: Floats) -> list[str]:
-    """Variables, by path, that follow from sinusoids of time, and whose square, product or comparison with such an equation holds."""
-    swing = {g: ripples(group, parameters) for g, group in enumerate(model.groups) if group.template.timed}
-    open_ = np.zeros(model.n_variables, bool)
-    open_[[_determined(model, f) for f in _followers(model, open_, swing)]] = True
-    found: dict[str, None] = {}
-    for group in model.groups if open_.any() else ():
-        for name, _, others in _nonlinear(group.template):
-            own = group.variables[:, _place(group.template, name)]
-            beside = group.variables[:, [_place(group.template, other) for other in sorted(others)]]
-            for i in np.flatnonzero(open_[own] & open_[beside].any(axis=1)).tolist():
-                found[model.name(int(own[i]))] = None
-    return sorted(found, key=alphabetical)
-
-
-@memoised
-def _nonlinear(template: Template) -> tuple[tuple[str, int, frozenset[str]], ...]:
-    """What an equation holds that is not linear: a variable, its order, and the variables that its coefficient or condition depends on."""
-    if template.linear:
-        return ()
-    pairs = [(name, order, _names(partial_kernel(template, c))) for c, (name, order) in enumerate(template.columns)]
-    pairs += [(name, order, {name}) for name, order in template.relation_columns if not order]
-    return tuple((name, order, frozenset(others)) for name, order, others in pairs)
-
-
-def _followers(
-    model: FlatModel, moved: NDArray[np.bool_], swing: Mapping[int, NDArray[np.bool_]] | None = None
-) -> list[tuple[int, int, int]]:
-    """(group, column, row) of equations that determine a variable from phases, speeds and their followers, or that ``swing`` by themselves.
-
-    First where all else of an equation is known to follow from a phase or to be constant; then where an equation is written as if for
-    one variable, since speeds that follow from torques are never known to be constant.
-    """
-    n = model.n_variables
-    differentiated, rates = np.zeros(n, bool), np.zeros(n, bool)
-    for group in model.groups:
-        if any(order for _, order in group.template.columns):
-            for name, order in group.template.columns:
-                (differentiated if order else rates)[group.variables[:, _place(group.template, name)]] = True
-    deflections, steady = differentiated & ~rates, moved | model.potential
-    adapts = differentiated | model.potential  # unless it is known
-    found: list[tuple[int, int, int]] = []
-    reached, constant = moved.copy(), np.zeros(n, bool)
-    while True:
-        fresh: dict[int, tuple[int, int, int]] = {}
-        likely: dict[int, tuple[int, int, int]] = {}
-        before = int(constant.sum())
-        for g, group in enumerate(model.groups):
-            template = group.template
-            columns = [(_place(template, name), order) for name, order in (*template.columns, *template.relation_columns)]
-            changes = _changes(group)
-            varying = (reached & ~moved)[changes].any(axis=1) | (swing or {}).get(g, False)
-            turning = (steady | reached)[changes].all(axis=1)
-            keeping = steady[changes].all(axis=1) & ~varying & (not template.timed)
-            candidates = _candidates(template)
-            own = group.variables[:, [_local(template, c) for c in candidates]]
-            unknown = ~(reached | constant | model.flow | model.potential)
-            several = unknown[own].sum(axis=1) > 1
-            for c in candidates:
-                j = _local(template, c)
-                v = group.variables[:, j]
-                others = group.variables[:, [k for k, order in columns if not order and k != j]]
-                open_ = unknown[v] & (group.signs[:, j] != 0)
-                follows = open_ & (reached[others].any(axis=1) | varying) & turning
-                follows &= ~differentiated[v] | reached[others].all(axis=1)
-                sure = follows & ~several & ~(adapts & ~(reached | constant))[others].any(axis=1)
-                fresh |= {int(v[i]): (g, c, int(i)) for i in np.flatnonzero(sure)}
-                if c == _given(template):
-                    free = follows & ~((differentiated if changes.size else deflections) & ~reached)[others].any(axis=1)
-                    likely |= {int(v[i]): (g, c, int(i)) for i in np.flatnonzero(free)}
-                constant[v[open_ & keeping & constant[others].all(axis=1)]] = True
-        if constant.sum() > before and not fresh:
-            continue
-        if not (fresh := fresh or likely):
-            return found
-        found += fresh.values()
-        reached[list(fresh)] = True
-        constant &= ~reached
-
-
-@memoised
-def _candidates(template: Template) -> tuple[int, ...]:
-    """The columns that an equation may determine: values with a number as coefficient. Rates may stand in it beside others."""
-    slopes = enumerate(zip(template.slopes, template.columns, strict=True))
-    elsewhere = {name for name, _ in template.relation_columns} | {name for name, order in template.columns if order}
-    return tuple(c for c, (slope, (name, order)) in slopes if not order and slope.is_number and name not in elsewhere)
-
-
-@memoised
-def _given(template: Template) -> int | None:
-    """The column that an equation determines by its looks: the only value with coefficient 1 or -1."""
-    slopes = enumerate(zip(template.slopes, template.columns, strict=True))
-    alone = [c for c, (slope, (_, order)) in slopes if not order and slope.is_number and abs(float(slope)) == 1.0]
-    return alone[0] if len(alone) == 1 and alone[0] in _candidates(template) else None
-
-
-def _determined(model: FlatModel, follower: tuple[int, int, int]) -> int:
-    """The variable that a (group, column, row) determines."""
-    g, c, i = follower
-    return int(model.groups[g].variables[i, _local(model.groups[g].template, c)])
-
-
-def _others(model: FlatModel, follower: tuple[int, int, int]) -> Integers:
-    """The variables of an equation except the determined one."""
-    g, c, i = follower
-    return np.delete(model.groups[g].variables[i], _local(model.groups[g].template, c))
-
-
-def _changes(group: EquationGroup) -> Integers:
-    """The variables whose rates stand in a group's equations, shape (equations, rates)."""
-    template = group.template
-    columns = (*template.columns, *template.relation_columns)
-    return group.variables[:, [_place(template, name) for name, order in columns if order]]
-
-
-def _local(template: Template, c: int) -> int:
-    return _place(template, template.columns[c][0])
-
-
-def _place(template: Template, name: str) -> int:
-    return template.locals.index(name)
-
-
 def _depends(kernel: Kernel, group: EquationGroup, over: Turn) -> bool:
     """Whether phase-dependent variables affect a kernel, including through its conditions."""
-    return any(over.moves(group, name) for name in _names(kernel))
-
-
-def _names(kernel: Kernel) -> set[str]:
-    """The locals that a kernel depends on, other than through derivatives."""
-    template = kernel.template
-    columns = [*template.columns, *template.relation_columns]
-    names = {columns[c][0] for c in kernel.columns if columns[c][1] == 0}
-    if any(c < len(template.relations) for c in kernel.relations):
-        names |= {name for name, _ in template.relation_columns}
-    return names
+    return any(over.moves(group, name) for name in names_of(kernel))
 
 
 def _through(

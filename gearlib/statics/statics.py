@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import by_name, name_list, one_name, real
 from gearlib.errors import ArgumentError, InputWarning, ModelError, SolverError, StartError, warn
+from gearlib.flatten.followers import products_in_time
 from gearlib.flatten.model import FlatModel
 from gearlib.flatten.time_means import held_in_time, in_words
 from gearlib.language.declarations import Flow, Potential
@@ -26,7 +27,6 @@ from gearlib.run.translation import Compiled, Translation
 from gearlib.solvers.inputs.table import values
 from gearlib.statics.closed_gaps import drifting, refuse_drift, with_gaps_closed
 from gearlib.statics.load_sharing import shared
-from gearlib.statics.mesh_turn import products_in_time
 from gearlib.statics.power_flow import FlangePower, PowerFlow
 from gearlib.statics.steady_motion import (
     CONTRADICTION,

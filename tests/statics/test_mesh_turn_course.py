@@ -327,6 +327,8 @@ SUMS: list[tuple[Any, float]] = [
     (lambda s: s.fast**2, W**2 + 0.5),
     (lambda s: s.faster**2, 9 * W**2 + 2.0),
     (lambda s: s.faster * s.speed, 3 * W**2),
+    (lambda s: s.scaled * s.y, 0.125),
+    (lambda s: s.scaled**2 * s.four, 0.125),
 ]
 
 
@@ -337,7 +339,8 @@ class Summed(gl.Component):
     law = gl.Structural(0)
     newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
     phase = gl.Variable("rad")
-    faster, fast, behind, half, total, y, speed = (gl.Variable("1") for _ in range(7))
+    four = gl.Parameter("1", default=4.0)
+    faster, fast, behind, half, total, scaled, y, speed = (gl.Variable("1") for _ in range(8))
 
     def equations(self) -> list[gl.Eq]:
         return [
@@ -345,6 +348,7 @@ class Summed(gl.Component):
             gl.Eq(self.fast - self.speed, self.y),
             gl.Eq(self.behind + self.total, 2 * self.y + self.half * 2),
             gl.Eq(2 * self.half, self.total),
+            gl.Eq(self.four * self.scaled, self.y),
             gl.Eq(self.total - self.y, gl.cos(self.phase)),
             gl.Eq(self.y, gl.sin(self.phase)),
             gl.Eq(self.speed, self.second * gl.der(self.flange.phi)),
@@ -485,3 +489,26 @@ def torque_on_damper(law: int) -> gl.Component:
             ]  # fmt: skip
 
     return Driven()
+
+
+@pytest.mark.parametrize(("swing", "geared"), [(30.0, True), (30.0, False), (0.0, True)])
+def test_a_load_on_a_speed_that_is_prescribed_and_swings_is_told(swing: float, geared: bool) -> None:
+    """The load grows with the square of a speed of 100 / 2; the swing would add 4.5 percent."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.source, self.body = gp.Speed(exact=True, w_ref=100 + swing * gl.sin(50 * gl.time)), gp.Inertia(J=1.0)
+            self.gear = gp.IdealGear(ratio=2.0 if geared else 1.0)
+            self.load = gp.QuadraticSpeedDependentTorque(tau_nominal=-8.0, w_nominal=10.0, torque_direction=False)
+            return [
+                gl.connect(self.source.flange, self.gear.flange_a), gl.connect(self.gear.flange_b, self.body.flange_a),
+                gl.connect(self.body.flange_b, self.load.flange),
+            ]  # fmt: skip
+
+    system = gl.compile(Driven())
+    if swing:
+        with pytest.warns(InputWarning, match=r"^Driven: load\.w swings with time, and counts with its mean in an equation"):
+            flow = system.power_flow()
+    else:
+        flow = system.power_flow()
+    assert flow["load.flange"].torque == pytest.approx(200.0 if geared else 800.0, rel=1e-9)
