@@ -257,6 +257,8 @@ def test_the_figure_of_the_train_is_laid_out_like_the_train() -> None:
     assert at["P mesh"] == pytest.approx((at["gear 1"] + at["gear 2"]) / 2)
     assert at["shaft"] == pytest.approx((at["sun"] + at["shaft end"]) / 2)
     assert at["rigid shaft"] == pytest.approx((at["shaft end"] + at["gear 1"]) / 2, abs=0.2)
+    assert at["deflection 74"] - at["P mesh"] == pytest.approx([0, -1.3]), "below, away from the X unit"
+    assert at["deflection 6"] - at["ring mesh"] == pytest.approx([0, 1.3])
     (one, other), (first, second) = (figure.routes[n] for n in (25, 65)), (at["planet 1 orbit"], at["planet 2 orbit"])
     assert np.array(one[:2]) - [middle, 0] == pytest.approx((np.array(other[:2]) - [middle, 0]) * [-1, 1], abs=1e-12)
     assert one[2][1] - first[1] == pytest.approx(other[2][1] - second[1])
