@@ -411,10 +411,13 @@ def test_friction_that_would_drive_is_named(make: Any, name: str) -> None:
             flatten(make(rows))
     flatten(make(((0.0, 0.5), (1.0, 0.0))))
     flatten(make(((1.0, 0.3), (3.0, 0.9))))  # 0 at rest, but for rounding
+    steep = ((0.1, 1e5), (0.1 * 3, 0.1 * 3 * 1e6))
+    assert -1e-9 < at_zero(steep) < -1e-12
+    flatten(make(steep))
     with pytest.raises(
         BindingError, match=rf"{name} is .*, whose extrapolation to the speed 0 is negative; expected a row for it"
     ):
-        flatten(make(((1.0, 0.3), (3.0, 1.0))))
+        flatten(make(((1.0, 0.3), (3.0, 0.9 + 1e-10))))
 
 
 @pytest.mark.parametrize(("make", "name"), [
