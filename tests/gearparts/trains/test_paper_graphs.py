@@ -283,6 +283,9 @@ def test_elements_of_one_bond_stand_beside_their_junction() -> None:
         beside = [np.array(places[n]) - figure.positions[junction] for n in (spring, damper)]
         assert beside[0] == pytest.approx(beside[1] * [-1, 1])
         assert np.abs(beside[0][0]) == pytest.approx(np.abs(beside[0][1]))
+    for inertia, junction in ((2, "ring"), (69, "gear 1"), (78, "gear 2"), (81, "carrier")):  # below, where nothing else is
+        (at,) = (figure.positions[e] for e in graph.elements if isinstance(e, Junction) and e.name == junction)
+        assert places[inertia] - at == pytest.approx([0, -1.2]), inertia
     for element in graph.elements:
         if isinstance(element, TF):
             around = [figure.positions[bond.other(element)] for bond in graph.at(element)]
