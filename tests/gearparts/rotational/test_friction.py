@@ -842,3 +842,13 @@ def test_words_of_a_part_tell_the_state_of_its_contact() -> None:
     """0 open, 1 stuck, 2 sliding."""
     assert [words("brake")[state].partition(":")[0] for state in (0.0, 1.0, 2.0)] == ["open", "stuck", "sliding"]
     assert all(said.format("a.b").endswith(": brake a.b") for said in words("brake").values())
+
+
+def test_a_curve_s_extreme_may_be_at_rest() -> None:
+    """Rows that are alike in both directions have their least value at zero; those of two rows are the rows."""
+    rows = ((-2.0, 3.0), (-1.0, 1.0), (1.0, 1.0), (2.0, 3.0))
+    least = float(Akima1DInterpolator(*np.array(rows).T)(0.0))
+    assert least < 0.9
+    assert extremes(rows, 1, "akima") == pytest.approx((least, 3.0), rel=1e-14)
+    assert extremes(((-3.0, 3.0), *rows[1:]), 1, "linear") == (1.0, 3.0)
+    assert extremes(((0.0, 2.0), (1.0, 1.0)), 1, "akima") == (1.0, 2.0)
