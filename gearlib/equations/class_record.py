@@ -211,7 +211,7 @@ def refuse_misfits(errors: Sequence[str]) -> None:
 
 def _kinds_of_parts(component: Component) -> tuple[Any, ...]:
     """What the names that equations take from parts depend on."""
-    return tuple((path, _choices(part)) for path, part in with_parts(component))
+    return tuple((path, _choices(part)) for path, part in with_parts(component)[1:])
 
 
 def _readable(component: Component) -> tuple[Any, ...] | None:
@@ -219,10 +219,11 @@ def _readable(component: Component) -> tuple[Any, ...] | None:
 
     Parts may be given to an instance, so that another of its class has others. None where attributes cannot be compared.
     """
-    if type(component).equations is Component.equations:
-        return _plain_attributes(component)
-    parts = [(path, _choices(part), _plain_attributes(part)) for path, part in with_parts(component)]
-    return None if any(attributes is None for _, _, attributes in parts) else tuple(parts)
+    own = _plain_attributes(component)
+    if own is None or not parts_of(component) or type(component).equations is Component.equations:
+        return own
+    parts = [(path, _choices(part), _plain_attributes(part)) for path, part in with_parts(component)[1:]]
+    return None if any(attributes is None for _, _, attributes in parts) else (own, *parts)
 
 
 def _plain_attributes(component: Component) -> tuple[Any, ...] | None:
