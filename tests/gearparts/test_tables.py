@@ -62,6 +62,14 @@ def test_what_is_beyond_the_last_row_ends_at_a_limit(smoothness: str) -> None:
 
 
 def test_akima_s_curve_ends_at_a_limit_along_its_last_tangent() -> None:
-    """The parabola's tangent at its last row falls by 4 a second, from -4."""
-    rows = ((0.0, 0.0), (1.0, -1.0), (2.0, -4.0))
-    assert at(interpolated(rows, X, 1, "akima", (-6.0, 0.0)), 2.25, 2.5, 3.0) == pytest.approx([-5.0, -6.0, -6.0], abs=1e-14)
+    """The parabola -x**2 falls by 4 a second at its last row; x**2 begins with 2 a second at 1."""
+    falling = interpolated(((0.0, 0.0), (1.0, -1.0), (2.0, -4.0)), X, 1, "akima", (-6.0, 0.0))
+    expected = [-0.25, -2.25, -5.0, -6.0, -6.0, -6.0]
+    assert at(falling, 0.5, 1.5, 2.25, 2.5, 2.75, 3.0) == pytest.approx(expected, abs=1e-14)
+    rising = interpolated(((1.0, 1.0), (2.0, 4.0), (3.0, 9.0)), X, 1, "akima", (0.0, 12.0))
+    assert at(rising, -1.0, 1.5, 2.5, 3.25, 3.75) == pytest.approx([-3.0, 2.25, 6.25, 10.5, 12.0], abs=1e-14)
+
+
+def test_a_limit_beyond_three_rows_leaves_what_is_between_them() -> None:
+    law = interpolated(((0.0, 8.0), (1.0, 4.0), (2.0, 3.0)), X, 1, "linear", (0.0, math.inf))
+    assert at(law, 0.5, 1.5, 3.0, 4.5, 5.0, 6.0) == [6.0, 3.5, 2.0, 0.5, 0.0, 0.0]
