@@ -403,3 +403,33 @@ def test_a_state_matters_where_the_rate_of_another_depends_on_it() -> None:
     structure = gl.compile(Coasting()).translation.structure
     found = {structure.model.name(v): matters_elsewhere(structure, structure.states, (v, k)) for v, k in structure.states}
     assert found == {"x": False, "v": True, "y": True}
+
+
+@pytest.mark.parametrize("unit", ["rad", "1", "m"])
+def test_only_angles_are_frozen(unit: str) -> None:
+    """A state of another unit may have coefficients that repeat every 2 pi, too; and a speed is none, though it is the rate of an angle."""
+
+    class Wave(gl.Component):
+        one = gl.Parameter({"rad": "1", "1": "1", "m": "1/m"}[unit], default=1.0)
+        rate = gl.Parameter(f"{unit}/s" if unit != "1" else "1/s", default=1.0)
+        x, y = gl.Variable(unit, start=0.5), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), self.rate), gl.Eq(gl.der(self.y), -self.y * (2 + gl.sin(self.one * self.x)))]
+
+    model = gl.compile(Wave()).linearize([], ["y"], at={"y": 3.0}, sparse=True)
+    assert model.conditions == (("frozen at x = 0.5 rad, with which the coefficients vary",) if unit == "rad" else ())
+
+
+def test_a_rate_of_an_angle_is_not_frozen() -> None:
+    """Its own rate depends on it with a period of 2 pi 1/s, and it changes."""
+
+    class Friction(gl.Component):
+        phi, second = gl.Variable("rad", start=0.0), gl.Parameter("s", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            v = self.second * gl.der(self.phi)
+            return [gl.Eq(self.second**2 * gl.der(gl.der(self.phi)), 1 - gl.sin(v))]
+
+    model = gl.compile(Friction()).linearize([], ["der(phi)"], sparse=True)
+    assert model.conditions == ()
