@@ -302,3 +302,28 @@ def test_a_corner_without_an_event_leaves_the_events_of_others_alone() -> None:
     assert not [one for one in said if "a corner" in str(one.message)]
     with pytest.warns(GearlibWarning, match=r"corner in the equations of part\[1\] \([^=]*edge[^=]* = 0\): the"):
         system.linearize([], parameters={"part[1].edge": 1.0}, sparse=True)
+
+
+@pytest.mark.parametrize(
+    ("holds", "told"),
+    [
+        (lambda z: z > 0, False), (lambda z: z >= 0, True), (lambda z: z < 0, False), (lambda z: z <= 0, True),
+        (lambda z: z > -1, True), (lambda z: z < -1, False), (lambda z: z > 1, False), (lambda z: z < 1, True),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("events", [True, False])
+def test_comparisons_of_what_stands_still_are_what_they_are_at_the_point(holds: Any, told: bool, events: bool) -> None:
+    """Of zero with zero, too: a corner behind one that does not hold has no effect, and is not named."""
+
+    class Gated(gl.Component):
+        k, always = gl.Parameter("1/s", default=1.0), gl.Parameter("1/s", default=1.0)
+        x, zero = gl.Variable("1", start=0.0), gl.Variable("1")
+
+        def equations(self) -> list[Any]:
+            law = gl.Piecewise((gl.Max(self.x, 0), holds(self.zero)), (0, True))
+            return [gl.Eq(self.zero, 0), gl.Eq(gl.der(self.x), self.k * (law if events else gl.no_event(law)))]
+
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        gl.compile(Gated()).linearize([], ["x"], sparse=True)
+    assert ["a corner in the equations of Gated (" in str(one.message) for one in said] == [True] * told
