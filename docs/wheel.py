@@ -25,6 +25,10 @@ LIMIT = 1 << 20  # bytes: 1 MB
 METHODS = tuple(f"solvers/{name}" for name in ("exponential", "ida", "lanes", "rungekutta", "taylor"))
 ENGINE = tuple(
     f"gearlib/{name}/" for name in ("compiler", "equations", "flatten", "native", "program", "reduce", "structure", *METHODS)
+) + (
+    *(f"gearlib/statics/{name}" for name in ("closed_gaps", "load_sharing", "mesh_turn", "steady_motion")),
+    *("gearlib/vibration/eigenvalue_count", "gearlib/vibration/lowest_eigenvalues", "gearlib/linear/linearized_program"),
+    *("gearlib/drawing/layers", "gearlib/drawing/arrangement", "gearlib/drawing/scheme/routing", "gearlib/run/tangents/"),
 )
 LOCAL, CENTRAL, END = "<4s5H3L2H", "<4s6H3L5H2L", "<4s4H2LH"  # records of a zip archive
 

@@ -18,6 +18,7 @@ from gearlib.program.program import Batch, Linear, Newton
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Added = tuple[int, int, float]  # slot, index of the added seed, weight
+ROUNDING = 1e-13  # of a unit vector: a smaller entry of its null space is zero but for rounding, in any units
 SINGULAR = 1e13  # condition number beyond which equations count as linearly dependent
 MOST_DENSE = 4_000_000  # slots times seeds up to which a dense matrix is returned
 
@@ -285,7 +286,8 @@ def _null_space(matrix: Floats) -> Floats:
     if np.linalg.cond(scaled) < SINGULAR:
         return np.zeros((len(matrix), 0))
     _, sizes, right = np.linalg.svd(scaled)
-    return np.asarray(right[sizes * SINGULAR <= sizes.max()].T * columns[:, None], float)
+    null = right[sizes * SINGULAR <= sizes.max()].T
+    return np.where(np.abs(null) > ROUNDING, null, 0.0) * columns[:, None]
 
 
 def equilibrating(matrix: Floats) -> tuple[Floats, Floats]:
