@@ -17,7 +17,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError, SolverError
 from gearlib.flatten.flatten import flatten
-from gearparts.rotational.friction import BearingFriction, Brake, Clutch
+from gearparts.rotational.friction import BearingFriction, Brake, Clutch, words
 from gearparts.rotational.friction import OneWayClutch as OneWayClutchPart
 from gearparts.tables import at_zero, check_rows, extremes, interpolated
 from tests.gearparts import heat_losses_by_hand
@@ -833,3 +833,9 @@ def test_when_a_freewheel_lets_go(freewheel: gl.Component) -> None:
     assert right_side(freewheel, "tau0_max", **{**peak, "peak": 1.0}) == pytest.approx(2.0, rel=1e-3)
     assert right_side(freewheel, "tau0_max", **{**peak, "peak": 1.0}) > 2.0, "no chatter at the sliding torque itself"
     assert 0.0 < right_side(freewheel, "tau0_max", **{**peak, "free": 1.0}) < 1e-3
+
+
+def test_words_of_a_part_tell_the_state_of_its_contact() -> None:
+    """0 open, 1 stuck, 2 sliding."""
+    assert [words("brake")[state].partition(":")[0] for state in (0.0, 1.0, 2.0)] == ["open", "stuck", "sliding"]
+    assert all(said.format("a.b").endswith(": brake a.b") for said in words("brake").values())
