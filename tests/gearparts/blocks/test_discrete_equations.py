@@ -8,6 +8,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from tests.gearparts.blocks.bench import Driven
+from tests.gearparts.test_declared_numbers import parameters
 
 B = gp.blocks
 
@@ -27,6 +28,12 @@ def test_a_digital_controller_begins_at_its_first_instant() -> None:
     assert r["block.integral"] == pytest.approx([0.0, *integral[[0, 0, 1, 1, 2]]], abs=1e-14)
     v = [2.0 * (3.0 - 1.5), 2.0 * (3.0 - 2.5) + integral[0] + derivative, 2.0 * (3.0 - 3.5) + integral[1] + later]
     assert r["block.y"] == pytest.approx([0.0, v[0], v[0], v[1], v[1], v[2]], abs=1e-14)
+
+
+def test_limits_are_symmetric_unless_told_otherwise() -> None:
+    given = parameters(B.DiscretePID(sample_period=0.1, y_max=2.0, y_min=-3.0))
+    symmetric = parameters(B.DiscretePID(sample_period=0.1, y_max=2.0))
+    assert (given["room"], given["y_min"], symmetric["room"], symmetric["y_min"]) == (5.0, -3.0, 4.0, -2.0)
 
 
 def test_a_delay_tells_its_instants() -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import pytest
 
 import gearparts as gp
 from tests.gearparts.laws import right_side
+from tests.gearparts.test_declared_numbers import parameters
 
 B = gp.blocks
 
@@ -45,3 +47,17 @@ def test_a_switch_with_hysteresis_remembers_from_limit_to_limit() -> None:
     for u, from_off, from_on in ((-1.5, 0, 0), (-1.0, 0, 1), (0.5, 0, 1), (2.0, 0, 1), (2.5, 1, 1)):
         block = B.Hysteresis(**limits)
         assert [right_side(block, "on", u=u, pre_on=was, **limits) for was in (0.0, 1.0)] == [from_off, from_on]
+
+
+@pytest.mark.parametrize(
+    ("kind", "upper", "lower"),
+    [(B.Limiter, "y_max", "y_min"), (B.DeadZone, "u_max", "u_min"), (B.Hysteresis, "u_high", "u_low")],
+)
+def test_limits_may_be_farther_below_zero_than_above(kind: Any, upper: str, lower: str) -> None:
+    assert parameters(kind(**{upper: 2.0, lower: -3.0}))["room"] == 5.0
+    if kind is not B.Hysteresis:  # whose limits are both given
+        assert parameters(kind(**{upper: 2.0}))[lower] == -2.0
+
+
+def test_a_rate_is_limited_alike_in_both_directions_unless_told_otherwise() -> None:
+    assert parameters(B.RateLimiter(rising=2.0))["falling"] == -2.0

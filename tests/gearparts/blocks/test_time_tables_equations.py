@@ -43,6 +43,7 @@ def test_a_run_starts_within_the_period_of_its_time(periods: int, part: float) -
 def test_a_run_that_starts_where_a_period_begins_but_for_rounding_starts_with_the_first_row() -> None:
     instants = [(k * 1.1 + s, s - FIRST) for s in (0.1, 0.3, 0.7) for k in (0, 10, 20, 70, 130)]
     instants += [(0.3, 0.1 + 0.2 - FIRST), (math.nextafter(0.3, 0.0), 0.3 - FIRST), (0.25, math.nextafter(0.0, 1.0))]
+    instants += [(math.nextafter(time, 0.0), shift) for time, shift in instants if time > 20.0]
     for time, shift in instants:
         turned = time - shift - FIRST
         assert abs(turned - round(turned)) < 1e-13

@@ -61,3 +61,35 @@ def test_states_of_a_transfer_function_are_those_of_the_controllable_form() -> N
     assert linear.B.ravel() == pytest.approx([0.0, 1.0], abs=1e-14)
     assert linear.C.ravel() == pytest.approx([-10.0, -2.0], abs=1e-14)
     assert linear.D.ravel() == pytest.approx([3.0], abs=1e-14)
+
+
+def refusal(make: Any) -> str:
+    """What is raised for a block."""
+    try:
+        flatten(Driven(make=make))
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    return ""
+
+
+def test_a_block_whose_matrices_do_not_fit_is_refused_by_their_sizes() -> None:
+    zero_first = "BindingError: TransferFunction block: b is (1.0,) and a is (0.0, 2.0); expected a first coefficient of a"
+    assert refusal(lambda: B.TransferFunction(a=[0.0, 2.0])).startswith(zero_first)
+    assert refusal(lambda: B.TransferFunction(b=[1.0, 1.0])).startswith("BindingError: TransferFunction block: b is (1.0, 1.0)")
+    for b, c in (([1.0, 2.0], [1.0]), ([1.0], [1.0, 2.0])):
+        said = refusal(lambda b=b, c=c: B.StateSpace(A=[[1.0]], B=b, C=c))
+        assert said.startswith("BindingError: StateSpace block: A is "), said
+    for given, sizes in (
+        ({"A": [[1.0]], "B": [[1.0], [2.0]], "C": [[1.0]]}, "A 1 x 1, B 2 x 1, C 1 x 1, D 1 x 1"),
+        ({"A": np.eye(2), "B": [[1.0, 2.0], [1.0]], "C": [[1.0, 0.0]]}, "A 2 x 2, B 2 x 2, C 1 x 2, D 1 x 2"),
+        ({"A": [[1.0]], "C": [[1.0]]}, "A 1 x 1, B 0 x 0, C 1 x 1, D 1 x 0"),
+    ):
+        said = refusal(lambda given=given: B.MultiStateSpace(**given))
+        assert said == f"BindingError: MultiStateSpace block: the matrices do not fit each other: {sizes}"
+
+
+def test_only_the_first_coefficient_must_not_be_zero() -> None:
+    assert gains(B.TransferFunction(b=[3.0], a=[2.0, 0.0]), ["block.u"], ["block.y"], S).ravel() == pytest.approx(
+        [1.5 / S], rel=1e-12
+    )
+    assert gains(B.TransferFunction(b=[3.0]), ["block.u"], ["block.y"], S).ravel() == pytest.approx([3.0], rel=1e-14)

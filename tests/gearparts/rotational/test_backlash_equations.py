@@ -72,3 +72,13 @@ def test_the_damper_adds_at_most_what_the_spring_gives_or_all(kind: Any, side: f
     for damping, total in ((1.0, 4.0), (3.0, 6.0), (4.0, 6.0 if limited else 7.0), (-1.0, 2.0), (-3.0, 0.0), (-4.0, 0.0)):
         values = {"has_gap": 1.0, "contact": side, "tau_c": 3.0 * side, "tau_d": damping * side}
         assert right_side(part, "tau", **values) == total * side, damping
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_words_tell_the_side_that_touches(kind: Any) -> None:
+    said = kind._declarations["touching"].words
+    assert [said[side].format("hub") for side in (0.0, 1.0, -1.0)] == [
+        "open: coupling hub",
+        "in contact: coupling hub",
+        "in contact, driven backwards: coupling hub",
+    ]

@@ -312,7 +312,8 @@ def test_both_roads_blame_the_same(how: str, may_leave: bool) -> None:
         assert one["said"] == other["said"]
 
 
-def test_the_first_exception_on_the_way_through_ida_comes_out() -> None:
+@pytest.mark.parametrize("function", ["rhs", "jac", "root_values"])
+def test_the_first_exception_on_the_way_through_ida_comes_out(function: str) -> None:
     run = driver(stiff(), T, ida(native=False))
     assert run.advance(1) == "more"
     calls = itertools.count()
@@ -320,6 +321,6 @@ def test_the_first_exception_on_the_way_through_ida_comes_out() -> None:
     def failing(*_: Any) -> int:
         raise KeyError(f"call {next(calls)}")
 
-    run.stepper.rhs = failing  # type: ignore[attr-defined]
+    setattr(run.stepper, function, failing)
     with pytest.raises(KeyError, match="call 0"):
         integrate(run)

@@ -198,10 +198,6 @@ def test_what_makes_no_table_is_refused(text: str, message: str, tmp_path: Path)
             lambda: gl.Table([0, 1, 1, 2], [0, 1, 2, 3], "cubic"),
             "two equal times make a step, which interpolation='cubic' does not know",
         ),
-        (
-            lambda: gl.Table([1, 1], [0, 1], "monotone"),
-            "two equal times make a step, which interpolation='monotone' does not know",
-        ),
         (lambda: gl.Table([0], [1], outside="periodic"), "a periodic table needs two times or more"),
         (
             lambda: gl.Table([0, 1, 2], [0, 1, 2], "cubic", "periodic"),
