@@ -165,8 +165,11 @@ def _reached(translation: Translation, numbers: Floats, given: list[Given]) -> t
         if not (found.residual > CONTRADICTION).any() and agree(found, reached):
             _warn_of_instability(translation, numbers, point)
             return found, [*given, *sticking]
+    if meant := guesses(model, numbers):
+        near = solve(model, numbers, given, meant)
+        motion = motion if (near.residual > CONTRADICTION).any() else near
     motion = with_gaps_closed(model, numbers, given, motion)
-    if (motion.residual > CONTRADICTION).any() or guesses(model, numbers):
+    if (motion.residual > CONTRADICTION).any() or meant:
         return motion, given
     other = motion_from(model, numbers, given, -np.concatenate([motion.constants, motion.rates]))
     other = with_gaps_closed(model, numbers, given, other)

@@ -313,3 +313,36 @@ def test_what_equals_another_unknown_shares_its_slot() -> None:
     slots = evaluate(numbers, np.zeros(1), np.array([[0.5]]), none, none)[:, 0]
     found = {name: slots[program.slots[node]] for name, node in names.items()}
     assert found == {"x": 0.5, "r": 1.5, "q": -1.5, "fed.u": 1.5, "fed.y": 3.0}
+
+
+class Copying(gl.Component):
+    """The rate of what is turned round in the whole."""
+
+    y, r = gl.Variable("1"), gl.Variable("1/s")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.r, gl.der(self.y))]
+
+
+class Turned(gl.Component):
+    x = gl.Variable("1")
+    rate = gl.Parameter("1/s", default=3.0)
+
+    def assemble(self) -> list[Any]:
+        self.same, self.opposite = Copying(), Copying()
+        return []
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.rate * self.x), gl.Eq(self.same.y, self.x), gl.Eq(self.opposite.y, -self.x)]
+
+
+def test_what_equals_the_opposite_of_an_unknown_has_a_slot_of_its_own() -> None:
+    """Where the sign comes from the variable, and not from the equation."""
+    translation = gl.compile(Turned(), outputs=["same.r", "opposite.r"]).translation
+    nodes = {name: (translation.model.variable(name), 0) for name in ("same.r", "opposite.r")}
+    program = build(translation.structure, nodes.values(), translation.scene.states, dynamic=True)
+    numbers, none = prepare(program, translation.structure, translation.model.parameters.values), np.zeros((0, 1))
+    slots = evaluate(numbers, np.zeros(1), np.array([[0.5]]), none, none)[:, 0]
+    assert {name: slots[program.slots[node]] for name, node in nodes.items()} == {"same.r": 1.5, "opposite.r": -1.5}
+    assert program.slots[nodes["same.r"]] == program.slots[translation.model.variable("x"), 1]
+    assert program.slots[nodes["opposite.r"]] != program.slots[nodes["same.r"]]

@@ -12,7 +12,7 @@ import gearlib as gl
 from gearlib.equations.kernel import Kernel
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import TIME, DerivativePlan, Solved, Sums, derivative_plan, discrete_entry, state_plan
-from gearlib.program.derivatives import At, entries
+from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import prepare
 from gearlib.program.program import Batch, Linear, Newton, Program
 from tests.program.programs import KINDS, point
@@ -251,3 +251,37 @@ def test_what_cancels_in_an_equation_is_no_derivative_of_it() -> None:
     at = At(numbers, np.zeros(1), np.full((program.n_slots, 1), 0.7), np.zeros((0, 1)))
     assert list(zip(plan.rows.tolist(), plan.seeds.tolist(), entries(plan, at)[:, 0].tolist(), strict=True)) == [(0, 1, 3.0)]
     assert len(derivative_plan(program, [(slots["x"], 0)], [slots["y"]]).sources) == 0
+
+
+class Counted(gl.Component):
+    """``x' = r (m p x + q r t)`` with a number ``m`` that events change."""
+
+    x, m = gl.Variable("1"), gl.Discrete("1")
+    rate, p, q = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=2.0), gl.Parameter("1", default=3.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.rate * (self.m * self.p * self.x + self.q * self.rate * gl.time)),
+            gl.When(self.x > 5, gl.Eq(self.m, gl.pre(self.m) + 1)),
+        ]  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize("name", ["rate", "p", "q"])
+def test_constants_at_which_seeds_enter_are_told_apart(name: str) -> None:
+    """One of three parameters, a number that is used, one behind it that is not, and time."""
+    translation = gl.compile(Counted()).translation
+    model, scene = translation.model, translation.scene
+    r, p, q, m, x, t = 1.5, 2.0, -0.7, 4.0, 0.3, 0.9
+    values = model.parameters.values.copy()
+    values[[model.parameters.index[one] for one in ("rate", "p", "q")]] = r, p, q
+    flags = np.zeros((scene.n_discrete, 1))
+    place = model.n_relations + model.discretes.index("m")
+    flags[place] = m
+    program = build(translation.structure, scene.rates, scene.states, dynamic=True)
+    slots = np.full((program.n_slots, 1), x)
+    codes = [program.n_slots + model.parameters.index[name], discrete_entry(place), TIME, discrete_entry(place + 1)]
+    plan = derivative_plan(program, [(code, seed) for seed, code in enumerate(codes)], program.output_slots)
+    numbers = prepare(program, translation.structure, values)
+    found = dense(plan, entries(plan, At(numbers, np.array([t]), slots, flags)))[0]
+    slopes = {"rate": m * p * x + 2 * q * r * t, "p": r * m * x, "q": r**2 * t}
+    assert found == pytest.approx(np.array([[slopes[name], r * p * x, r**2 * q, 0.0]]), rel=1e-14)

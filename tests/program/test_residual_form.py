@@ -11,6 +11,7 @@ import pytest
 
 import gearlib as gl
 from gearlib.errors import SingularError
+from gearlib.program.build import build
 from gearlib.program.interpret import evaluate, prepare
 from gearlib.program.program import Batch
 from gearlib.program.residual_form import index_reduced_form, torn_form
@@ -151,3 +152,31 @@ def test_states_whose_derivatives_are_states_in_any_order(order: tuple[int, ...]
     expected = {0: 1.9 + 0.7, 1: 5.0 - 1.1, 2: -2.5 + 4.0 * 0.3}
     assert np.abs(found) == pytest.approx([abs(expected[k]) for k in order])
     assert form.program.n_slots == 9
+
+
+class Static(gl.Component):
+    """No state: ``b`` by iteration, and ``c`` in sequence from it."""
+
+    b, c = gl.Variable("1"), gl.Variable("1")
+    u = gl.Input("1")
+    p = gl.Parameter("1", default=P)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.p * self.c, self.u - self.b), gl.Eq(self.b**3 + self.b + self.c, 2 * self.u)]
+
+
+def test_equations_without_states_are_torn_as_well() -> None:
+    """The tear is all that is left to the integrator."""
+    translation = gl.compile(Static(), outputs=["b", "c"]).translation
+    model, structure = translation.model, translation.structure
+    wanted = [(model.variable(name), 0) for name in "bc"]
+    program = build(structure, wanted, (), dynamic=False)
+    form = torn_form(structure, program, None, ())
+    (tear,) = form.unknowns
+    assert (form.n_states, form.algebraic, len(form.program.residuals)) == (0, (tear,), 1)
+    assert all(isinstance(step, Batch) for step in form.program.steps)
+    prepared = prepare(form.program, structure, model.parameters.values)
+    slots = evaluate(prepared, np.zeros(1), np.array([[0.3]]), np.array([[U]]), np.zeros((0, 1)))[:, 0]
+    b, c = (slots[form.program.slots[node]] for node in wanted)
+    left = [P * c - U + b, b**3 + b + c - 2 * U]
+    assert sorted(np.abs(left)) == pytest.approx([0.0, abs(slots[form.program.residuals[0]])], abs=1e-15)

@@ -17,12 +17,12 @@ from gearlib.statics.steady_motion import Given
 
 
 @cache
-def blown() -> gl.System:
+def blown(guess: float | None = None) -> gl.System:
     """A torque on a body with drag, and in air, whose torque has one direction whichever way it turns."""
 
     class Blown(gl.Component):
         def assemble(self) -> list[Any]:
-            self.motor, self.body = gp.Torque(tau=1.0), gp.Inertia(J=1.0)
+            self.motor, self.body = gp.Torque(tau=1.0), gp.Inertia(J=1.0, guess={} if guess is None else {"w": guess})
             self.air = gp.QuadraticSpeedDependentTorque(tau_nominal=-1.0, w_nominal=1.0, torque_direction=True)
             self.drag = gp.LinearSpeedDependentTorque(tau_nominal=-1.0, w_nominal=1.0, torque_direction=False)
             return [gl.connect(self.motor.flange, self.body.flange_a, self.air.flange, self.drag.flange)]
@@ -41,6 +41,34 @@ def test_motions_both_ways_are_told_however_slow_or_fast(speed: float) -> None:
     assert sorted([float(one), float(other.removesuffix(" in another"))]) == pytest.approx(
         [speed * (-1 - 17**0.5) / 2, speed * (-1 + 17**0.5) / 2], rel=1e-5
     )
+
+
+@pytest.mark.parametrize(("guess", "sign"), [(1.0, 1), (40.0, 1), (-2.0, -1), (-40.0, -1)])
+def test_of_several_motions_the_one_near_the_guess_is_meant(guess: float, sign: int) -> None:
+    """Also where the torque stands in place of what the motor does, and from rest the other motion is found: 4 = x^2 + x."""
+    flow = gl.power_flow(blown(guess), torques={"motor.tau": 4.0})
+    assert flow["body.flange_a"].speed == pytest.approx((-1 + sign * 17**0.5) / 2, rel=1e-9)
+
+
+class Levelling(gl.Component):
+    """A load that hardly depends on speed where that is high."""
+
+    flange = gp.Flange("shaft")
+    tau, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange.tau, self.tau * gl.tanh(self.second * gl.der(self.flange.phi)))]
+
+
+@pytest.mark.parametrize("guess", [0.3, 50.0])
+def test_a_guess_near_which_there_is_no_motion_hides_none(guess: float) -> None:
+    class Train(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.motor, self.body, self.load = gp.Torque(tau=0.1), gp.Inertia(J=1.0, guess={"w": guess}), Levelling()
+            return [gl.connect(self.motor.flange, self.body.flange_a, self.load.flange)]
+
+    flow = gl.power_flow(gl.compile(Train()), torques={"motor.tau": 0.5})
+    assert flow["body.flange_a"].speed == pytest.approx(np.arctanh(0.5), rel=1e-9)
 
 
 class Climb(gl.Component):
@@ -73,6 +101,19 @@ def test_the_motion_reached_is_searched_for_whatever_the_size_of_a_train_that_is
         InputWarning, match=r"^Train: load changes with time, and counts with its value at t = 0 in the power flow$"
     ):
         assert gl.power_flow(gl.compile(Train()))["load.flange"].speed == pytest.approx(3.0, rel=1e-9)
+
+
+def test_a_motion_other_than_that_of_the_run_is_not_taken_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The run ends at 3; where that is not what the equations give near it, they are solved near the start value."""
+
+    class Train(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.load = gp.Inertia(J=1.0, start={"w": 2.2}), Climb()
+            return [gl.connect(self.body.flange_b, self.load.flange)]
+
+    monkeypatch.setattr(statics, "agree", lambda *_: False)
+    with pytest.warns(InputWarning, match="changes with time"):
+        assert gl.power_flow(gl.compile(Train()))["load.flange"].speed == pytest.approx(2.0, rel=1e-9)
 
 
 def test_of_several_inputs_over_time_the_first_is_named_to_be_given() -> None:
