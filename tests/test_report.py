@@ -195,3 +195,15 @@ def test_thinned_curves_keep_their_peaks():
     assert (b.max(), b.min()) == (50.0, -60.0)
     assert (a[0], a[-1]) == (0.0, 1.0)
     assert np.isin(b, y).all()
+
+
+def test_states_of_a_run_stand_at_its_start_and_its_end(tmp_path):
+    """A body on its own keeps its speed; its angle grows by 3 rad/s."""
+    system = gl.compile(gp.Inertia(J=1.0), outputs=["w", "phi"])
+    run = system.simulate(2.0, samples=3, start={"w": 3.0, "phi": 1.0})
+    text = system.report(tmp_path / "body.html", result=run).read_text(encoding="utf-8")
+    rows = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", text, re.DOTALL)]
+    states = {row[0]: row[1:3] for row in rows if row and row[0] in ("w", "phi")}
+    assert states == {"w": ["3", "3"], "phi": ["1", "7"]}
+    alone = system.report(tmp_path / "alone.html").read_text(encoding="utf-8")
+    assert ("at the end" in text, "at the end" in alone) == (True, False)

@@ -118,6 +118,21 @@ def test_summary_tells_every_phase() -> None:
     assert "linear, time-invariant; outputs: everything, on demand" in text
 
 
+def test_a_summary_is_that_of_inputs_at_zero() -> None:
+    """Start values that fit each other without the input alone: x, and y = x + u, both start at 5."""
+
+    class Offset(gl.Component):
+        u, x, y = gl.Input("any"), gl.Variable("any", start=5.0), gl.Variable("any", start=5.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), 0.0), gl.Eq(self.y, self.x + self.u)]
+
+    system = gl.compile(Offset())
+    assert "x" in system.summary()
+    with pytest.raises(gl.GearlibError, match="start values contradict each other"):
+        system.simulate(1.0, samples=2, inputs={"u": 1.0})
+
+
 @pytest.mark.parametrize("given", [Drive, None, "Drive", SYSTEM])
 def test_only_components_are_compiled(given: Any) -> None:
     with pytest.raises(
@@ -333,6 +348,8 @@ def test_wrong_arguments_of_linearize(arguments: Any, error: type[GearlibError],
 
 def test_linear_model_of_the_drive() -> None:
     linear = SYSTEM.linearize(["torque.tau"], ["load.w", "motor.w"])
+    assert type(linear).__name__ == "StateSpace"
+    assert type(SYSTEM.linearize(["torque.tau"], ["load.w"], sparse=True)).__name__ == "LinearModel"
     assert [name.replace("_", ".") for name in linear.input_labels] == ["torque.tau"]  # python-control takes no dots
     assert [name.replace("_", ".") for name in linear.output_labels] == ["load.w", "motor.w"]
     response = linear(2j)[:, 0]

@@ -10,6 +10,7 @@ from gearlib.drawing.style import COLOURS, MARK
 CELL = 10.0  # pixels
 SIZE = 8.0  # font size
 LONGEST_LABEL = 48  # characters
+LEGEND = 570.0  # its width, pixels
 ONCE, TWICE = "#fde2b8", "#f7b26a"  # backgrounds of equations differentiated once, and more often
 
 
@@ -98,7 +99,8 @@ def _drawn(matrix: IncidenceMatrix) -> str:
         dot = svg.rectangle(x - 3, y - 3, 6, 6, fill="black") if solved else svg.circle(x, y, 2.2, fill="#555555")
         content.append(svg.group([dot], title))
     content.append(svg.rectangle(left, top, wide, high, fill="none", stroke="black", stroke_width=0.8))
-    return svg.document(left + wide + 12, top + high + 12, content, f"Incidence matrix of {matrix.title}")
+    right = left + max(wide, LEGEND, 1.1 * svg.text_width(matrix.title, 13))  # of a bold title
+    return svg.document(right + 12, top + high + 12, content, f"Incidence matrix of {matrix.title}")
 
 
 def _legend(x: float) -> list[str]:

@@ -19,7 +19,9 @@ def escaped(text: str) -> str:
     >>> escaped('a < "b"')
     'a &lt; &quot;b&quot;'
     """
-    return "".join(SPECIAL.get(c, c) for c in text if c in "\t\n" or 0x20 <= ord(c) < 0xD800 or 0xE000 <= ord(c) < 0xFFFE)
+    return "".join(
+        SPECIAL.get(c, c) for c in text if c in "\t\n" or 0x20 <= ord(c) < 0xD800 or (c >= "\ue000" and c not in "\ufffe\uffff")
+    )
 
 
 def number(value: float) -> str:

@@ -153,17 +153,21 @@ def _refuse_void(templates: Sequence[Template]) -> None:
                 f"the model is not balanced. over-determined: {_both(other, t)} say the same; leave one of them out"
             )
     sharing = _sharing([t for t in _sharing(templates) if t.linear and t.columns]) if len(templates) <= MOST else ()
-    if sharing and (repeated := "; ".join(_dependent(sharing))):
+    if repeated := _dependent(sharing):
         raise BalanceError(
-            f"the model is not balanced. over-determined: one of these equations follows from the others: {repeated}"
+            f"the model is not balanced. over-determined: one of these equations follows from the others: {'; '.join(repeated)}"
         )
 
 
 def _sharing(templates: Sequence[Template]) -> Sequence[Template]:
     """Equations without a variable of their own: only these can follow from each other."""
-    count = Counter(column for t in templates for column in t.columns)
-    left = [t for t in templates if all(count[column] > 1 for column in t.columns)]
-    return left if len(left) == len(templates) else _sharing(left)
+    for _ in templates:  # without some, others have one, too
+        count = Counter(column for t in templates for column in t.columns)
+        left = [t for t in templates if all(count[column] > 1 for column in t.columns)]
+        if len(left) == len(templates):
+            break
+        templates = left
+    return templates
 
 
 def _dependent(templates: Sequence[Template]) -> list[str]:
@@ -230,7 +234,7 @@ def _plain_attributes(component: Component) -> tuple[Any, ...] | None:
     own = component.__dict__
     if len(own) == len(PRIVATE):
         return ()
-    families = {name.split("[", 1)[0] for name in parts_of(component)}
+    families = {name.partition("[")[0] for name in parts_of(component)}
     plain = tuple((n, type(v), v) for n, v in own.items() if n not in PRIVATE and n not in families)
     try:
         hash(plain)
@@ -251,8 +255,6 @@ def _kind_of(name: str, component: Component, declared: Declared) -> str | None:
 
 def descend(component: Component, name: str) -> tuple[Component, str]:
     """The innermost part that a dotted path leads to, and the rest of the path."""
-    node = component
-    while "." in name and name.split(".", 1)[0] in parts_of(node):
-        head, name = name.split(".", 1)
-        node = parts_of(node)[head]
-    return node, name
+    head, dot, rest = name.partition(".")
+    part = parts_of(component).get(head) if dot else None
+    return (component, name) if part is None else descend(part, rest)

@@ -122,9 +122,9 @@ def split_equations(
             earlier: list[Any] = []
             chosen: dict[str, list[tuple[Any, Any]]] = {}
             for branch in equation.branches:
-                for target, found in when(branch, earlier).items():
-                    chosen.setdefault(target, []).append(found[0])
-                    values += [(target, sympy.Piecewise(way, (pre(real_symbol(target)), True)), False) for way in found[1:]]
+                for target, (first, *more) in when(branch, earlier).items():
+                    chosen.setdefault(target, []).append(first)
+                    values += [(target, sympy.Piecewise(way, (pre(real_symbol(target)), True)), False) for way in more]
             values += [
                 (target, sympy.Piecewise(*found, (pre(real_symbol(target)), True)), False) for target, found in chosen.items()
             ]

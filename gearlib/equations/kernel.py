@@ -157,7 +157,7 @@ def _operations(expression: Any) -> int:
     if isinstance(expression, sympy.Pow):
         exponent = expression.exp
         if exponent.is_Integer:
-            return below + max(1, int(abs(exponent)).bit_length() - 1) + DIVISION * int(exponent.is_negative)
+            return below + max(1, int(abs(exponent)).bit_length() - 1) + (DIVISION if exponent.is_negative else 0)
         return below + (DIVISION if exponent.is_Rational and exponent.q == 2 else CALL)
     return below + CALL if isinstance(expression, sympy.Function) and not expression.is_Piecewise else below
 
@@ -271,9 +271,9 @@ def _divisors(expression: Any) -> list[Any]:
         return found
     inside = [d for part in expression.args for d in _divisors(part)]
     if isinstance(expression, sympy.tan):
-        return [*inside, sympy.cos(expression.args[0])]
+        return [*inside, sympy.cos(*expression.args)]
     if isinstance(expression, sympy.Pow) and not expression.exp.is_nonnegative:
-        base = expression.base.args[0] if isinstance(expression.base, sympy.Abs) else expression.base  # the x of abs(x)
+        (base,) = expression.base.args if isinstance(expression.base, sympy.Abs) else (expression.base,)  # the x of abs(x)
         divisor = base * sympy.Abs(base) ** (-1 - expression.exp)
         known = expression.exp.is_negative
         return [*inside, divisor if known else sympy.Piecewise((divisor, expression.exp < 0), (0, True))]

@@ -24,7 +24,7 @@ _RECIPROCAL = {sympy.sec: "cos", sympy.csc: "sin", sympy.cot: "tan"}
 _NO_EVENT = type(no_event(real_symbol("x")))
 _SIGN = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "==": "==", "!=": "<>"}
 _FUNCTION_OF = re.compile(r"(der|pre)\((.*)\)$")
-_INDEX = re.compile(r"\[(\d+)\]")
+_INDEX = re.compile(r"(?<=\[)\d+(?=\])")
 
 Naming = Callable[[str], str]
 
@@ -35,7 +35,7 @@ def modelica_name(name: str) -> str:
     >>> modelica_name("planets[0].w")
     'planets[1].w'
     """
-    return _INDEX.sub(lambda m: f"[{int(m[1]) + 1}]", name)
+    return _INDEX.sub(lambda m: str(int(m.group()) + 1), name)
 
 
 def modelica_text(expression: Any, naming: Naming = modelica_name) -> str:
@@ -61,7 +61,7 @@ def modelica_text(expression: Any, naming: Naming = modelica_name) -> str:
     >>> modelica_text((-x) ** 3 * gl.exp(-2 * w)), modelica_text(gl.der(x) * gl.pre(x)), modelica_text(x ** -0.5)
     ('-x^3*exp(-2*load.w)', 'der(x)*pre(x)', '1/x^0.5')
     """
-    return _Printer(naming).text(sympy.sympify(expression) if isinstance(expression, (int, float)) else expression)
+    return _Printer(naming).text(sympy.sympify(expression))
 
 
 def condition_text(value: Any, naming: Naming = modelica_name) -> str:
@@ -76,7 +76,7 @@ def condition_text(value: Any, naming: Naming = modelica_name) -> str:
     """
     if isinstance(value, sympy.Piecewise) and [v for v, _ in value.args] == [1, 0]:
         return modelica_text(value.args[0][1], naming)
-    return modelica_text(value > sympy.Rational(1, 2) if value.is_Number else value > 0.5, naming)
+    return modelica_text(value > 0.5, naming)
 
 
 class _Printer:
@@ -110,7 +110,8 @@ class _Printer:
     def symbol(self, name: str) -> str:
         inner = _FUNCTION_OF.match(name)
         if inner is not None:
-            return f"{inner[1]}({self.symbol(inner[2])})"
+            function, argument = inner.groups()
+            return f"{function}({self.symbol(argument)})"
         return name if name in ("time", "initial()") else self.naming(name)
 
     def number(self, e: Any) -> tuple[str, int]:
@@ -140,7 +141,7 @@ class _Printer:
             if factor.is_Rational and not factor.is_Integer:
                 above += [sympy.Integer(factor.p)] if factor.p != 1 else []
                 below.append(sympy.Integer(factor.q))
-            elif factor.is_Pow and factor.exp.is_number and factor.exp.is_negative:
+            elif factor.is_Pow and factor.exp.is_negative:
                 below.append(factor.base ** (-factor.exp))
             else:
                 above.append(factor)
@@ -156,7 +157,7 @@ class _Printer:
             return f"sqrt({self.text(base)})", ATOM
         if base is sympy.E:
             return f"exp({self.text(exponent)})", ATOM
-        if exponent.is_number and exponent.is_negative:
+        if exponent.is_negative:
             return f"1/{self.text(base ** (-exponent), POWER)}", PRODUCT
         return f"{self.text(base, ATOM)}^{self.text(exponent, ATOM)}", POWER
 
@@ -172,14 +173,14 @@ class _Printer:
         if isinstance(e, _SAME):
             return f"{type(e).__name__}({', '.join(map(self.text, e.args))})"
         if type(e) in _RECIPROCAL:
-            return f"(1/{_RECIPROCAL[type(e)]}({self.text(e.args[0])}))"
+            return f"(1/{_RECIPROCAL[type(e)]}({self.text(*e.args)}))"
         if isinstance(e, _NO_EVENT):
-            return f"noEvent({self.text(e.args[0])})"
+            return f"noEvent({self.text(*e.args)})"
         if isinstance(e, sympy.Abs):  # Modelica's abs raises no event, gearlib's does
-            x = e.args[0]
+            (x,) = e.args
             return f"(if {self.text(x)} >= 0 then {self.text(x)} else {self.text(-x)})"
         if isinstance(e, sympy.sign):
-            x = self.text(e.args[0])
+            x = self.text(*e.args)
             return f"(if {x} > 0 then 1 elseif {x} < 0 then -1 else 0)"
         if isinstance(e, (sympy.Max, sympy.Min)):
             return self.extreme([self.text(a) for a in sorted(e.args, key=str)], ">" if isinstance(e, sympy.Max) else "<")
@@ -187,7 +188,7 @@ class _Printer:
             t, period, offset = (self.text(a, PRODUCT) for a in e.args)
             return f"(if {t} >= {offset} then sin({math.pi!r}*({t} - {offset})/{period}) else -1)"
         if isinstance(e, JustBefore):
-            return self.text(e.args[0])
+            return self.text(*e.args)
         raise ModelicaError(f"{shown(e)} cannot be written in Modelica: there is no function {type(e).__name__}")
 
     def extreme(self, texts: list[str], sign: str) -> str:
@@ -201,7 +202,7 @@ class _Printer:
         if isinstance(c, BooleanAtom):
             return "true" if c else "false"
         if isinstance(c, sympy.Not):
-            return f"not ({self.condition(c.args[0])})"
+            return f"not ({self.condition(*c.args)})"
         if isinstance(c, (sympy.And, sympy.Or)):
             word = " and " if isinstance(c, sympy.And) else " or "
             return word.join(f"({self.condition(a)})" for a in sorted(c.args, key=str))

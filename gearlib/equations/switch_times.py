@@ -155,6 +155,8 @@ def _sinusoid_roots(constant: float, signal: Signal, t0: float, t_end: float) ->
     if omega * (t_end - t0) > MAX_SWITCHES * math.pi:
         raise OutsideClassError(f"it switches more than {MAX_SWITCHES} times")
     angle = math.acos(-constant / amplitude)
-    turns = np.arange(math.floor(omega * t0 / math.tau) - 2, math.ceil(omega * t_end / math.tau) + 3)
+    turns = np.arange(
+        math.floor(omega * t0 / math.tau), math.ceil(omega * t_end / math.tau) + 1
+    )  # angle - phase: within one turn
     times = np.concatenate([(math.tau * turns + sign * angle - phase) / omega for sign in (1, -1)])
-    return [float(t) for t in times[(times > t0) & (times < t_end)]]
+    return list(map(float, times))

@@ -328,7 +328,7 @@ def lift_relations(expression: Any, is_discrete: Callable[[str], bool] = never) 
     atoms = expression.atoms(Relational).union(*(value.atoms(Relational) for value in followed.values()))
     if not protected and not atoms:
         return expression, ()
-    plain = {dummy: piecewise(call.args[0].replace(_no_event, lambda e: e.args[0])) for call, dummy in protected.items()}
+    plain = {dummy: piecewise(call.replace(_no_event, lambda e: sympy.Add(*e.args))) for call, dummy in protected.items()}
     whole = {a: a.xreplace(followed).xreplace(plain) for a in atoms}
     events = [
         a for a in sorted(whole, key=lambda a: str(whole[a]))

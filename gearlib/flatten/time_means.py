@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,16 +26,26 @@ def off_mean(group: EquationGroup, parameters: Floats) -> Floats:
 
     NaN where there is no mean: a step, a ramp, a table, a coefficient that varies.
     """
-    template = group.template
-    if not template.timed:
+    if not group.template.timed:
         return np.zeros(len(group))
-    symbols, numbers = [real_symbol(name) for name in template.parameters], parameters[group.parameters].tolist()
-    return np.array([_off_mean(template, dict(zip(symbols, map(sympy.Float, own), strict=True))) for own in numbers])
+    return np.array([np.nan if means is None else means[0] for means in _means(group, parameters)])
 
 
-def _off_mean(template: Template, given: dict[Any, Any]) -> float:
+def ripples(group: EquationGroup, parameters: Floats) -> NDArray[np.bool_]:
+    """Which equations of a group swing with time about a mean, with constant variables."""
+    return np.array([means is not None and means[1] > 0.0 for means in _means(group, parameters)])
+
+
+def _means(group: EquationGroup, parameters: Floats) -> Iterator[tuple[float, float] | None]:
+    """What equations are off their mean over time at time 0, and their largest swing; None where there is no mean."""
+    symbols = [real_symbol(name) for name in group.template.parameters]
+    for own in parameters[group.parameters].tolist():
+        yield _mean(group.template, dict(zip(symbols, map(sympy.Float, own), strict=True)))
+
+
+def _mean(template: Template, given: dict[Any, Any]) -> tuple[float, float] | None:
     if any(time in slope.free_symbols for slope in template.slopes):
-        return np.nan
+        return None
     try:
         states = {
             relation_symbol(k): _state(r.g.xreplace(given), r.negated)
@@ -45,12 +55,13 @@ def _off_mean(template: Template, given: dict[Any, Any]) -> float:
         alone = template.rest.xreplace({**given, **states}).as_independent(time, as_Add=True)[1]
         signal = parse(alone, 0.0)
     except OutsideClassError:
-        return np.nan
+        return None
     mean = mean_value(signal)
     if mean is None:
-        return np.nan
-    off = value(signal, 0.0) - mean
-    return off if abs(off) > SMALL * sum(abs(c) for powers in signal.values() for c in powers) else 0.0
+        return None
+    off, size = value(signal, 0.0) - mean, sum(abs(c) for powers in signal.values() for c in powers)
+    swing = size - abs(mean)
+    return (off if abs(off) > SMALL * size else 0.0), (swing if swing > SMALL * size else 0.0)
 
 
 def _state(g: Any, negated: bool) -> Any:

@@ -169,8 +169,9 @@ def _corners(
         each = np.array([np.broadcast_to(x, count) for x in compared(*values)])
         rise = np.einsum("jcr,cr->jr", each[2 * m :].reshape(m, len(moves), count), np.array(moves))
         equal = (np.abs(each[:m]) <= EQUAL * each[m : 2 * m]) & (rise != 0)
-        negated = np.array([r.negated for r in template.relations])[:, None]
-        holds = np.where(negated, -each[:m], each[:m]) > 0
+        strict, negated = np.array([(r.strict, r.negated) for r in template.relations])[..., None].swapaxes(0, 1)
+        above = np.where(negated, -each[:m], each[:m])
+        holds = (above > 0) | (~strict & (above == 0))
         holds[:n] = discrete[model.first_relations[g] + rows * n + np.arange(n)[:, None]] != 0
         sides = [np.where(equal, (side * rise > 0) != negated, holds).astype(float) for side in (1, -1)]
         left, right = (np.array([np.broadcast_to(x, count) for x in slopes(*values, *side)]) for side in sides)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import by_name, name_list, one_name
 from gearlib.errors import GearlibWarning, InputWarning, NameLookupError, nearest, warn
+from gearlib.flatten.followers import products_in_time
 from gearlib.flatten.time_means import held_in_time, in_words
 from gearlib.linear.linearized_program import LinearizedProgram
 from gearlib.linear.operating_point import operating_point
@@ -156,8 +157,9 @@ def steady_state(
 
 
 def _warn_of_time(translation: Translation, numbers: Floats) -> None:
-    """Warn of what changes with time, and is off its mean at time 0."""
-    if names := held_in_time(translation.structure.model, numbers, means=False):
+    """Warn of what changes with time, and is off its mean at time 0, also in products."""
+    names = held_in_time(translation.structure.model, numbers, means=False)
+    if names := names or products_in_time(translation.structure.model, numbers):
         warn(f"{translation.name}: {some(names, ', ')} {in_words(names)} in the steady state", InputWarning)
 
 

@@ -356,7 +356,7 @@ def _in_order_of_use(
     Where parts are joined to a loop, the values that refer to later parts are variables of the class, with equations of their own.
     """
     waiting = {name: m for name, m in members.items() if m.kind == "part"}
-    needs = {name: _names_in_modifications(m.element.modifications.values()) & waiting.keys() for name, m in waiting.items()}
+    needs = {name: _names_in_modifications(m.element.modifications.values()) for name, m in waiting.items()}
     ordered: list[tuple[str, Member]] = []
     signals: dict[str, tuple[SyntaxNode, ClassScope]] = {}
     while waiting:

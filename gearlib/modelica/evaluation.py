@@ -346,19 +346,17 @@ class Evaluation:
         )
 
     def _call(self, node: CallNode) -> Any:
-        name = node.function
-        if name in ("noEvent", "smooth", "homotopy", "der", "pre", "edge", "change", "initial", "sample", "semiLinear"):
-            return self._operator_function(name, node)
-        if name not in _FUNCTIONS and name not in _OF_NUMBERS and name not in ("sum", "product", "array"):
-            full = lookup(tuple(name.split(".")), self.scope)
-            if isinstance(full, ClassScope):
-                raise ModelicaError(f"{node.at}: user-defined functions, such as {name}, are not supported")
-            path = ".".join(full)
-            if (conversion := conversion_named(path)) is not None:
-                (x,) = self._arguments(node, 1)
-                factor, offset = conversion
-                return x * factor + offset if offset else x * factor
-            name = path.removeprefix("Modelica.Math.")
+        full = lookup(tuple(node.function.split(".")), self.scope)  # a name of the text hides a built-in function
+        if isinstance(full, ClassScope):
+            raise ModelicaError(f"{node.at}: user-defined functions, such as {node.function}, are not supported")
+        path = ".".join(full)
+        if path in ("noEvent", "smooth", "homotopy", "der", "pre", "edge", "change", "initial", "sample", "semiLinear"):
+            return self._operator_function(path, node)
+        if (conversion := conversion_named(path)) is not None:
+            (x,) = self._arguments(node, 1)
+            factor, offset = conversion
+            return x * factor + offset if offset else x * factor
+        name = path.removeprefix("Modelica.Math.")
         if node.named:
             raise ModelicaError(f"{node.at}: {node.function}: arguments by name are not supported")
         if name in _FUNCTIONS:
@@ -407,17 +405,18 @@ class Evaluation:
         if name == "sample":
             first, period = (self.number(a) for a in arguments)
             return language.sample(period, first)
-        x = self.value(arguments[0])
-        if name == "noEvent":
-            return x if isinstance(x, (bool, int, float)) or _is_condition(x) else language.no_event(x)
-        if name == "der":
-            return 0 if isinstance(x, (int, float)) else language.der(x)
         if name == "semiLinear":
             above, below = (OperationNode(node.at, "*", (a, arguments[0])) for a in arguments[1:])
             positive = OperationNode(node.at, ">=", (arguments[0], NumberNode(node.at, 0)))
             return self._choice(ChoiceNode(node.at, ((positive, above),), below))
+        (of,) = arguments
+        x = self.value(of)
+        if name == "noEvent":
+            return x if isinstance(x, (bool, int, float)) or _is_condition(x) else language.no_event(x)
+        if name == "der":
+            return 0 if isinstance(x, (int, float)) else language.der(x)
         if name == "pre":  # of a continuous variable: its left limit, which actions of When see
-            declared = self.declaration(arguments[0]) if isinstance(arguments[0], ReferenceNode) else None
+            declared = self.declaration(of) if isinstance(of, ReferenceNode) else None
             return x if isinstance(declared, (Variable, Derivative)) else language.pre(x)
         before = language.pre(x)
         if name == "change":

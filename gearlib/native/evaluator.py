@@ -131,6 +131,8 @@ class Evaluator:
         self, t: Floats, states: Floats, inputs: Floats, relations: Floats, guess: Floats | None = None, forgiving: bool = False
     ) -> Floats:
         """All slots, shape (slots, times); arguments as for `gearlib.program.interpret.evaluate`."""
+        if guess is not None and guess.ndim == 2:  # one per point
+            return evaluate(self.prepared, t, states, inputs, relations, guess, forgiving)
         return self._at(t, states, inputs, relations, guess, forgiving)[0]
 
     def derivatives(self, t: Floats, states: Floats, inputs: Floats, relations: Floats) -> tuple[Floats, Floats]:
@@ -152,9 +154,6 @@ class Evaluator:
         """Slots, listed derivatives, and the points at which the compiled code failed and the interpreter took over."""
         code, plan, count = self.code, self.plan, len(t)
         layout, program = code.layout, self.prepared.program
-        if guess is not None and guess.ndim == 2:  # one per point
-            found = evaluate(self.prepared, t, states, inputs, relations, guess, forgiving)
-            return found, np.empty((count, 0)), np.arange(count)
         self.data[layout.slots : layout.slots + program.n_slots] = 0.0 if guess is None else guess
         arrays = {
             "t": np.ascontiguousarray(t, float),

@@ -519,7 +519,7 @@ def _product(body: Body, kept: KeptMatrix, step: Newton) -> list[str]:
 def _rests(body: Body, kept: KeptMatrix, step: Newton) -> None:
     """Residuals at zero unknowns: of the equations with a right-hand side for a product, of all equations for factors."""
     inside = [b.arguments[np.isin(b.arguments, step.unknowns) & (b.argument_signs != 0)] for b in kept.rests]
-    zeros = np.unique(np.concatenate([np.empty(0, np.int64), *inside]))
+    zeros = sorted({slot for slots in inside for slot in slots.tolist()})
     body.lines += [
         f"o = {body.array([len(zeros), *zeros])}",
         "for k in range(index[o]):",

@@ -463,7 +463,8 @@ class Translation:
         """
         table = self.model.parameters
         seeds = [table.number(name) for name in names]
-        changes = table.derivatives(numbers, seeds, {table.index[name] for name in given})
+        fixed = {table.index[name] for name in given}
+        changes = table.derivatives(numbers, seeds, fixed)
         inside = {p for p, _ in self.decided_by}
         for p, k, weight in changes:
             if p in inside and weight:
@@ -473,11 +474,9 @@ class Translation:
                     f"respect to it; give another value: parameters={{'{table.names[p]}': ...}}"
                 )
         for k, name in enumerate(names if self.structure.redundant else ()):
-            beside = numbers.copy()
-            for p, seed, weight in changes:
-                beside[p] += 1e-4 * weight * (abs(numbers[seeds[k]]) or 1.0) * (seed == k)
+            moved = numbers[seeds[k]] + 1e-4 * (abs(numbers[seeds[k]]) or 1.0)
             try:
-                confirm(self.structure, beside)
+                confirm(self.structure, table.evaluate({p: numbers[p] for p in fixed} | {seeds[k]: moved}))
             except LoopError:
                 raise LoopError(
                     f"there is no derivative with respect to {name}: equations of {', '.join(self.structure.redundant)} follow from the "

@@ -9,8 +9,10 @@ torques require.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +20,26 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import Kernel, partial_kernel, relation_kernel, residual_kernel
 from gearlib.equations.template import Template, memoised
 from gearlib.errors import ModelError
+from gearlib.flatten.followers import (
+    Follower,
+    column_place,
+    determined,
+    followers_of,
+    names_of,
+    nonlinear_terms,
+    others_of,
+    place_of,
+    rates_of,
+    slopes_of,
+)
 from gearlib.flatten.model import EquationGroup, FlatModel
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 PARTS = 4096  # midpoints per period: the slope of a cubic spline is averaged to 1e-11 of its size, a jump to 1/4096 of its size
+MIXED = 4099  # points where phases of different rates meet: a prime number, so that each phase takes as many values
+GENERATOR = 2533  # MIXED over the golden ratio: steps of rates without a common period
+COMMON = 64  # largest ratio of rates with a common period; beyond it, only harmonics of higher orders would tell
 REPEATS = 1e-9  # relative to the change over one point: a smaller remainder after a full period is rounding
 
 
@@ -135,121 +152,111 @@ def turn(
     """Variation of phase-dependent variables over a common period; each value has the same mean as in the motion."""
     n = model.n_variables
     phases = [
-        model.groups[g].variables[:, _local(model.groups[g].template, c)] for g, found in repeating.items() for c in found
+        model.groups[g].variables[:, column_place(model.groups[g].template, c)] for g, found in repeating.items() for c in found
     ]
     if not phases:
         return None
     seeds = np.unique(np.concatenate(phases))
     place = np.full(n, -1, np.int64)
     place[seeds] = np.arange(len(seeds))
-    angle = 2 * np.pi * ((np.arange(PARTS) + 0.5) / PARTS - 0.5)
-    over = Turn(place, a[seeds][:, None] + angle)
-    followers = _followers(model, place >= 0)
+    followers, turns = followers_of(model, parameters, place >= 0)
+    steps = _steps(model, seeds, followers, b)
+    points = PARTS if (steps == 1).all() else MIXED
+    angle = 2 * np.pi * ((np.arange(points) + 0.5) / points - 0.5)
+    begin, begun, sign = np.zeros(n), model.representative[model.started], model.sign[model.started]
+    begin[begun] = sign * parameters[model.start_slots]  # two phases of one rate keep their difference
+    over = Turn(place, np.where(a == 0, begin, a)[seeds][:, None] + steps[:, None] * angle)
     open_ = np.zeros(n, bool)
-    open_[[int(model.groups[g].variables[i, _local(model.groups[g].template, c)]) for g, c, i in followers]] = True
-    # Those of an algebraic loop are left: their means will do where they enter linearly
-    while ready := [(g, c, i) for g, c, i in followers if not open_[_others(model.groups[g], c, i)].any()]:
+    open_[[determined(model, f) for f in followers]] = True
+    of_rates = np.zeros(n, bool)
+    of_rates[
+        [determined(model, (g, c, i)) for g, c, i in followers if (open_ & ~turns)[rates_of(model.groups[g])[i]].any()]
+    ] = True
+    # Those of an algebraic loop or of rates are left: their means will do where they enter linearly
+    while ready := [f for f in followers if not (open_[others_of(model, f)].any() or of_rates[determined(model, f)])]:
         for g, c in dict.fromkeys((g, c) for g, c, _ in ready):
             rows = np.array([i for other, _, i in ready if other == g], np.int64)
             group = model.groups[g]
-            j = _local(group.template, c)
+            j = column_place(group.template, c)
             v = group.variables[rows, j]
             rest = _through(model, residual_kernel(group.template), g, group, parameters, a, b, discrete, over)[rows]
-            slope = float(partial_kernel(group.template, c).number or 1.0)
-            change = -(rest - rest.mean(axis=1, keepdims=True)) / slope * group.signs[rows, j][:, None]
+            scale = (group.signs[:, j] / slopes_of(group, c, parameters))[rows, None]
+            change = -(rest - rest.mean(axis=1, keepdims=True)) * scale
             place[v] = len(over.values) + np.arange(len(v))
             over = Turn(place, np.concatenate([over.values, a[v][:, None] + change]))
             open_[v] = False
         followers = [f for f in followers if f not in set(ready)]
-    _refuse_unknown(model, over.place >= 0, over.place >= len(seeds), open_)
+    while behind := [f for f in followers if of_rates[others_of(model, f)].any() and not of_rates[determined(model, f)]]:
+        of_rates[[determined(model, f) for f in behind]] = True
+    _refuse_unknown(model, over.place >= 0, (over.place >= 0) & ~turns, open_, of_rates)
     return over
 
 
-def _refuse_unknown(model: FlatModel, moved: NDArray[np.bool_], vary: NDArray[np.bool_], open_: NDArray[np.bool_]) -> None:
+def _steps(model: FlatModel, seeds: Integers, followers: list[Follower], b: Floats) -> Integers:
+    """How often each phase turns while the points are gone through: as their rates are to each other, where equations mix phases.
+
+    Rates without a common period get steps of a lattice rule, by which each combination of phases comes as often as any other
+    (N. M. Korobov, 1959; see I. H. Sloan, S. Joe, "Lattice methods for multiple integration", 1994).
+    """
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    moved = np.zeros(model.n_variables, bool)
+    moved[seeds] = moved[[determined(model, f) for f in followers]] = True
+    together = [np.concatenate([[determined(model, f)], others_of(model, f)]) for f in followers]
+    for v in (group.variables for group in model.groups if not group.template.linear):
+        together += [*v[moved[v].sum(axis=1) > 1]]
+    pairs = [(meeting[0], v) for row in together for meeting in [row[moved[row]]] for v in meeting[1:]]
+    ends = np.array(pairs, np.int64).reshape(-1, 2).T
+    n = len(moved)
+    part = connected_components(csr_matrix((np.ones(len(pairs)), (ends[0], ends[1])), shape=(n, n)), directed=False)[1][seeds]
+    steps = np.ones(len(seeds), np.int64)
+    for number in np.flatnonzero(np.bincount(part) > 1):
+        places = np.flatnonzero(part == number)
+        steps[places] = steps_of(b[seeds[places]])
+    return steps
+
+
+def steps_of(rates: Floats) -> Integers:
+    """Whole numbers as the rates are to each other; beside them, times ``GENERATOR``, those of other rates without a common period.
+
+    >>> steps_of(np.array([10.0, -10.0, 15.0, 20.0, np.pi])).tolist()
+    [2, -2, 3, 4, 2533]
+    """
+    steps, first = np.zeros(len(rates), np.int64), 1
+    while len(left := np.flatnonzero(steps == 0)):
+        base, common, alike = rates[left[0]], 1, {left[0]: Fraction(1)}
+        for k in left[1:] if base else ():
+            ratio = Fraction(rates[k] / base).limit_denominator(COMMON)
+            together = math.lcm(common, ratio.denominator)
+            near = abs(rates[k] - float(ratio) * base) <= REPEATS * abs(rates[k])
+            if near and 0 < abs(ratio) <= COMMON and together <= COMMON:
+                alike[k], common = ratio, together
+        for k, ratio in alike.items():
+            steps[k] = int(ratio * common) * first
+        first = first * GENERATOR % MIXED
+    return steps
+
+
+def _refuse_unknown(
+    model: FlatModel, moved: NDArray[np.bool_], vary: NDArray[np.bool_], open_: NDArray[np.bool_], of_rates: NDArray[np.bool_]
+) -> None:
     """Refuse products, squares and conditions of variables that determine each other, or of rates of those that ``vary``."""
     for group in model.groups:
         template = group.template
-        if template.linear:
-            continue
-        pairs = [(name, order, _names(partial_kernel(template, c))) for c, (name, order) in enumerate(template.columns)]
-        pairs += [(name, order, {name}) for name, order in template.relation_columns if not order]
-        for name, order, others in pairs:
-            own = group.variables[:, _place(template, name)]
-            beside = group.variables[:, [_place(template, other) for other in sorted(others)]]
+        for name, order, others in nonlinear_terms(template):
+            own = group.variables[:, place_of(template, name)]
+            beside = group.variables[:, [place_of(template, other) for other in sorted(others)]]
             for i in np.flatnonzero((vary if order else open_)[own] & (moved | open_)[beside].any(axis=1)).tolist():
                 loop = "follows from equations that have to be solved together at each phase; solve them for it"
-                why = f"{model.name(int(own[i]))} {'has a rate that varies with the phase' if order else loop}"
+                known = "follows from rates that vary with the phase" if of_rates[own[i]] else loop
+                why = f"{model.name(int(own[i]))} {'has a rate that varies with the phase' if order else known}"
                 raise ModelError(f"{template.label}: its mean over a turn of the mesh is not known, since {why}")
-
-
-def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
-    """(group, column, row) of equations that determine a variable from phases, speeds and their followers."""
-    n = model.n_variables
-    differentiated, rates = np.zeros(n, bool), np.zeros(n, bool)
-    for group in model.groups:
-        if any(order for _, order in group.template.columns):
-            for name, order in group.template.columns:
-                (differentiated if order else rates)[group.variables[:, _place(group.template, name)]] = True
-    deflections, taken, steady = differentiated & ~rates, moved.copy(), moved | model.potential
-    found: list[tuple[int, int, int]] = []
-    reached = moved.copy()
-    while True:
-        more = []
-        for g, group in enumerate(model.groups):
-            template = group.template
-            c = _given(template)
-            if c is None:
-                continue
-            j = _local(template, c)
-            columns = [(_place(template, name), order) for name, order in (*template.columns, *template.relation_columns)]
-            changes = [k for k, order in columns if order]
-            v, others = group.variables[:, j], group.variables[:, [k for k, order in columns if not order and k != j]]
-            follows = reached[others].any(axis=1) & (group.signs[:, j] != 0) & steady[group.variables[:, changes]].all(axis=1)
-            free = ~((differentiated if changes else deflections) & ~reached)[others].any(axis=1)
-            allowed = ~(taken | model.flow | model.potential)[v] & (~differentiated[v] | reached[others].all(axis=1))
-            more += [(g, c, int(i)) for i in np.flatnonzero(follows & free & allowed)]
-        fresh = {int(model.groups[g].variables[i, _local(model.groups[g].template, c)]): (g, c, i) for g, c, i in more}
-        if not fresh:
-            return found
-        found += fresh.values()
-        taken[list(fresh)] = reached[list(fresh)] = True
-
-
-@memoised
-def _given(template: Template) -> int | None:
-    """The column that an equation determines: the only value with coefficient 1 or -1. Rates may stand in it beside others."""
-    slopes = enumerate(zip(template.slopes, template.columns, strict=True))
-    alone = [c for c, (slope, (_, order)) in slopes if not order and slope.is_number and abs(float(slope)) == 1.0]
-    elsewhere = {name for name, _ in template.relation_columns} | {name for name, order in template.columns if order}
-    return alone[0] if len(alone) == 1 and template.columns[alone[0]][0] not in elsewhere else None
-
-
-def _others(group: EquationGroup, c: int, i: int) -> Integers:
-    """The variables of an equation except the determined one."""
-    return np.delete(group.variables[i], _local(group.template, c))
-
-
-def _local(template: Template, c: int) -> int:
-    return _place(template, template.columns[c][0])
-
-
-def _place(template: Template, name: str) -> int:
-    return template.locals.index(name)
 
 
 def _depends(kernel: Kernel, group: EquationGroup, over: Turn) -> bool:
     """Whether phase-dependent variables affect a kernel, including through its conditions."""
-    return any(over.moves(group, name) for name in _names(kernel))
-
-
-def _names(kernel: Kernel) -> set[str]:
-    """The locals that a kernel depends on, other than through derivatives."""
-    template = kernel.template
-    columns = [*template.columns, *template.relation_columns]
-    names = {columns[c][0] for c in kernel.columns if columns[c][1] == 0}
-    if any(c < len(template.relations) for c in kernel.relations):
-        names |= {name for name, _ in template.relation_columns}
-    return names
+    return any(over.moves(group, name) for name in names_of(kernel))
 
 
 def _through(
@@ -257,7 +264,7 @@ def _through(
     over: Turn,
 ) -> Floats:  # fmt: skip
     """Values of a kernel over a period, shape (equations, points), with phase-dependent conditions evaluated at each point."""
-    template, shape = kernel.template, (len(group), PARTS)
+    template, shape = kernel.template, (len(group), over.values.shape[1])
     columns = [*template.columns, *template.relation_columns]
     arguments = [over.argument(group, *columns[c], a, b) for c in kernel.columns]
     constants = [parameters[group.parameters[:, p]][:, None] for p in kernel.parameters]

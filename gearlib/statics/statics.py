@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import by_name, name_list, one_name, real
 from gearlib.errors import ArgumentError, InputWarning, ModelError, SolverError, StartError, warn
+from gearlib.flatten.followers import products_in_time
 from gearlib.flatten.model import FlatModel
 from gearlib.flatten.time_means import held_in_time, in_words
 from gearlib.language.declarations import Flow, Potential
@@ -381,6 +382,14 @@ def _warn_of_time(translation: Translation, numbers: Floats, given: Sequence[Giv
         inputs = [name for name in names if found[name] is not None]
         remedy = f"; pass power_flow(torques={{{inputs[0]!r}: ...}})" if inputs else ""
         warn(f"{translation.name}: {some(names, ', ')} {in_words(names)} in the power flow{remedy}", InputWarning)
+    if products := products_in_time(model, numbers):
+        what = (
+            "swings with time, and counts with its mean"
+            if len(products) == 1
+            else "swing with time, and count with their means"
+        )
+        where = "in an equation that is not linear in what swings; run the train for the means of its torques"
+        warn(f"{translation.name}: {some(products, ', ')} {what} {where}", InputWarning)
 
 
 def refuse_open(model: FlatModel, motion: Motion) -> None:

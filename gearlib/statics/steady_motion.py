@@ -365,12 +365,14 @@ def settled_discrete(model: FlatModel, parameters: Floats, a: Floats, b: Floats)
 
 
 def _sweep(model: FlatModel, parameters: Floats, a: Floats, b: Floats, discrete: Floats) -> None:
-    """Evaluate every relation and discrete variable once, in place."""
+    """Evaluate every relation and discrete variable once, in place; what is compared is equal where rounding decides."""
     groups = [*model.groups, *(u.equations for u in model.updates)]
+    tie = ROUNDING * (generic(a) - a) * a
     for g, group in enumerate(groups):
         for c, relation in enumerate(group.template.relations):
-            value = apply(model, relation_kernel(group.template, c), g, group, parameters, a, b, discrete)
-            value = -value if relation.negated else value
+            compared = relation_kernel(group.template, c)
+            value, more, less = (apply(model, compared, g, group, parameters, x, b, discrete) for x in (a, a + tie, a - tie))
+            value = np.where((more > 0) == (less > 0), -value if relation.negated else value, 0.0)
             flags = value > 0 if relation.strict else value >= 0
             discrete[model.first_relations[g] + np.arange(len(group)) * len(group.template.relations) + c] = flags
     for u, update in enumerate(model.updates):

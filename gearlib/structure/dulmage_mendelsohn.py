@@ -126,16 +126,11 @@ def matching_by_lists(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:
                 break
         else:
             free.append(r)
-    progress = True
-    while progress and free:
-        progress = False
+    for _ in free:  # a pass matches at least one of these, or is the last
         seen: set[Any] = set()
-        remaining = []
-        for r in free:
-            if _augment(r, rows, owner, seen):
-                progress = True
-            else:
-                remaining.append(r)
+        remaining = [r for r in free if not _augment(r, rows, owner, seen)]
+        if len(remaining) == len(free):
+            break
         free = remaining
     return {r: c for c, r in owner.items()}
 

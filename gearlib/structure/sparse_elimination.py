@@ -94,7 +94,7 @@ class Factors:
         """Random null-space directions in scaled unknowns, shape (unknowns, how_many)."""
         found = np.zeros((self.matrix.shape[1], how_many))
         found[self.open] = np.random.default_rng(len(self.open)).uniform(0.5, 1.5, (len(self.open), how_many))
-        if self.rank and len(self.open):
+        if self.rank:
             found[self.columns] = -self._square.solve(np.ascontiguousarray(self._scaled[self.rows] @ found))
         return found
 

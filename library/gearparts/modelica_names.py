@@ -161,7 +161,7 @@ _BLOCKS = {
     **_same(
         "Blocks.Nonlinear", "gearparts.blocks.delays", "PadeDelay", ignored=frozenset({"balance"}), own=frozenset({"settled"}),
     ),
-    **_same("Blocks.Nonlinear", _NONLINEAR, "DeadZone", ignored=frozenset({"deadZoneAtInit"})),
+    **_same("Blocks.Nonlinear", _NONLINEAR, "DeadZone", ignored=frozenset({"deadZoneAtInit"}), stated=frozenset({"u_max"})),
     "Modelica.Blocks.Nonlinear.SlewRateLimiter": Counterpart(
         f"{_NONLINEAR}:RateLimiter", names={"Rising": "rising", "Falling": "falling"}, starts={"y_start": "y"},
         ignored=NO_CHANGE, only=BY_OUTPUT,
@@ -171,7 +171,8 @@ _BLOCKS = {
     **_same("Blocks.Logical", _NONLINEAR, "LogicalSwitch", truths=frozenset({"u1", "u2", "u3", "y"})),
     **_same("Blocks.Discrete", _DISCRETE, "Sampler", "ZeroOrderHold", "UnitDelay"),
     **_same("Blocks.Discrete", _DISCRETE, "TriggeredSampler", truths=frozenset({"trigger"})),
-    **_same("Blocks.Sources", "gearparts.blocks.sources", "Constant", "Step", "Ramp", "Sine", names={"freqHz": "f"}),
+    **_same("Blocks.Sources", "gearparts.blocks.sources", "Constant", "Step", "Sine", names={"freqHz": "f"}),
+    **_same("Blocks.Sources", "gearparts.blocks.sources", "Ramp", stated=frozenset({"duration"})),
     **_same("Blocks.Sources", "gearparts.blocks.sources", "Pulse", "Trapezoid", names={"nperiod": "n_period"}),
     **_same("Blocks.Sources", "gearparts.blocks.sources", "KinematicPTP"),
     **_same("Blocks.Sources", "gearparts.blocks.sources", "RealExpression", given={"y": "expression"}),

@@ -140,7 +140,7 @@ def extremes(rows: Rows, column: int = 1, smoothness: str = "linear") -> tuple[f
             width, rise = right[0] - left[0], right[column] - left[column]
             # its slope is p s**2 + q s + r
             p, q, r = 3 * width * (a + b) - 6 * rise, 6 * rise - width * (4 * a + 2 * b), width * a
-            flat = [s.real for s in np.roots([p, q, r]) if s.imag == 0 and 0 < s.real < 1 and left[0] + s.real * width > 0]
+            flat = [s.real for s in np.roots([p, q, r]) if s.imag == 0 and 0 < s.real < 1 and left[0] + s.real * width >= 0]
             found += [left[column] + s * (r + s * (q / 2 + s * p / 3)) for s in flat]
     return float(min(found)), float(max(found))
 

@@ -266,3 +266,16 @@ def test_a_ring_through_one_junction_can_be_assigned_unless_a_gyrator_is_alone_o
     v, part = kind("v"), middle(2)
     graph = BondGraph((1, v, part), (2, part, v), *((10 + k, v, R()) for k in range(ports)))
     assert can_be_completed(graph, {}) == any(all_assignments(graph, sources=False)) == (middle is TF or ports > 0)
+
+
+@pytest.mark.parametrize("forward", [True, False])
+def test_a_row_of_elements_without_junctions_hands_its_quantities_on(forward: bool) -> None:
+    """A transformer hands on the same quantity, a gyrator the other one; the resistance answers, in whatever order bonds come."""
+    tf, gy = TF(2.0), GY(3.0)
+    bonds = [(1, Se(), tf), (2, tf, gy), (3, gy, R(5.0))]
+    graph = BondGraph(*(bonds if forward else bonds[::-1]))
+    effort_to = assign_causality(graph).effort_to
+    assert dependencies(graph, effort_to) == {
+        ("e", 1): (), ("e", 2): (("e", 1),), ("f", 3): (("e", 2),),
+        ("e", 3): (("f", 3),), ("f", 2): (("e", 3),), ("f", 1): (("f", 2),),
+    }  # fmt: skip

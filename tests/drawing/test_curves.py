@@ -123,8 +123,10 @@ def test_a_spectrum_needs_eight_even_samples() -> None:
     with pytest.raises(ArgumentError, match="the interval holds 7 samples"):
         spectrum(of(np.arange(9)), t_start=1.5)
     spectrum(of(np.arange(8) + [0, 0, 4e-7, 0, 0, 0, 0, 0]))  # rounding of times
-    with pytest.raises(ArgumentError, match=r"equally spaced samples; simulate with samples=\.\.\."):
-        spectrum(of(np.arange(8) + [0, 0, 6e-7, 0, 0, 0, 0, 0]))
+    for unit in (1.0, 1e-3, 1e3):
+        with pytest.raises(ArgumentError, match=r"equally spaced samples; simulate with samples=\.\.\."):
+            spectrum(of(unit * (np.arange(8) + [0, 0, 6e-7, 0, 0, 0, 0, 0])))
+        spectrum(of(unit * (np.arange(8) + [0, 0, 4e-7, 0, 0, 0, 0, 0])))
 
 
 def test_a_spectrum_is_shown_over_six_decades_below_its_peak() -> None:

@@ -78,6 +78,8 @@ def test_one_axis_for_each_unit(run):
         1,
     ]
     assert rows[-1].get_xlabel() == "time, s"
+    rows[0].set_xlim(0.1, 0.2)
+    assert all(row.get_xlim() == (0.1, 0.2) for row in rows), "they show one stretch of time"
     alone = run.plot("a.w")
     assert alone.get_ylabel() == "a.w, rad/s"
 

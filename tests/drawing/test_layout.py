@@ -335,6 +335,8 @@ def test_two_ports_without_preference_stand_on_opposite_sides() -> None:
     assert {b.port.name: b.side for b in found.border} == {"one": LEFT, "two": RIGHT}
     loose = arranged(Outline("all", "All", ports=(Terminal("one"), Terminal("two")), parts=parts), 2000.0)
     assert {b.side for b in loose.border} == {LEFT, RIGHT}
+    three = arranged(Outline("all", "All", ports=tuple(map(Terminal, ("one", "two", "last"))), parts=parts), 2000.0)
+    assert {b.port.name: b.side for b in three.border} == {"one": LEFT, "two": LEFT, "last": RIGHT}
 
 
 def test_a_branch_has_a_joint_and_a_through_wire_has_none() -> None:

@@ -12,6 +12,7 @@ import sympy
 import gearlib as gl
 import gearparts as gp
 from gearlib.equations.class_record import check_values, class_record, descend, refuse_misfits
+from gearlib.equations.template import Template
 from gearlib.errors import BalanceError, DeclarationError
 from gearlib.language.expressions import DEEPEST
 from gearlib.language.interior import connections_of
@@ -311,10 +312,28 @@ def test_discrete_variables_in_equations(equations: Any, names: Any) -> None:
         [lambda s: gl.Eq(s.x + 1e-12 * s.y, 0), lambda s: gl.Eq(s.x - 1e-12 * s.y, 0)],
         [lambda s: gl.Eq(s.x + 1e12 * s.y, 0), lambda s: gl.Eq(s.x - 1e12 * s.y, 0)],
         [lambda s: gl.Eq(s.x, s.y + s.z), lambda s: gl.Eq(s.y, s.z), lambda s: gl.Eq(s.x, s.z + 3 * s.y)],
+        [lambda s: gl.Eq(s.x, s.y), lambda s: gl.Eq(1e-12 * s.x, -1e-12 * s.y)],
+        [lambda s: gl.Eq(s.x, 1), lambda s: gl.Eq(1e-12 * s.x, 2e-12)],
+        [lambda s: gl.Eq(s.x, 1e12), lambda s: gl.Eq(1e-12 * s.y, 0), lambda s: gl.Eq(s.x, -s.y)],
     ],
 )  # fmt: skip
 def test_equations_that_differ_by_a_parameter_or_by_little_are_several(equations: Any) -> None:
     assert len(class_record(leaf(*equations, *COUNT)).templates) == len(equations)
+
+
+def test_equations_with_a_variable_of_their_own_are_not_examined(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor those that have one without these."""
+    names = "abcdefgh"
+    made = {name: gl.Variable("1") for name in names}
+
+    def equations(s: Any) -> list[Any]:
+        a, b, c, d, e, f, g, h = (getattr(s, name) for name in names)
+        return [gl.Eq(a, b), gl.Eq(b, c), gl.Eq(c, d + e), gl.Eq(d + e, f), gl.Eq(d, e * f), gl.Eq(g, h), gl.Eq(2 * g, h)]
+
+    asked: list[str] = []
+    monkeypatch.setattr(Template, "linear", property(lambda t: asked.append(t.label)))
+    class_record(type("Chain", (gl.Component,), {**made, "equations": equations})())
+    assert asked == [f"Chain: {text}" for text in ("d + e = f", "d = e*f", "g = h", "2*g = h")]
 
 
 def test_classes_of_many_equations_are_not_examined(monkeypatch: pytest.MonkeyPatch) -> None:

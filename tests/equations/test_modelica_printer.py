@@ -120,7 +120,8 @@ EXPRESSIONS = [
     sympy.Float(-0.5) ** x, sympy.Rational(-1, 2) ** x, sympy.Integer(-1) ** x, sympy.Float(0.5) ** x,
     x + y * z, x - (y - z), x - (y + z), -(x + y) * z, -x * y, x / y / z, x / (y * z), (x / y) * z, x * y**-2, (x * y) ** 3, (-x) ** 3,
     (-x) ** 2, -(x**2),
-    x ** (y + 1), (x**y) ** 2, x**-y, 2**-x, sympy.sqrt(x) / sympy.sqrt(y * z), x ** sympy.Rational(2, 3), x ** sympy.Rational(-2, 3),
+    x ** (y + 1), (x**y) ** 2, x**-y, 2**-x, x ** (-sympy.exp(y)), y * x ** (-1 - z**2),
+    sympy.sqrt(x) / sympy.sqrt(y * z), x ** sympy.Rational(2, 3), x ** sympy.Rational(-2, 3),
     1 / (1 + 1 / x),
     sympy.Rational(2, 3) * x - sympy.Rational(1, 3) * y, sympy.Rational(-7, 2) * (x - y), -sympy.Rational(1, 2), 2.5e-7 * x - 3e12 * y,
     -1.5 * x, sympy.Integer(-3) ** x * 0 + x,
@@ -205,6 +206,7 @@ def test_values_that_are_one_or_zero_as_conditions() -> None:
     assert condition_text(gl.Piecewise((1, x > 2), (0, True))) == "x > 2"
     assert condition_text(gl.Piecewise((0, x > 2), (1, True))) == "(if x > 2 then 0 else 1) > 0.5"
     assert [condition_text(v) for v in (x, sympy.Integer(1), sympy.Integer(0))] == ["x > 0.5", "true", "false"]
+    assert [condition_text(sympy.Rational(k, 10)) for k in (4, 5, 6)] == ["false", "false", "true"]
     assert condition_text(x, lambda name: f"a_{name}") == "a_x > 0.5"
 
 

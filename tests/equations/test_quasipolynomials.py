@@ -53,6 +53,7 @@ def test_rates_that_differ_by_rounding_are_one() -> None:
     assert known_rate(3.0 * (1 + 4e-16) + 1j, rates) == 3.0 + 1j
     assert known_rate(3.0 * (1 + 4e-15) + 1j, rates) != 3.0 + 1j
     assert known_rate(1e-30 + 0j, rates) == 1e-30, "a slow rate is not zero"
+    assert [known_rate(1 + k * 2.0**-52, {1.0 + 0j: [1.0]}) == 1.0 for k in (7, 8, 9)] == [True, True, False]
 
 
 @pytest.mark.parametrize("origin", [0.0, -1.5, 7.0])

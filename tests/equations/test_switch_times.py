@@ -76,6 +76,23 @@ def test_every_change_of_sign_is_found(expression: Any, root: Any, t0: float, t_
     assert np.abs([root(s) for s in found]).max(initial=0.0) < 1e-11
 
 
+@pytest.mark.parametrize("phase", np.arange(-3.0, 3.2, 0.25).tolist())
+@pytest.mark.parametrize(("t0", "t_end"), [(0.0, 1.2), (-0.9, 0.4), (2.0, 2.0 + math.pi), (-2.0, 2.0)])
+@pytest.mark.parametrize("level", [-0.9, 0.0, 0.95])
+def test_a_sinusoid_switches_inside_any_part_of_a_turn(phase: float, t0: float, t_end: float, level: float) -> None:
+    """cos(2 t + phase) = level where 2 t + phase is the angle of that, or the opposite one, and any number of turns."""
+    angle = math.acos(level)
+    every = sorted((2 * math.pi * k + sign * angle - phase) / 2 for k in range(-5, 6) for sign in (1, -1))
+    found = times_of_breakpoints(sympy.cos(2 * t + phase) > level, t0, t_end)
+    assert found == pytest.approx([s for s in every if t0 < s < t_end], rel=1e-12)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_sinusoid_that_touches_a_level_does_so_once_per_turn(side: int) -> None:
+    found = times_of_breakpoints(sympy.Gt(3 * sympy.cos(t), 3 * side, evaluate=False), -1.0, 12.0)
+    assert found == pytest.approx([2 * math.pi * k for k in (0, 1)] if side > 0 else [math.pi, 3 * math.pi], abs=1e-12)
+
+
 NEVER = [(sympy.sin(t), 1.5), (sympy.exp(t), -1), (sympy.exp(-t), -0.5), (sympy.exp(-t), 0), (t**2, -1), (sympy.cos(t) + 3, 1)]
 
 

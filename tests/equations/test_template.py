@@ -248,6 +248,7 @@ def test_a_parameter_has_no_derivative() -> None:
     t = make(x + der(p) + der(q, 2), 3 * der(y))
     assert set(t.columns) == {("x", 0), ("y", 1)}
     assert t.parameters == ()
+    assert t.residual == x - 3 * der(y)
 
 
 @pytest.mark.parametrize(("larger", "extreme"), [(True, gl.Max), (False, gl.Min)])

@@ -306,6 +306,8 @@ def test_the_least_value_between_two_frequencies() -> None:
     for w in (1e-6, 2.0, 1e9):
         value, at = parts.least_between(lambda x, w=w: (x / w - 1) ** 2 + 3.0, (0.4 * w, 3 * w))
         assert (value, at) == (pytest.approx(3.0), pytest.approx(w, rel=1e-7))
+    _, at = parts.least_between(lambda x: abs(x - 0.01), (1e-3, 1e3))
+    assert at == pytest.approx(0.01, rel=1e-6)
 
 
 def test_roots_are_sign_changes_but_no_jumps() -> None:

@@ -10,8 +10,9 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
-from gearlib.flatten.attributes import PREFERENCE, nominals, of_any_alias, preferences
+from gearlib.flatten.attributes import PREFERENCE, choices_of, nominals, of_any_alias, preferences
 from gearlib.flatten.flatten import flatten
+from gearlib.flatten.instances import walk
 
 
 class Pair(gl.Component):
@@ -79,6 +80,35 @@ def test_wrong_ones_are_named(options: dict[str, Any], message: str) -> None:
         gl.compile(pair(**options))
 
 
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"nominal": {"v": 2.0}}, r"Inertia: nominal is given for 'v', which is not a variable of Inertia; .* w$"),
+        ({"nominal": {3: 2.0}}, r"Inertia: nominal is given for 3, which is not a variable of Inertia; "),
+        ({"state": {"v": "prefer"}}, r"Inertia: state is given for 'v', which is not a variable of Inertia; "),
+        ({"state": {"load.w": "prefer"}}, r"Inertia: state is given for 'load\.w', .*; give that of a part to the part$"),
+        ({"state": {"w": "often"}}, r"Inertia: state of 'w' is 'often'; valid choices: 'never', 'avoid', 'default', 'prefer'$"),
+        ({"state": {"w": ["prefer"]}}, r"Inertia: state of 'w' is \['prefer'\]; valid choices: "),
+        ({"nominal": {"w": -0.5}}, r"Inertia: nominal value of 'w' is -0\.5; expected a positive number, its typical size$"),
+        ({"nominal": {"w": 0}}, r"Inertia: nominal value of 'w' is 0; expected a positive number"),
+        ({"nominal": {"w": "large"}}, r"Inertia: nominal value of 'w' is 'large'; expected a positive number"),
+    ],
+)
+def test_choices_are_refused_before_they_are_used(given: dict[str, Any], message: str) -> None:
+    """Only what is given to a part of the variable's path is advised to be given there."""
+    (instance,) = walk(gp.Inertia(J=1.0)).instances
+    with pytest.raises(BindingError, match=f"^{message}") as told:
+        list(choices_of(gp.Inertia(J=1.0, **given), instance))
+    assert ("; give that of a part to the part" in str(told.value)) == ("load.w" in str(given))
+
+
+def test_choices_are_the_given_sizes_then_the_given_wishes() -> None:
+    (instance,) = walk(gp.Inertia(J=1.0)).instances
+    given = gp.Inertia(J=1.0, state={"phi": "never"}, nominal={"w": 0.5, "flange_a.phi": 1e-3})
+    expected = [("w", "nominal", 0.5), ("flange_a.phi", "nominal", 1e-3), ("phi", "state", "never")]
+    assert list(choices_of(given, instance)) == expected
+
+
 def test_attributes_of_aliases_are_those_of_their_representative() -> None:
     """Variables 0 to 2 are one, 3 and 4 another; the first wins: given to an instance, else the strongest wish and the smallest size."""
     rep = np.array([0, 0, 0, 3, 3])
@@ -102,6 +132,7 @@ def test_attributes_of_aliases_are_those_of_their_representative() -> None:
 
     assert sizes([1.0] * 5) == [1.0, 1.0]
     assert sizes([1.0, 1e-3, 1e-2, 50.0, 1.0]) == [1e-3, 50.0]
+    assert sizes([1.0, 1e-3, 1e-2, 1.0, 1.0], (2, "nominal", 7.0), (0, "nominal", 5.0)) == [5.0, 1.0]
     assert sizes([1.0, 1e-3, 1e-2, 1.0, 1.0], (2, "nominal", 7.0), (0, "nominal", 5.0), (4, "state", "never")) == [5.0, 1.0]
 
 

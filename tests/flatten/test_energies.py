@@ -22,8 +22,9 @@ def connector(*pairs: tuple[str, str]) -> Any:
 
 
 def part(**declared: Any) -> Audited:
-    (found,) = audited(type("Part", (gl.Component,), declared)())
-    return found
+    found = audited(type("Part", (gl.Component,), declared)())
+    assert len(found) == 1, "a component with a connector, or with energies, is examined"
+    return found[0]
 
 
 def said(term: Any) -> Any:

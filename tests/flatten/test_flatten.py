@@ -389,6 +389,22 @@ def test_a_sum_whose_flows_all_cancel_is_an_equation_that_says_nothing(springs: 
     assert still == {f"spring[{k}].{name}" for k in range(springs) for name in ("phi_rel", "w_rel")}
 
 
+def test_a_flow_that_is_left_alone_in_a_long_sum_is_zero() -> None:
+    """Of five springs between a node and itself and a body there: as many equations as unknowns are left."""
+
+    class Node(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.spring, self.body = [gp.Spring(c=1.0) for _ in range(5)], gp.Inertia(J=1.0)
+            return [c(self.body.flange_a, *(f for s in self.spring for f in (s.flange_a, s.flange_b)))]
+
+    model = flatten(Node())
+    assert model.n_equations == model.n_variables == model.auxiliary
+    alone = [g for g in model.groups if g.variables.shape[1] == 1 and model.owner(model.groups.index(g), 0) == "connection"]
+    assert [g.variables.tolist() for g in alone] == [[[model.representative[model.variable("body.flange_a.tau")]]]]
+    unknown = {int(model.representative[v]) for v in range(model.n_variables) if model.sign[v]}
+    assert sum(map(len, model.groups)) == len(unknown)
+
+
 def test_an_equation_that_says_nothing_of_equal_variables_is_redundant() -> None:
     """Where x = y, x' = y' is 0 = 0; no other variable is changed by it."""
 

@@ -322,6 +322,19 @@ def test_signals_are_joined_where_nothing_else_is_connected(inside: bool) -> Non
     assert first == second
 
 
+def test_an_output_of_a_composite_is_the_signal_joined_to_it() -> None:
+    class Doubled(gl.Component):
+        y = gl.Variable("any", "output signal")
+
+        def assemble(self) -> list[Any]:
+            self.gain = gp.blocks.Gain(k=2.0, u=3.0)
+            return [gl.connect(self.gain.y, self.y)]
+
+    model = flatten(Doubled())
+    assert model.n_equations == model.n_variables
+    assert len({int(model.representative[model.variable(name)]) for name in ("y", "gain.y")}) == 1
+
+
 def test_what_a_value_is_missing_for_is_named() -> None:
     for part, path in ((gp.Inertia(), "J"), (Holding(), "body.J")):
         with pytest.raises(BindingError) as told:

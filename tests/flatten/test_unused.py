@@ -131,6 +131,10 @@ def test_users_components_and_composites() -> None:
         gl.compile(Own(u=2))
     with pytest.raises(BindingError, match=r"Own: table=.* has no effect .* it counts with law='table'"):
         gl.compile(Own(table=((0.0, 2.0),)))
+    with pytest.raises(
+        BindingError, match=r"Own: table=.* has no effect with heavy=True, law=.none.; it counts with law=.table."
+    ):
+        gl.compile(Own(heavy=True, table=((0.0, 2.0),), m=2.0, u=3.0))
     with pytest.raises(BindingError, match=r"Passing: m=3\.0 has no effect with heavy=False; it counts with heavy=True"):
         gl.compile(Passing(m=3.0))
     with pytest.raises(BindingError, match=r"Passing: u=1\.0 has no effect"):
@@ -166,6 +170,24 @@ def test_a_choice_that_the_default_of_a_parameter_asks_for_counts_where_the_para
         gl.compile(Sized(bodies=3))
     with pytest.raises(BindingError, match=r"Sized: bodies=3 has no effect"):
         gl.compile(Sized(heavy=True, bodies=3, m=2.0))
+
+
+class Kinds(gl.Component):
+    """A parameter that counts with the last of many kinds, and another choice."""
+
+    kind = gl.Structural(0, choices=tuple(range(12)))
+    on = gl.Structural(False)
+    m = gl.Parameter("1", default=1.0)
+    x = gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.m if self.on and self.kind == 11 else 1.0)]
+
+
+def test_two_choices_together_are_advised_however_many_values_one_of_them_has() -> None:
+    with pytest.raises(BindingError) as refused:
+        gl.compile(Kinds(m=2.0))
+    assert str(refused.value) == "Kinds: m=2.0 has no effect with kind=0, on=False; it counts with kind=11 and on=True"
 
 
 class Broken(gl.Component):

@@ -13,7 +13,8 @@ OF_EITHER_SIGN = {  # a gap or an interference, lengths and places, radii whose 
     "DetailedExternalMesh.b", "DetailedInternalMesh.b", "IdealRollingWheel.radius", "Mass.L", "PlanarMesh.r_a", "PlanarMesh.r_b",
     "PlanetBearing.e", "TranslationalFixed.s0", "TranslationalSpring.s_rel0", "TranslationalSpringDamper.s_rel0",
 }  # fmt: skip
-FROM_ZERO = {  # forces, gaps, coefficients of friction, rates of decay, weights, durations
+FROM_ZERO = {  # forces, gaps, coefficients of friction, rates of decay, weights, durations, room between limits
+    *(f"{kind}.room" for kind in ("LimPID", "DiscretePID", "Limiter", "DeadZone", "Hysteresis")), "Trapezoid.pause",
     *(f"{kind}.fn_max" for kind in ("Brake", "Clutch", "OneWayClutch")), "EddyCurrentTorque.tau_nominal",
     *(f"{kind}.b" for kind in ("ElastoBacklash", "ElastoBacklash2", "ElasticCoupling", "Gearbox")),
     *(f"Detailed{kind}Mesh.{name}" for kind in ("External", "Internal") for name in ("mu", "approach")),

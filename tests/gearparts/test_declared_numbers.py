@@ -66,6 +66,7 @@ STRUCTURE_IN_MODELICA: dict[Any, dict[str, Any]] = {  # choices and tables of th
     gp.LinearSpeedDependentTorque: {"torque_direction": True}, gp.QuadraticSpeedDependentTorque: {"torque_direction": True},
     gp.InverseSpeedDependentTorque: {"torque_direction": True}, gp.QuadraticSpeedDependentForce: {"force_direction": True},
     gp.SignTorque: {"reg": "exp"}, B.LimPID: {"controller_type": "PID"}, B.PadeDelay: {"n": 1},
+    B.TransferFunction: {"b": (1,), "a": (1,)},
 }  # fmt: skip
 
 

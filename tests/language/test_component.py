@@ -664,6 +664,14 @@ def test_a_part_that_is_deleted_is_no_part_any_more() -> None:
             delattr(model, missing)
 
 
+@pytest.mark.parametrize("when", ["nothing", "size", "flange"])
+def test_a_connector_exists_by_a_structural_choice_of_the_class(when: str) -> None:
+    members = {"size": gl.Parameter("1"), "wide": gl.Structural(False), "flange": gp.Flange("side")}
+    assert type("Fine", (gl.Component,), {**members, "more": gp.Flange("more", when="wide")})().wide is False
+    with pytest.raises(DeclarationError, match=rf"^Odd\.more: when='{when}' is not a Structural of the class$"):
+        type("Odd", (gl.Component,), {**members, "more": gp.Flange("more", when=when)})
+
+
 def test_a_name_is_given_to_one_part() -> None:
     model = composite(lambda s: [])
     model.a = body()

@@ -403,3 +403,79 @@ def test_a_state_matters_where_the_rate_of_another_depends_on_it() -> None:
     structure = gl.compile(Coasting()).translation.structure
     found = {structure.model.name(v): matters_elsewhere(structure, structure.states, (v, k)) for v, k in structure.states}
     assert found == {"x": False, "v": True, "y": True}
+
+
+@pytest.mark.parametrize("unit", ["rad", "1", "m"])
+def test_only_angles_are_frozen(unit: str) -> None:
+    """A state of another unit may have coefficients that repeat every 2 pi, too; and a speed is none, though it is the rate of an angle."""
+
+    class Wave(gl.Component):
+        one = gl.Parameter({"rad": "1", "1": "1", "m": "1/m"}[unit], default=1.0)
+        rate = gl.Parameter(f"{unit}/s" if unit != "1" else "1/s", default=1.0)
+        x, y = gl.Variable(unit, start=0.5), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), self.rate), gl.Eq(gl.der(self.y), -self.y * (2 + gl.sin(self.one * self.x)))]
+
+    model = gl.compile(Wave()).linearize([], ["y"], at={"y": 3.0}, sparse=True)
+    assert model.conditions == (("frozen at x = 0.5 rad, with which the coefficients vary",) if unit == "rad" else ())
+
+
+def test_a_rate_of_an_angle_is_not_frozen() -> None:
+    """Its own rate depends on it with a period of 2 pi 1/s, and it changes."""
+
+    class Friction(gl.Component):
+        phi, second = gl.Variable("rad", start=0.0), gl.Parameter("s", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            v = self.second * gl.der(self.phi)
+            return [gl.Eq(self.second**2 * gl.der(gl.der(self.phi)), 1 - gl.sin(v))]
+
+    model = gl.compile(Friction()).linearize([], ["der(phi)"], sparse=True)
+    assert model.conditions == ()
+
+
+@pytest.mark.parametrize(("g", "said"), [(0.0, ()), (1e-200, ("frozen at t = 0 s, with which the coefficients vary",))])
+def test_derivatives_that_are_always_zero_do_not_vary(g: float, said: tuple[str, ...]) -> None:
+    class Faint(gl.Component):
+        g = gl.Parameter("1/s", default=1.0)
+        y = gl.Variable("1", start=2.0)
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.y), self.g * gl.cos(5.0 * gl.time) * self.y)]
+
+    assert gl.compile(Faint()).linearize([], ["der(y)"], parameters={"g": g}, sparse=True).conditions == said
+
+
+def test_what_depends_on_a_difference_of_angles_does_not_vary_while_they_turn_together() -> None:
+    class Coupled(gl.Component):
+        rate = gl.Parameter("1/s2", default=5.0)
+        phi, psi = gl.Variable("rad", start=0.4), gl.Variable("rad", start=0.1)
+        v, w = gl.Variable("rad/s", start=3.0), gl.Variable("rad/s", start=3.0)
+
+        def equations(self) -> list[gl.Eq]:
+            pull = self.rate * gl.sin(self.phi - self.psi)
+            return [
+                gl.Eq(gl.der(self.phi), self.v), gl.Eq(gl.der(self.psi), self.w),
+                gl.Eq(gl.der(self.v), -pull), gl.Eq(gl.der(self.w), pull),
+            ]  # fmt: skip
+
+    assert gl.compile(Coupled()).linearize([], ["v"], sparse=True).conditions == ()
+
+
+def test_an_output_alone_may_vary_with_an_angle() -> None:
+    """The motion does not: its modes have no condition."""
+
+    class Dial(gl.Component):
+        d = gl.Parameter("1/s", default=0.5)
+        phi, w, y = gl.Variable("rad", start=0.25), gl.Variable("rad/s", start=3.0), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.phi), self.w), gl.Eq(gl.der(self.w), -self.d * self.w), gl.Eq(self.y, gl.sin(self.phi))]
+
+    system, said = gl.compile(Dial()), ("frozen at phi = 0.25 rad, with which the coefficients vary",)
+    assert system.linearize([], ["y"], sparse=True).conditions == said
+    assert system.linearize([], ["w"], sparse=True).conditions == gl.modes(system).conditions == ()
+    assert gl.modes(wheels(), at={"wheel[0].w": 3.0, "wheel[0].phi": 0.25}).conditions == (
+        "frozen at wheel[0].phi = 0.25 rad, with which the coefficients vary",
+    )

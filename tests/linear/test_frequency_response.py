@@ -363,6 +363,7 @@ def test_plots_have_one_diagram_per_unit_and_units_as_printed(paper: gl.System) 
     axes = response.plot()
     assert [ax.get_ylabel() for ax in axes] == ["amplitude, rad/s per N·m", "amplitude, m per N·m", "phase, deg"]
     assert [len(ax.lines) for ax in axes] == [2, 1, 3]
+    assert all(line.get_visible() for ax in axes for line in (*ax.get_xgridlines(), *ax.get_ygridlines()))
     assert {line.get_color() for ax in axes[:2] for line in ax.lines} == {line.get_color() for line in axes[2].lines}
     run = gl.compile(RunUp()).simulate(0.5, samples=2001)
     spectra = gl.order_waterfall(run, "torque.flange.tau", "rotor.w", revolutions=2).plot()

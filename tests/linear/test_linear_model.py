@@ -106,3 +106,11 @@ def test_a_full_matrix_has_all_entries() -> None:
     for form in (np.asarray, sparse.csr_matrix, sparse.csc_array):
         assert full(form(C)).tolist() == C.tolist()
     assert full([[1, 2]]).dtype == float
+
+
+@pytest.mark.parametrize("form", [sparse.csr_matrix, sparse.csc_array])
+def test_entries_that_are_stored_count_though_they_are_zero(form: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A factorisation carries them along; a full matrix has only the others."""
+    monkeypatch.setattr("gearlib.linear.linear_model.MOST_DENSE", 0)
+    stored = form((np.zeros(1), ([0], [0])), shape=(1, 1))
+    assert (is_sparse(stored), is_sparse(stored.toarray())) == (False, True)

@@ -9,6 +9,11 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.linear.linearized_program import LinearizedProgram
+from gearlib.linear.operating_point import operating_point
+from gearlib.program.build import build
+from gearlib.program.interpret import prepare
+from gearlib.run.subject import translation_of
 
 
 def test_inputs_that_the_model_computes_itself() -> None:
@@ -32,3 +37,27 @@ def test_inputs_that_the_model_computes_itself() -> None:
     by_ratio, by_body = found.sensitivities(["i", "load.J"])[:, 0, :, 0]
     assert by_ratio == pytest.approx(np.array([3.0, 0.0, 1.0]) / (5.0 * s), abs=1e-15)
     assert by_body == pytest.approx(-np.array([6.0, 1.0, 2.0]) / (25.0 * s))
+
+
+def test_changes_have_the_shape_of_what_changes() -> None:
+    """Columns of states, of inputs and of perturbations; ``x' = -a x + b y`` with y = 3 x."""
+
+    class Small(gl.Component):
+        a, b = gl.Parameter("1/s", default=2.0), gl.Parameter("1/s", default=5.0)
+        x, y = gl.Variable("1", start=1.0), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.y, 3 * self.x), gl.Eq(gl.der(self.x), -self.a * self.x + self.b * self.y)]
+
+    translation = translation_of(gl.compile(Small()))
+    structure, (state,) = translation.structure, translation.scene.states
+    scene, numbers, point = operating_point(translation, (state,))
+    y = (structure.model.variable("y"), 0)
+    program = build(structure, [y], (state,), dynamic=True)
+    rate, slot = program.slots[state[0], state[1] + 1], program.slots[y]
+    at = LinearizedProgram(
+        scene, prepare(program, structure, numbers), point, (program.slots[state],), ((slot, 0, 1.0), (slot, 1, 2.0))
+    )
+    assert at.derivatives[rate] == pytest.approx([13.0, 5.0, 10.0])
+    for found, row in zip(at.changes(["a", "b"], [rate]), ([-1.0, 0.0, 0.0], [3.0, 1.0, 2.0]), strict=True):
+        assert found.tolist() == [row]

@@ -233,3 +233,97 @@ def test_what_is_always_zero_is_compared_as_zero() -> None:
         system.linearize(at={"body.phi": 0.0})
     for phi, stiffness in ((-1.0, 10.0), (0.5, 100.0)):
         assert np.prod(np.linalg.eigvals(system.linearize(at={"body.phi": phi}).A)).real == pytest.approx(stiffness)
+
+
+class Valves(gl.Component):
+    """A flow that two valves let out, each from a level on; a gain of 0 shuts one."""
+
+    p, q = gl.Parameter("1", default=9.0), gl.Parameter("1", default=9.0)
+    g, h, leak = (gl.Parameter("1/s", default=k) for k in (0.0, 0.0, 1.0))
+    x = gl.Variable("1", start=1.0)
+
+    def equations(self) -> list[Any]:
+        first = gl.Piecewise((self.x - self.p, self.x > self.p), (0, True))
+        second = gl.Piecewise((self.x - self.q, self.x > self.q), (0, True))
+        return [gl.Eq(gl.der(self.x), -self.leak * self.x - self.g * first - self.h * second)]
+
+
+class Tanks(gl.Component):
+    """Before the tanks, a part that compares as well."""
+
+    def assemble(self) -> list[Any]:
+        self.before, self.tank = Ramp(edge=5.0), [Valves() for _ in range(3)]
+        return []
+
+
+@cache
+def tanks() -> gl.System:
+    return gl.compile(Tanks())
+
+
+@pytest.mark.parametrize("row", range(3))
+@pytest.mark.parametrize(("level", "gain"), [("p", "g"), ("q", "h")])
+def test_of_many_comparisons_the_one_that_is_equal_has_two_sides(row: int, level: str, gain: str) -> None:
+    """One valve of one tank has a gain and stands at its level; beside it, the slope of its side is that of the model."""
+    parameters = {f"tank[{row}].{level}": 1.0, f"tank[{row}].{gain}": 3.0}
+    names = [f"tank[{k}].x" for k in range(3)]
+    with pytest.warns(GearlibWarning, match=rf"corner in the equations of tank\[{row}\] \([^=]*\b{level}\b[^=]* = 0\): the"):
+        tanks().linearize([], names, parameters=parameters, sparse=True)
+    for x, slope in ((0.9, -1.0), (1.1, -4.0)):
+        model = tanks().linearize([], names, at={names[row]: x}, parameters=parameters, sparse=True)
+        assert np.diag(model.C @ np.asarray(model.A) @ model.C.T) == pytest.approx(
+            [slope if k == row else -1.0 for k in range(3)]
+        )
+
+
+class Measured(gl.Component):
+    """A law with a corner that is no event, and one that is; a gain decides whether it has an effect."""
+
+    edge, gain = gl.Parameter("1", default=9.0), gl.Parameter("1/s", default=1.0)
+    x, y = gl.Variable("1", start=1.0), gl.Variable("1")
+
+    def equations(self) -> list[Any]:
+        silent = gl.no_event(gl.Max(self.x - self.edge, 0))
+        told = gl.Piecewise((2 * self.x - 3, self.x > 3), (self.x, True))
+        return [gl.Eq(self.y, silent + told), gl.Eq(gl.der(self.x), -self.gain * self.y)]
+
+
+def test_a_corner_without_an_event_leaves_the_events_of_others_alone() -> None:
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.part = [Measured() for _ in range(3)]
+            return []
+
+    system = gl.compile(Row(), outputs=[f"part[{k}].x" for k in range(3)])
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        for row in range(3):  # where it has no effect
+            system.linearize([], parameters={f"part[{row}].edge": 1.0, f"part[{row}].gain": 0.0}, sparse=True)
+    assert not [one for one in said if "a corner" in str(one.message)]
+    with pytest.warns(GearlibWarning, match=r"corner in the equations of part\[1\] \([^=]*edge[^=]* = 0\): the"):
+        system.linearize([], parameters={"part[1].edge": 1.0}, sparse=True)
+
+
+@pytest.mark.parametrize(
+    ("holds", "told"),
+    [
+        (lambda z: z > 0, False), (lambda z: z >= 0, True), (lambda z: z < 0, False), (lambda z: z <= 0, True),
+        (lambda z: z > -1, True), (lambda z: z < -1, False), (lambda z: z > 1, False), (lambda z: z < 1, True),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("events", [True, False])
+def test_comparisons_of_what_stands_still_are_what_they_are_at_the_point(holds: Any, told: bool, events: bool) -> None:
+    """Of zero with zero, too: a corner behind one that does not hold has no effect, and is not named."""
+
+    class Gated(gl.Component):
+        k, always = gl.Parameter("1/s", default=1.0), gl.Parameter("1/s", default=1.0)
+        x, zero = gl.Variable("1", start=0.0), gl.Variable("1")
+
+        def equations(self) -> list[Any]:
+            law = gl.Piecewise((gl.Max(self.x, 0), holds(self.zero)), (0, True))
+            return [gl.Eq(self.zero, 0), gl.Eq(gl.der(self.x), self.k * (law if events else gl.no_event(law)))]
+
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        gl.compile(Gated()).linearize([], ["x"], sparse=True)
+    assert ["a corner in the equations of Gated (" in str(one.message) for one in said] == [True] * told

@@ -233,6 +233,7 @@ def test_matrices_without_poles_or_with_zeros_only() -> None:
     assert (nothing.chains, nothing.values.tolist(), nothing.tolerances.tolist()) == ((3,), [0, 0, 0], [0, 0, 0])
     assert poles(sparse.csr_matrix(np.diag([-1.0, -2.0]))).values.real.tolist() == [-1, -2]
     for wrong, said in ((np.ones((2, 3)), r"shape \(2, 3\) has no eigenvalues"), (np.ones(3), r"shape \(3,\)"),
+                        (np.ones((0, 3)), r"shape \(0, 3\)"),
                         (np.array([[np.nan]]), "not finite"), (np.array([[1e150]]), "whose squares are not")):  # fmt: skip
         with pytest.raises(ArgumentError, match=said):
             poles(wrong)

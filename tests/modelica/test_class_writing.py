@@ -123,6 +123,11 @@ end OuterPackage;"""
     )
 
 
+def test_a_start_value_of_the_root_is_fixed_in_its_part_and_a_guess_is_not() -> None:
+    for given, text in (("start", "y(start = 2.5, fixed = true, "), ("guess", "y(start = 2.5, stateSelect")):
+        assert text in gl.to_modelica(Outer(**{given: {"a.y": 2.5}}))
+
+
 @pytest.mark.parametrize("flat", [False, True])
 def test_start_values_and_guesses_of_the_root_itself(flat: bool) -> None:
     """A guess in place of a start value leaves the variable free, and the other way round."""

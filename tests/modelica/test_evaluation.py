@@ -199,6 +199,15 @@ def test_expressions_of_variables(text: str, expected: Any) -> None:
     assert found == gl.Eq(component.x, expected(component))
 
 
+@pytest.mark.parametrize("name", ["f", "sign", "floor", "sum", "smooth", "noEvent"])
+def test_a_function_of_the_text_hides_the_built_in_one_of_its_name(name: str) -> None:
+    for declared in (f"function {name} = Modelica.Math.sin;", f"function {name} input Real x; output Real y; end {name};"):
+        with pytest.raises(ModelicaError, match=f"user-defined functions, such as {name}, are not supported"):
+            equations_of(gl.read_modelica(f"model M {declared} Real x; equation x = {name}(2); end M;")())
+    imported = gl.read_modelica(f"model M import {name} = Modelica.Math.exp; Real x; equation x = {name}(time); end M;")()
+    assert equations_of(imported) == [gl.Eq(imported.x, gl.exp(gl.time))]  # type: ignore[attr-defined]
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [

@@ -97,6 +97,9 @@ def given(text: str) -> dict[str, dict[str, Any]]:
         ("Components.RelativeStates r(phi_nominal = 3, stateSelect = StateSelect.never);",
          {"r": {"nominal": {"phi_rel": 3}, "state": {"phi_rel": "never", "w_rel": "never"}}}),
         ("Components.InitializeFlange z(stateSelect = StateSelect.never);", {}),
+        ("Small s(body(J = abs(p - 9)), torque(tau = abs(time - 1)));",  # a parameter does not pass through zero
+         {"s": {"values": {"body__J": "Abs(p - 9)", "torque__tau": "no_event(Abs(time - 1))"}},
+          "s.body": {"values": {"J": "body__J"}}, "s.torque": {"values": {"tau": "torque__tau"}}}),
         ("Components.Fixed f[3](phi0 = {1, 2, 3});", {f"f[{k}]": {"values": {"phi0": k + 1}} for k in range(3)}),
         ("Components.Fixed f[2](each phi0 = 4);", {f"f[{k}]": {"values": {"phi0": 4}} for k in range(2)}),
         ("Components.Fixed f[0](each phi0 = 4);", {}),
@@ -200,6 +203,20 @@ def test_redeclarations_keep_what_the_specification_says(declared: str, used: st
         if whole is not part
     }
     assert float(equation.right.subs(real_symbol("k"), k).subs(outer)) == expected
+
+
+@pytest.mark.parametrize("used", ["Q.D d(c(redeclare B s));", "Q.D d(c.s(k = 5), c(redeclare B s));"])
+def test_a_redeclaration_at_any_depth_means_a_class_of_where_it_is_written(used: str) -> None:
+    inside = f"package Q {REDECLARED.partition('P')[2]} model C replaceable A s; end C; model D C c; end D; end Q;"
+    found = parts(used, f"package P {inside} model B parameter Real k = 3; Real x = 30 + k; end B;")
+    assert [e.right for e in equations_of(found["d.c.s"])] == [real_symbol("k") + 30]
+
+
+@pytest.mark.parametrize("used", ["redeclare model S = B, m = 4", "m = 4, redeclare model S = B"])
+def test_values_stand_before_or_behind_a_redeclaration(used: str) -> None:
+    found = parts(f"C c({used});", f"{REDECLARED} model C parameter Real m = 1; replaceable model S = A; S s; end C;")
+    assert given_to(found["c"]).values == {"m": 4}
+    assert declared_by(found["c.s"]).parameters["k"].default == 2
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.equations.modelica_printer import modelica_text
-from gearlib.errors import ModelicaError
+from gearlib.errors import ArgumentError, ModelicaError
 from gearlib.language.component import equations_of
 from gearlib.language.expressions import real_symbol, value_of
 from tests.gearparts import msl_examples, msl_hybrid_examples
@@ -149,6 +149,12 @@ def test_expressions_keep_their_value(expression: Any, text: str | None) -> None
         assert found == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.parametrize("option", ["flat", "standard_library"])
+def test_options_are_true_or_false(option: str) -> None:
+    with pytest.raises(ArgumentError, match=f"to_modelica: {option} is 1; expected True or False"):
+        gl.to_modelica(gp.Inertia(J=1.0), **{option: 1})
+
+
 def test_what_modelica_does_not_have_is_refused() -> None:
     class Governed(gl.Component):
         def assemble(self) -> Any:
@@ -159,3 +165,25 @@ def test_what_modelica_does_not_have_is_refused() -> None:
     for options in MODES.values():
         with pytest.raises(ModelicaError, match="governor calls a Python function"):
             gl.to_modelica(Governed(), **options)
+
+
+class LeftOut(gl.Component):
+    """Blocks with values that are left to their defaults, but for those of the ramp."""
+
+    of_ramp = gl.Structural((), "values of the ramp, as pairs")
+
+    def assemble(self) -> Any:
+        self.ramp = gp.blocks.Ramp(**dict(self.of_ramp))
+        self.zone, self.filter = gp.blocks.DeadZone(), gp.blocks.TransferFunction(b=[3.0])
+        return [gl.connect(self.ramp.y, self.zone.u, self.filter.u)]
+
+
+def test_defaults_that_modelica_does_not_have_are_written() -> None:
+    """Its ramp has no duration and its dead zone no limit; a transfer function without ``a`` is a gain in both languages."""
+    text = gl.to_modelica(LeftOut(), standard_library=True)
+    assert "Ramp ramp(duration = 1.0)" in text
+    assert "DeadZone zone(uMax = 1.0, u = ramp.y)" in text
+    assert "TransferFunction filter(b = {3.0}, u = ramp.y)" in text
+    assert "Ramp ramp(duration = 0.5)" in gl.to_modelica(LeftOut(of_ramp=(("duration", 0.5),)), standard_library=True)
+    result = gl.simulate(gl.read_modelica(text, name="LeftOutPackage.LeftOut")(), 2.0, times=[0.5, 1.0, 2.0])
+    assert result["filter.y"] == pytest.approx([1.5, 3.0, 3.0], abs=1e-12)

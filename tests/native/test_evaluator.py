@@ -136,3 +136,19 @@ def test_points_that_compiled_code_leaves_are_interpreted() -> None:
     np.testing.assert_allclose(np.abs(y), [2.0, 3.0, 4.0], rtol=1e-12)
     np.testing.assert_allclose(found[:, 0, 0], 0.5 / y, rtol=1e-10)
     np.testing.assert_allclose(evaluate(numbers, t, x, none, none), slots, rtol=1e-12)
+
+
+def test_points_do_not_depend_on_the_ones_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The determinant at one point is forgotten at the next, which may be nearer to a singular one."""
+    monkeypatch.setattr("gearlib.native.source.SMALLER", 0.5)
+    system = gl.compile(Square())
+    scene = system.translation.scene
+    numbers, _ = scene.compiled_numbers(system.translation.parameter_values({}))
+
+    def interpreted(*_: Any) -> None:
+        raise AssertionError("a point was left to the interpreter")
+
+    monkeypatch.setattr("gearlib.native.evaluator.evaluate", interpreted)
+    x, none = np.array([[21.0, 0.0, 5.0, -3.0]]), np.empty((0, 4))
+    slots = evaluate(numbers, np.zeros(4), x, none, none, np.ones(scene.program.n_slots))
+    np.testing.assert_allclose(slots[scene.program.output_slots[0]], [5.0, 2.0, 3.0, 1.0], rtol=1e-12)

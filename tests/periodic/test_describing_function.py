@@ -87,3 +87,11 @@ def test_the_preloaded_spring_is_force_over_deflection() -> None:
 def test_what_is_refused(call: Any, message: str) -> None:
     with pytest.raises(ArgumentError, match=message):
         call()
+
+
+def test_by_default_stiffness_and_gap_are_1_and_nothing_is_carried() -> None:
+    """Up to 1.5 about the middle, of which 0.5 is the edge: N1 = 1 - 2 (asin z + z sqrt(1 - z^2)) / pi with z = 1/3."""
+    z = 1 / 3
+    stiffness = 1 - 2 * (np.arcsin(z) + z * np.sqrt(1 - z**2)) / np.pi
+    assert gl.backlash_describing_function(1.5) == (pytest.approx(0.0, abs=1e-15), pytest.approx(stiffness))
+    assert gl.equivalent_stiffness([1.5], c=1.0, b=1.0) == pytest.approx([stiffness])

@@ -248,3 +248,9 @@ def test_several_constants_together() -> None:
     order = [scene.state_names.index(name) for name in "xyz"]
     assert found.B[order, 0].tolist() == [2.0, 5.0, 14.0]
     assert found.A[np.ix_(order, order)].tolist() == [[-1.0, 1.0, 0.0], [0.0, -3.0, 0.0], [0.0, 0.0, -1.0]]
+    table = np.stack([translation.parameter_values({"k": k}) for k in (2.0, -4.0)], axis=1)
+    forms = linear_forms(scene, scene.numbers(table[:, 0]), ())
+    assert not isinstance(forms, str)
+    A, B = forms.of_runs(table, solutions_of_runs(scene.program, table)[0], np.zeros((0, 2)))
+    assert B[:, order, 0].tolist() == [[2.0, 5.0, 14.0], [-4.0, -10.0, -28.0]]
+    assert [own.tolist() for own in A] == [found.A.tolist()] * 2

@@ -14,6 +14,7 @@ from gearlib.errors import ArgumentError, GearlibWarning
 from gearlib.files.contents import Record
 from gearlib.run.result import Statistics
 from gearlib.stored_result import StoredResult
+from tests.run.test_constrained import released
 
 
 class Two(gl.Component):
@@ -73,6 +74,8 @@ def test_units_and_descriptions() -> None:
 
 def test_a_record_holds_each_history_once() -> None:
     """Of opposites one, with its sign; and all parameters, those for start values among them."""
+    assert run().record(["y"]).history("y") == pytest.approx(-X, abs=1e-12)
+    assert run().record(["y", "x"]).history("x") == pytest.approx(X, abs=1e-12)
     record = run().record(["y", "x", "nothing", "late", "z"])
     assert record.data.shape == (5, 4)
     x, y = (record.names.index(name) for name in "xy")
@@ -283,3 +286,40 @@ def test_sensitivities_that_were_not_asked_for() -> None:
         "the run was not asked for sensitivities with respect to 'twice' (it has rate, start(x)): simulate(..., "
         "sensitivities=['twice'])"
     )
+
+
+def test_states_that_were_not_integrated_are_found_beside_the_run() -> None:
+    """z, the integral of 3 - 2 t, without another run; which is of a single segment."""
+    own: Any = system().simulate(2.0, samples=5, method="rk")
+    again, repeated = own._run, []
+    own._run = lambda *given: repeated.append(given) or again(*given)
+    assert own["z"] == pytest.approx(3.0 * own.time - own.time**2, abs=1e-12)
+    assert repeated == []
+    assert "segments" not in own.stats
+
+
+@pytest.mark.parametrize(("atol", "kept"), [(1e-4, 1e-4), (None, None), ([1e-4], None)])
+def test_tolerances_of_a_run_that_is_repeated_with_more_states(atol: Any, kept: float | None) -> None:
+    """One number holds for all of them; numbers for each state do not fit others."""
+
+    class Late(gl.Component):
+        """y follows from x, and from itself; no integral."""
+
+        x, y = gl.Variable("any", start=1.0), gl.Variable("any", start=0.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), -self.x), gl.Eq(gl.der(self.y), self.x - self.y)]
+
+    own: Any = gl.compile(Late(), outputs=["x"]).simulate(1.0, samples=3, method="rk", rtol=1e-8, atol=atol)
+    assert own["y"] == pytest.approx(own.time * np.exp(-own.time), abs=1e-3)
+    assert own._extended.request.atol == kept
+    assert own.sampled_at(np.array([0.5]))["x"] == pytest.approx([np.exp(-0.5)], abs=1e-3)
+
+
+def test_segments_are_joined_where_one_ends_and_the_next_begins() -> None:
+    """The pendulum of unit length turns through several sets of states: one number for each sample."""
+    turned: Any = released(0.3, 9.0).simulate(2.0, samples=41, rtol=1e-9)
+    assert len(turned._segments) > 2
+    assert [len(turned[name]) for name in ("x", "y", "der(x)")] == [41] * 3
+    assert turned["x"] ** 2 + turned["y"] ** 2 == pytest.approx(np.ones(41), abs=1e-9)
+    assert turned.stats["segments"] == len(turned._segments)

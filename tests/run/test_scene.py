@@ -10,7 +10,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import NameLookupError, SingularError
+from gearlib.errors import NameLookupError, SingularError, SolverError
 from gearlib.run.afterwards.branch import iterated_unknowns
 from gearlib.run.scene import (
     Scene,
@@ -311,3 +311,85 @@ def test_what_is_set_at_the_start_follows_from_no_other() -> None:
         found = [names[k] for k in needed_discretes(translation.structure, [translation.scene.named(rate)[0]])]
         assert [name for name in found if not name.startswith("when_")] == [own]
         assert len(found) == 2
+
+
+class Deciding(gl.Component):
+    """y rises by what the sign of x decides; z is set to y when w passes 1."""
+
+    x, w = gl.Variable("1", start=1.0), gl.Variable("1", start=0.0)
+    y, z, alone = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), -1.0),
+            gl.Eq(gl.der(self.w), 2.0),
+            gl.Eq(gl.der(self.y), gl.Piecewise((3.0, self.x > 0.0), (1.0, True))),
+            gl.Eq(gl.der(self.z), 0.0),
+            gl.Eq(gl.der(self.alone), 1.0),
+            gl.When(self.w > 1.0, gl.reinit(self.z, self.y)),
+        ]
+
+
+@pytest.mark.parametrize(("output", "states"), [("y", ["x", "y"]), ("z", ["w", "x", "y", "z"]), ("x", ["x"])])
+def test_states_that_events_depend_on_are_needed(output: str, states: list[str]) -> None:
+    assert sorted(gl.compile(Deciding(), outputs=[output]).states) == states
+
+
+class Tipping(gl.Component):
+    """Equations that are iterated, and a count of how often their solution has passed one: they are solved at events as well."""
+
+    x = gl.Variable("1", start=0.0)
+    y, n = gl.Variable("1"), gl.Discrete()
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), 1.0 + 0.0 * self.y),
+            gl.Eq(self.y**3 + self.y, self.x + self.n),
+            gl.When(self.y > 1.0, gl.Eq(self.n, gl.pre(self.n) + 1.0)),
+        ]
+
+
+def test_a_run_that_goes_on_begins_events_on_its_branch() -> None:
+    """What the program of events iterates begins at the slots of the run, and at start values where there are none."""
+    translation = gl.compile(Tipping(), outputs=["y", "n"]).translation
+    scene, native = translation.scene, translation.scene.native
+    assert scene.relations is not None
+    assert native.update is not None
+    events = scene.relations.program
+    shared = {node: slot for node, slot in scene.program.slots.items() if node in events.slots}
+    assert events.iterated
+    assert shared
+    start = np.linspace(0.1, 0.9, translation.model.n_variables)
+    given = scene.prepared(translation.parameter_values({})), np.zeros(0), np.zeros(scene.n_discrete), start
+    own = 10.0 + np.arange(float(scene.program.n_slots))
+    for slots in (None, own):
+        data = scene.data(native, *given, slots)[native.update.layout.slots :][: events.n_slots]
+        right = guess_of(events, start)
+        for node, slot in shared.items() if slots is not None else ():
+            right[events.slots[node]] = own[slot]
+        assert data.tolist() == right.tolist()
+
+
+def test_a_start_at_which_equations_have_no_solution_is_refused() -> None:
+    """Of y^2 + 1 = x there is none from x = 0; on the way to the discrete state it would be passed over."""
+
+    class Missed(gl.Component):
+        x, y, n = gl.Variable("1", start=0.0), gl.Variable("1", guess=1.0), gl.Discrete()
+
+        def equations(self) -> list[Any]:
+            return [
+                gl.Eq(gl.der(self.x), 1.0),
+                gl.Eq(self.y**2 + 1.0, self.x),
+                gl.When(self.y > 1.0, gl.Eq(self.n, gl.pre(self.n) + 1.0)),
+            ]
+
+    translation = gl.compile(Missed(), outputs=["y", "n"]).translation
+    scene, numbers = translation.scene, translation.scene.prepared(translation.parameter_values({}))
+    guess = np.ones(translation.model.n_variables)
+    for x, solved in ((5.0, True), (0.0, False)):
+        given = numbers, np.zeros(1), np.array([[x]]), np.zeros((0, 1))
+        if solved:
+            assert scene.discrete(*given, start=guess)[:, 0].any()
+        else:
+            with pytest.raises(SolverError, match=r"y"):
+                scene.discrete(*given, start=guess)

@@ -146,3 +146,21 @@ def test_sizes_of_unknowns() -> None:
     assert found == {name: sizes.get(name, 1.0) for name in found}
     assert {"y", "T"} <= set(found)
     assert 1.0 in found.values()
+
+
+@pytest.mark.parametrize("kind", ["torn", "dae"])
+def test_first_values_are_left_to_ida_where_iteration_finds_none(kind: str) -> None:
+    """y^2 + 1 = x from x = 0: the states are the start's, and only IDA tells that there is no solution."""
+
+    class Missed(gl.Component):
+        x, y = gl.Variable("1", start=0.0), gl.Variable("1", guess=1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), 1.0 + self.y), gl.Eq(self.y**2 + 1.0, self.x)]
+
+    system = gl.compile(Missed(), outputs=["y"])
+    own, model = scene_form(system.translation.scene, kind), system.translation.model
+    start = Start(np.array([0.0]), np.ones(model.n_variables), ())
+    x = own.first(own.scene.prepared(model.parameters.defaults), 0.0, start, np.zeros(0), np.zeros(0), None)
+    assert x.shape == (len(own.equations.unknowns),)
+    assert x[0] == 0.0

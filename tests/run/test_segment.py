@@ -160,6 +160,31 @@ def test_guesses_lie_on_the_branch_of_the_run() -> None:
     assert guess[v] == pytest.approx(b[0], abs=1e-6) or v not in own.scene.program.undifferentiated[0]
 
 
+class Behind(gl.Component):
+    """What a run needs is declared behind what it does not."""
+
+    y, z = gl.Variable("1"), gl.Variable("1")
+    b, a = gl.Variable("1"), gl.Variable("1", start=0.5)
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(self.y, 2.0 * self.a + 100.0),
+            gl.Eq(self.z, 3.0 * self.a + 200.0),
+            gl.Eq(self.b**3 + self.b, 10.0 * self.a),
+            gl.Eq(gl.der(self.a), 1.0 + 0.0 * self.b + gl.sin(self.b) * 0.01),
+        ]
+
+
+def test_guesses_of_all_that_the_run_computes() -> None:
+    """At the first sample; those of other variables stay."""
+    own: Any = gl.compile(Behind(), outputs=["a"]).simulate(1.0, times=[0.5, 1.0], method="rk")._segments[0]  # type: ignore[attr-defined]
+    guess = replace(own, guess=np.full(len(own.guess), 7.0)).guess_on_branch()
+    found = {name: float(guess[own.scene.named(name)[0][0]]) for name in "abyz"}
+    assert found["a"] == own.states[0, 0]
+    assert found["b"] ** 3 + found["b"] == pytest.approx(10.0 * found["a"], rel=1e-9)
+    assert (found["y"], found["z"]) == (7.0, 7.0)
+
+
 def test_sensitivities_of_what_follows_from_states() -> None:
     """y = k above 0.75, square = x^2 + u: with respect to k and to the start of x."""
     result = system().simulate(1.0, times=[0.0, 0.7, 0.8, 1.0], inputs={"u": 2.0}, method="rk", sensitivities=["k", "start(x)"])

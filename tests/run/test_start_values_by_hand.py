@@ -278,3 +278,54 @@ def test_six_names_at_most_are_listed() -> None:
     six = ", ".join(f"x{k}" for k in range(1, 7))
     assert f"s is fixed at 30, but the other fixed values ({six}, ...) and the equations make it 28; fix" in str(refused.value)
     assert str(refused.value).endswith(f"; s follows from {six}, ...")
+
+
+class Swinging(gl.Component):
+    """x swings, and its derivative is a state of its own."""
+
+    x = gl.Variable("any", start=3.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(gl.der(self.x)), -4.0 * self.x)]
+
+
+def test_derivatives_that_are_states_begin_at_zero() -> None:
+    """x = 3 cos 2 t."""
+    translation = gl.compile(Swinging()).translation
+    found = start_values(translation.scene, translation.parameter_values({}), np.empty(0), 0.0, {})
+    assert dict(zip(translation.scene.state_names, found.states.tolist(), strict=True)) == {"x": 3.0, "der(x)": 0.0}
+    run = gl.System(translation).simulate(1.0, samples=5, rtol=1e-9)
+    assert run["x"] == pytest.approx(3.0 * np.cos(2.0 * run.time), abs=1e-7)
+
+
+class Bent(gl.Component):
+    """y is twice x where x is positive, and x elsewhere; d is a difference."""
+
+    a, b, x = gl.Variable("any", guess=0.0), gl.Variable("any", guess=0.0), gl.Variable("any", guess=1.0)
+    d, y = gl.Variable("any"), gl.Variable("any")
+
+    def equations(self) -> list[Any]:
+        rates = [gl.Eq(gl.der(state), -state) for state in (self.a, self.b, self.x)]
+        bent = gl.Piecewise((2.0 * self.x, self.x > 0.0), (self.x, True))
+        return [*rates, gl.Eq(self.d, self.a - self.b), gl.Eq(self.y, bent)]
+
+
+def of_bent(nominal: float = 1.0, **start: float) -> dict[str, float]:
+    translation = gl.compile(Bent(start=start, nominal={"d": nominal})).translation
+    found = start_values(translation.scene, translation.parameter_values({}), np.empty(0), 0.0, {})
+    return dict(zip(translation.scene.state_names, found.states.tolist(), strict=True))
+
+
+@pytest.mark.parametrize(("nominal", "refused"), [(1e4, False), (5.1e3, False), (4.9e3, True), (1.0, True), (1e-4, True)])
+def test_what_follows_counts_as_zero_by_its_own_size(nominal: float, refused: bool) -> None:
+    """5e-8 is 1e-11 of 5000."""
+    if refused:
+        with pytest.raises(StartError, match=r"^start values contradict each other: d is fixed at 0, but .* make it 5e-08"):
+            of_bent(nominal, a=5e-8, b=0.0, d=0.0)
+    else:
+        assert of_bent(nominal, a=5e-8, b=0.0, d=0.0) == {"a": 5e-8, "b": 0.0, "x": 1.0}
+
+
+@pytest.mark.parametrize(("y", "x"), [(4.0, 2.0), (-4.0, -4.0)])
+def test_a_condition_holds_at_the_start_that_is_found(y: float, x: float) -> None:
+    assert of_bent(y=y)["x"] == pytest.approx(x, rel=1e-12)

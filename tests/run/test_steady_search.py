@@ -95,6 +95,10 @@ def test_a_growing_mode_limits_the_step() -> None:
     unstable[2, 2] = 0.25
     assert own.longest_stable(unstable) == pytest.approx(2.0)
     assert own.longest_stable(stable + np.diag([0, 0, 3.0 + 1e-10, 0, 0, 0])) == np.inf  # rounding
+    just = np.diag([1e-9 * 5.0, -1.0, -2.0, -3.0, -4.0, -5.0])
+    assert own.longest_stable(just) == np.inf
+    just[0, 0] *= 1.01
+    assert own.longest_stable(just) == pytest.approx(0.5 / 5.05e-9)
 
 
 def test_angles_grow_in_a_steady_rotation() -> None:

@@ -145,3 +145,18 @@ class NeverOn(gl.Component):
 
 def test_a_condition_on_what_is_always_zero_never_switches() -> None:
     assert gl.simulate(NeverOn(), 1.0, samples=3)["x"] == pytest.approx([0.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize("kinds", [("unknown", "numbers"), ("numbers", "unknown")])
+def test_the_fastest_known_drive_beside_one_of_unknown_rate(kinds: tuple[str, str]) -> None:
+    """In whichever order."""
+
+    class Both(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.other = (Drives(kind=kind) for kind in kinds)
+            return []
+
+    translation = gl.compile(Both()).translation
+    drive = translation.scene.fastest_drive
+    assert not drive.known
+    assert drive(translation.parameter_values({})) == 5.0

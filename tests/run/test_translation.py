@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import Any
 
@@ -44,6 +45,17 @@ def test_parameters_follow_from_each_other_unless_given() -> None:
 def test_what_is_no_number_is_refused(value: Any) -> None:
     with pytest.raises(ArgumentError, match=r"^parameter size is .*; expected a number$"):
         bound().parameter_values({"size": value})
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0])
+def test_numbers_out_of_bounds_are_refused_alike_whatever_their_type(value: float) -> None:
+    said = []
+    for number in (value, np.float64(value)):
+        with pytest.raises(gl.GearlibError) as refused:
+            bound().parameter_values({"a.J": number})
+        said.append(str(refused.value))
+    assert said[0] == said[1]
+    assert "a.J" in said[0]
 
 
 def test_derivatives_of_parameters_by_others() -> None:
@@ -216,6 +228,28 @@ def test_parts_are_those_of_the_compilation(monkeypatch: pytest.MonkeyPatch) -> 
     assert gl.compile(Row()).simulate(1.0, samples=2, parameters={"J": 0.0})["others[0].w"] == pytest.approx([0.0, 2.0])
 
 
+class Chosen(Row):
+    """The same, with one of two bodies behind the shaft."""
+
+    behind = 0
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.first = gp.Torque(tau=6.0), gp.Inertia(J=self.J)
+        self.shaft, self.others = gp.SpringDamper(c=10.0, d=1.0), [gp.Inertia(J=1.0), gp.Inertia(J=1.0)]
+        return [
+            gl.connect(self.torque.flange, self.first.flange_a),
+            gl.connect(self.first.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.others[type(self).behind].flange_a),
+        ]
+
+
+def test_connections_are_those_of_the_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = gl.compile(Chosen(), outputs=["others[0].w"])
+    monkeypatch.setattr(Chosen, "behind", 1)
+    assert system.simulate(1.0, samples=2, parameters={"J": 0.0})["others[0].w"] == pytest.approx([0.0, 6.0])
+    assert gl.compile(Chosen()).simulate(1.0, samples=2, parameters={"J": 0.0})["others[0].w"].tolist() == [0.0, 0.0]
+
+
 class Around(gl.Component):
     """Two bodies that two discs join: the angles of both must be the same."""
 
@@ -302,3 +336,33 @@ def test_what_decided_the_equations_has_no_derivative() -> None:
             "value: parameters={'one.J': ...}"
         )
     assert massless.parameter_changes(["b"], numbers, [])
+
+
+class Doubled(gl.Component):
+    """Two gears in a row, and one beside them with the product of their ratios."""
+
+    ratio = gl.Parameter("1", default=3.0)
+    beside = gl.Parameter("1", default=lambda s: s.ratio**2)
+
+    def assemble(self) -> list[Any]:
+        self.a, self.b = gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+        self.one, self.two = gp.IdealGear(ratio=self.ratio), gp.IdealGear(ratio=self.ratio)
+        self.other = gp.IdealGear(ratio=self.beside)
+        return [
+            gl.connect(self.a.flange_b, self.one.flange_a, self.other.flange_a),
+            gl.connect(self.one.flange_b, self.two.flange_a),
+            gl.connect(self.two.flange_b, self.other.flange_b, self.b.flange_a),
+        ]
+
+
+@pytest.mark.parametrize("ratio", [3.0, -0.5])
+def test_a_loop_that_closes_with_a_curved_binding_has_a_derivative(ratio: float) -> None:
+    """Of what all its ratios follow from; of none of them alone, and not where one of them is given."""
+    translation = gl.compile(Doubled(ratio=ratio)).translation
+    numbers, names = translation.parameter_values({}), translation.model.parameters.names
+    changes = {names[p]: w for p, _, w in translation.parameter_changes(["ratio"], numbers, [])}
+    assert changes["two.ratio"] == 1.0
+    assert changes["other.ratio"] == pytest.approx(2 * ratio)
+    for name, given in (("beside", []), ("two.ratio", []), ("ratio", ["beside"])):
+        with pytest.raises(LoopError, match=rf"^there is no derivative with respect to {name}: "):
+            translation.parameter_changes([name], numbers, given)

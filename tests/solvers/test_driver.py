@@ -190,6 +190,7 @@ def test_a_finished_run_goes_on_to_later_times(begin: float) -> None:
         assert (run.t, run.x[0]) == (begin + end, pytest.approx(end, abs=1e-13))
         assert (run.record.steps - before >= 100) == (longest == 0.01)
     assert run.event_times.tolist() == [begin + 1.5, begin + 2.0]
+    assert run.solution().x.shape == (0, 1)
     assert run.out[:, 0] == pytest.approx([0.0, 0.5, 1.0], abs=1e-14)
 
 

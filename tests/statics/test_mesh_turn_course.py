@@ -11,7 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_kernel
-from gearlib.errors import ModelError
+from gearlib.errors import InputWarning, ModelError
 from gearlib.flatten.model import FlatModel
 from gearlib.statics import mesh_turn
 from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, repeating_columns, turn
@@ -264,3 +264,251 @@ def test_the_rate_of_what_follows_from_a_phase_has_a_mean_of_zero_alone(beside: 
             gl.power_flow(system, speeds={"body.w": W})
         return
     assert gl.power_flow(system, speeds={"body.w": W})["load.flange"].torque == pytest.approx(0.5, rel=1e-9)
+
+
+RATES: list[tuple[Any, float | None]] = [
+    (lambda s: s.z + s.y**2, 0.5),
+    (lambda s: s.doubled + s.acceleration + 3.0, 3.0),
+    (lambda s: s.z * gl.cos(s.phase), None),
+    (lambda s: s.doubled * gl.cos(s.phase), None),
+    (lambda s: s.acceleration * s.y, None),
+    (lambda s: s.doubled**2, None),
+    (lambda s: s.late * s.y, None),
+    (lambda s: gl.Piecewise((1.0, s.z > 0.5), (2.0, True)), None),
+]
+
+
+class RatesKept(gl.Component):
+    """Rates of what follows from a phase, kept in variables of their own."""
+
+    flange = gp.Flange("shaft")
+    law = gl.Structural(0)
+    newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
+    phase = gl.Variable("rad")
+    y, z, doubled, acceleration, late = (gl.Variable("1") for _ in range(5))
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(self.y, gl.sin(self.phase)),
+            gl.Eq(self.z, self.second * gl.der(self.y)),
+            gl.Eq(self.doubled, 2 * self.z),
+            gl.Eq(self.acceleration, self.second * gl.der(self.z)),
+            gl.Eq(self.late, self.doubled + gl.cos(self.phase)),
+            gl.Eq(self.flange.tau, self.newton_metre * RATES[self.law][0](self)),
+        ]
+
+
+@pytest.mark.parametrize("law", range(len(RATES)))
+def test_a_rate_that_is_kept_in_a_variable_has_a_course_that_is_not_known(law: int) -> None:
+    """Its mean is zero alone. Beside what varies it is refused: with a rate of zero, ``z cos(phase)`` was 0 and not 7.5."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), RatesKept(law=law)
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    system = gl.compile(Driven())
+    expected = RATES[law][1]
+    if expected is None:
+        why = r"since load\.(z|doubled|acceleration|late) follows from rates that vary with the phase$"
+        with pytest.raises(ModelError, match=r"^RatesKept: .*: its mean over a turn of the mesh is not known, " + why):
+            gl.power_flow(system, speeds={"body.w": W})
+        return
+    assert gl.power_flow(system, speeds={"body.w": W})["load.flange"].torque == pytest.approx(expected, rel=1e-9)
+
+
+SUMS: list[tuple[Any, float]] = [
+    (lambda s: s.total * s.y, 0.5),
+    (lambda s: s.half * s.y, 0.25),
+    (lambda s: s.half**2, 0.25),
+    (lambda s: s.behind * s.y, 1.0),
+    (lambda s: s.fast * s.y, 0.5),
+    (lambda s: s.fast**2, W**2 + 0.5),
+    (lambda s: s.faster**2, 9 * W**2 + 2.0),
+    (lambda s: s.faster * s.speed, 3 * W**2),
+    (lambda s: s.scaled * s.y, 0.125),
+    (lambda s: s.scaled**2 * s.four, 0.125),
+]
+
+
+class Summed(gl.Component):
+    """Sums of what follows from a phase, with each other and with speeds; no equation shows by its form what it is for."""
+
+    flange = gp.Flange("shaft")
+    law = gl.Structural(0)
+    newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
+    phase = gl.Variable("rad")
+    four = gl.Parameter("1", default=4.0)
+    faster, fast, behind, half, total, scaled, y, speed = (gl.Variable("1") for _ in range(8))
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(0, self.faster - 2 * self.fast - self.speed),
+            gl.Eq(self.fast - self.speed, self.y),
+            gl.Eq(self.behind + self.total, 2 * self.y + self.half * 2),
+            gl.Eq(2 * self.half, self.total),
+            gl.Eq(self.four * self.scaled, self.y),
+            gl.Eq(self.total - self.y, gl.cos(self.phase)),
+            gl.Eq(self.y, gl.sin(self.phase)),
+            gl.Eq(self.speed, self.second * gl.der(self.flange.phi)),
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(self.flange.tau, self.newton_metre * SUMS[self.law][0](self)),
+        ]
+
+
+@pytest.mark.parametrize("law", range(len(SUMS)))
+def test_sums_of_what_follows_from_a_phase_and_of_speeds_have_a_course(law: int) -> None:
+    """``y = sin(phase)``, ``total = y + cos(phase)``; the means of products of such sums were those of products of means."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Summed(law=law)
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})
+    assert flow["load.flange"].torque == pytest.approx(SUMS[law][1], rel=1e-9)
+
+
+TWO_PHASES: list[tuple[Any, float, float]] = [
+    (lambda s: s.y * s.z, 2.0, 0.0),
+    (lambda s: s.y**2 * s.z**2, 2.0, 0.25),
+    (lambda s: gl.sin(s.phase) * gl.sin(s.other), 2.0, 0.0),
+    (lambda s: gl.sin(2 * s.phase) * s.z, 2.0, 0.5),
+    (lambda s: s.y * s.z, -1.0, -0.5),
+    (lambda s: s.y * gl.cos(s.other), -1.0, 0.0),
+    (lambda s: s.y * s.z, 1.0, 0.5),
+    (lambda s: s.sum**2, 1.0, 2.0),
+    (lambda s: s.sum**2, 0.3, 1.0),
+    (lambda s: s.sum**2, -1.0, 0.0),
+    (lambda s: gl.sin(3 * s.phase) * gl.sin(2 * s.other), 1.5, 0.5),
+    (lambda s: gl.sin(23 * s.phase) * gl.sin(57 * s.other), 23 / 57, 0.5),
+    (lambda s: s.y**2 * s.z**2, float(np.sqrt(3.0)), 0.25),
+    (lambda s: s.y**2 * s.z**2, 1.0, 0.375),
+    (lambda s: s.positive, float(np.sqrt(3.0)), 0.25),
+    (lambda s: s.positive, 1.0, 0.5),
+]
+
+
+class TwoPhases(gl.Component):
+    """A law of two meshes that turn at different rates."""
+
+    flange = gp.Flange("shaft")
+    law = gl.Structural(0)
+    newton_metre = gl.Parameter("N.m", default=1.0)
+    rate = gl.Parameter("1", default=1.0)
+    phase, other = gl.Variable("rad"), gl.Variable("rad")
+    y, z, sum, positive = (gl.Variable("1") for _ in range(4))
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(gl.der(self.other), 3 * self.rate * gl.der(self.flange.phi)),
+            gl.Eq(self.y, gl.sin(self.phase)),
+            gl.Eq(self.z, gl.sin(self.other)),
+            gl.Eq(self.sum, self.y + self.z),
+            gl.Eq(self.positive, gl.Piecewise((gl.Piecewise((1.0, self.y > 0), (0.0, True)), self.z > 0), (0.0, True))),
+            gl.Eq(self.flange.tau, self.newton_metre * TWO_PHASES[self.law][0](self)),
+        ]
+
+
+@pytest.mark.parametrize("law", range(len(TWO_PHASES)))
+def test_the_mean_of_what_depends_on_two_phases_is_that_of_their_own_rates(law: int) -> None:
+    """``y = sin(phase)``, ``z = sin(rate phase)``; both phases turned together, so that ``y z`` had the mean 0.5 at any rates."""
+    _, rate, mean = TWO_PHASES[law]
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), TwoPhases(law=law, rate=rate)
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    system = gl.compile(Driven())
+    for speed in (W, -W):
+        torque = gl.power_flow(system, speeds={"body.w": speed})["load.flange"].torque
+        assert torque == pytest.approx(mean, rel=1e-9, abs=1e-3 if law >= 14 else 1e-9)  # a jump falls between points
+
+
+@pytest.mark.parametrize("start", [{}, {"other": np.pi / 2}, {"phase": 1.0, "other": 1.0 + np.pi / 3}, {"phase": -0.3}])
+def test_phases_of_one_rate_keep_the_difference_that_they_start_with(start: dict[str, float]) -> None:
+    """The mean of ``sin(p) sin(p + d)`` is ``cos(d) / 2``."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), TwoPhases(law=2, rate=1.0, start=start)
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    torque = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})["load.flange"].torque
+    assert torque == pytest.approx(np.cos(start.get("other", 0.0) - start.get("phase", 0.0)) / 2, abs=1e-9)
+
+
+class Swinging(gl.Component):
+    """A torque by a law of signals that swing with time."""
+
+    flange = gp.Flange("shaft")
+    law = gl.Structural(0)
+    newton_metre, amplitude = gl.Parameter("N.m", default=1.0), gl.Parameter("1", default=1.0)
+    x, y, steady = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        laws = [
+            10 * self.x**2, 10 * self.x * self.y, gl.Piecewise((1.0, self.x > 0), (0.0, True)), self.steady * self.y,
+            3 + 10 * self.x, self.steady**2 + self.y,
+        ]  # fmt: skip
+        return [
+            gl.Eq(self.x, self.amplitude * gl.sin(50 * gl.time)),
+            gl.Eq(self.y - self.x, 2.0),
+            gl.Eq(self.steady, 3.0),
+            gl.Eq(self.flange.tau, -self.newton_metre * laws[self.law]),
+        ]
+
+
+@pytest.mark.parametrize(("law", "named"), [(0, "load.x swings"), (1, "load.x, load.y swing"), (2, "load.x swings")])
+def test_products_of_what_swings_with_time_are_told(law: int, named: str) -> None:
+    """The mean of a product is not the product of the means; where nothing swings, nothing is told."""
+    system = gl.compile(torque_on_damper(law))
+    with pytest.warns(
+        InputWarning, match=f"^Driven: {named} with time, and counts? with (its mean|their means) in an equation"
+    ):
+        system.power_flow()
+    flow = system.power_flow(parameters={"load.amplitude": 0.0})
+    assert flow["body.flange_a"].speed == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("law", "mean"), [(3, 6.0), (4, 3.0), (5, 11.0)])
+def test_sums_of_what_swings_with_time_count_with_their_mean(law: int, mean: float) -> None:
+    assert gl.compile(torque_on_damper(law)).power_flow()["body.flange_a"].speed == pytest.approx(mean, rel=1e-12)
+
+
+def torque_on_damper(law: int) -> gl.Component:
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.load, self.body, self.damper, self.ground = Swinging(law=law), gp.Inertia(J=1.0), gp.Damper(d=1.0), gp.Fixed()
+            return [
+                gl.connect(self.load.flange, self.body.flange_a), gl.connect(self.body.flange_b, self.damper.flange_a),
+                gl.connect(self.damper.flange_b, self.ground.flange),
+            ]  # fmt: skip
+
+    return Driven()
+
+
+@pytest.mark.parametrize(("swing", "geared"), [(30.0, True), (30.0, False), (0.0, True)])
+def test_a_load_on_a_speed_that_is_prescribed_and_swings_is_told(swing: float, geared: bool) -> None:
+    """The load grows with the square of a speed of 100 / 2; the swing would add 4.5 percent."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.source, self.body = gp.Speed(exact=True, w_ref=100 + swing * gl.sin(50 * gl.time)), gp.Inertia(J=1.0)
+            self.gear = gp.IdealGear(ratio=2.0 if geared else 1.0)
+            self.load = gp.QuadraticSpeedDependentTorque(tau_nominal=-8.0, w_nominal=10.0, torque_direction=False)
+            return [
+                gl.connect(self.source.flange, self.gear.flange_a), gl.connect(self.gear.flange_b, self.body.flange_a),
+                gl.connect(self.body.flange_b, self.load.flange),
+            ]  # fmt: skip
+
+    system = gl.compile(Driven())
+    if swing:
+        with pytest.warns(InputWarning, match=r"^Driven: load\.w swings with time, and counts with its mean in an equation"):
+            flow = system.power_flow()
+    else:
+        flow = system.power_flow()
+    assert flow["load.flange"].torque == pytest.approx(200.0 if geared else 800.0, rel=1e-9)

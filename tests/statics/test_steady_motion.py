@@ -430,3 +430,35 @@ def test_a_torque_that_is_always_zero_may_enter_by_its_cube() -> None:
     for name, right in (("meter.reading", -8.0), ("loose.reading", 0.0)):  # 2 N.m from the brake
         v, turned = place(model, name)
         assert turned * motion.constants[v] == pytest.approx(right, abs=1e-12)
+
+
+class Compared(gl.Component):
+    """What two values are compared for, which a rounding error may part."""
+
+    x, y, strictly, at_least, less, at_most = (gl.Variable("1") for _ in range(6))
+
+    def equations(self) -> list[gl.Eq]:
+        conditions = {self.strictly: self.x > self.y, self.at_least: self.x >= self.y, self.less: self.x < self.y}
+        conditions |= {self.at_most: self.x <= self.y}
+        flags = [gl.Eq(flag, gl.Piecewise((1.0, condition), (0.0, True))) for flag, condition in conditions.items()]
+        return [gl.Eq(gl.der(self.x), 0.0), gl.Eq(gl.der(self.y), 0.0), *flags]
+
+
+@pytest.mark.parametrize("ulps", [-3, -1, 0, 1, 3])
+def test_what_differs_by_rounding_is_equal_in_a_comparison(ulps: int) -> None:
+    """Friction that starts at its limit sticks, on whichever processor its torque was computed; a relative 1e-9 counts."""
+    translation = gl.compile(Compared()).translation
+    model = translation.structure.complete
+    numbers, a = translation.parameter_values({}), np.zeros(model.n_variables)
+    x, y = (place(model, name)[0] for name in ("x", "y"))
+
+    def flags(value: float, other: float) -> list[float]:
+        a[x], a[y] = value, other
+        return settled_discrete(model, numbers, a, np.zeros(len(a)))[: model.n_relations].tolist()
+
+    equal, more, less = flags(50.0, 50.0), flags(50.00000005, 50.0), flags(-50.00000005, -50.0)
+    assert len({*map(tuple, (equal, more, less))}) == 3
+    for size in (50.0, -50.0, 3e-9, 7e11):
+        assert flags(size + ulps * np.spacing(size), size) == equal
+    assert flags(1e-30, 0.0) == more
+    assert flags(-1e-30, 0.0) == less

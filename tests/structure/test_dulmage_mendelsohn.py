@@ -157,17 +157,31 @@ def test_rows_that_get_in_each_others_way_are_matched_in_several_passes(seed: in
     assert len(matching_by_lists(rows)) == len(matching_by_graph(rows)) == most < n
 
 
-def test_rows_with_a_free_column_are_read_once() -> None:
-    """Lists are for large trains, most of whose equations find a variable at once: no path is searched for them."""
+def counted(rows: list[list[int]]) -> tuple[list[list[int]], list[int]]:
+    """Rows, and a list of those that have been read."""
     read: list[int] = []
 
     class Row(list[int]):
         def __iter__(self) -> Any:
-            read.append(self[-1])
+            read.append(rows.index(self))
             return super().__iter__()
 
-    assert matching_by_lists([Row([k - 1, k]) for k in range(1, 50)]) == {k - 1: k - 1 for k in range(1, 50)}
-    assert read == list(range(1, 50))
+    return [Row(row) for row in rows], read
+
+
+def test_rows_with_a_free_column_are_read_once() -> None:
+    """Lists are for large trains, most of whose equations find a variable at once: no path is searched for them."""
+    rows, read = counted([[k - 1, k] for k in range(1, 50)])
+    assert matching_by_lists(rows) == {k: k for k in range(49)}
+    assert read == list(range(49))
+
+
+def test_what_finds_no_partner_in_a_pass_is_not_tried_again_unless_another_one_has() -> None:
+    rows, read = counted([[0], [0, 0], [0, 0, 0]])
+    assert matching_by_lists(rows) == {0: 0}
+    assert read == [0, 1, 2, 1, 0, 2], (
+        "at first all, then the two that are left, with the one that has what the first of them wants"
+    )
 
 
 @pytest.mark.parametrize(("rows", "way"), [(2, "graph"), (3, "graph"), (4, "lists")])

@@ -105,7 +105,8 @@ def test_coefficients_of_one_node_are_added_at_each_order() -> None:
     """An equation f(v, v') twice differentiated, in which v stands twice: rows of f and f'."""
     v, w = 3, 4
     result = Differentiation((2,), {v: 3, w: 2}, {0: v})
-    entries = [(0, v, 0, 2.0), (0, v, 1, 5.0), (0, v, 0, 0.5), (0, w, 0, 1.0), (0, w, 0, 0.25)]
+    given = 5  # from outside: no unknown, so it has no order
+    entries = [(0, v, 0, 2.0), (0, v, 1, 5.0), (0, v, 0, 0.5), (0, w, 0, 1.0), (0, w, 0, 0.25), (0, given, 0, 4.0)]
     assert constraints(result, entries) == {
         (0, 0): {(v, 0): 2.5, (v, 1): 5.0, (w, 0): 1.25},
         (0, 1): {(v, 1): 2.5, (v, 2): 5.0, (w, 1): 1.25},

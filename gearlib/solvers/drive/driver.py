@@ -253,10 +253,7 @@ class Driver:
         record, left = self.record, self.problem.max_steps + self._steps_before - self.record.steps
         if left <= 0 and self.t < self.t_end:
             raise self._failure(drive_loop.STEP_LIMIT)
-        if record.capacity < record.events + record.n_roots + 2 or (
-            record.trace and record.trace_capacity - record.trace_rows < drive_loop.MARGIN
-        ):
-            self._make_room()
+        self._make_room()
         budget = max(1, min(steps, left, self.stepper.looks_every))
         record.budget, begin = min(budget, self._most_steps), perf_counter()
         code = self.stepper.carry_on(self)
@@ -328,16 +325,15 @@ class Driver:
         self.fired[:] = 0
 
     def _make_room(self) -> None:
-        """Grow the event log, or the trace."""
+        """Grow the event log, or the trace, if a step may fill it."""
         record = self.record
         if record.trace and record.trace_capacity - record.trace_rows < drive_loop.MARGIN:
             self._go_on_tracing()
-        if record.capacity >= record.events + record.n_roots + 2:
-            return
-        record.capacity = 2 * record.capacity + record.n_roots
-        for name in ("log_t", "log_root"):
-            self._lasting[name] = np.resize(self._lasting[name], record.capacity)
-            setattr(record, name, address_of(self._lasting[name]))
+        if record.capacity < record.events + record.n_roots + 2:
+            record.capacity = 2 * record.capacity + record.n_roots
+            for name in ("log_t", "log_root"):
+                self._lasting[name] = np.resize(self._lasting[name], record.capacity)
+                setattr(record, name, address_of(self._lasting[name]))
 
     def solution(self) -> Solution:
         """The solution found so far."""

@@ -139,8 +139,8 @@ def deviations(G: Floats, h: float, scales: Floats) -> Floats:
     size[:, :, :n] *= scales[:, None, :]
     driven = size[:, :n, n:].max(axis=(1, 2), initial=0.0)  # what drives the states may be scaled at will
     size[:, :n, n:] /= np.where(driven > 0.0, driven, 1.0)[:, None, None]
-    norm = np.minimum(size.sum(axis=1).max(axis=1), size.sum(axis=2).max(axis=1)) * abs(h)
-    doublings = np.ceil(np.log2(np.maximum(np.where(np.isfinite(norm), norm, 1.0), 1e-300) / REACH)).clip(0, 1074).astype(int)
+    norm = np.minimum(size.sum(axis=1).max(axis=1), size.sum(axis=2).max(axis=1)) * abs(h) / REACH
+    doublings = np.ceil(np.log2(np.maximum(np.where(np.isfinite(norm), norm, 1.0), 1.0))).astype(int)
     out = np.empty_like(G)
     for d in np.unique(doublings).tolist():
         here = doublings == d

@@ -337,7 +337,7 @@ def restart(s: IdaRecord, t: float) -> int:
         status = MODEL(s.rhs, s.origin + t, natural(s, s.y, s.dy), s.f, s.data, s.index)
         f, dy, d = floats_at(s.f), floats_at(s.dy), floats_at(s.differential)
         if status != 0 or not all_finite(f, n):
-            refuse(s, t, f, n)
+            refuse(s, t, f, n if status >= 0 else 0)
             return RHS_FAILED
         order = ints_at(s.order)
         for i in range(n):

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import functools
 import io
 import warnings
 from collections.abc import Callable
@@ -86,7 +85,7 @@ class SundaeIda(IdaStepper, PythonStepper):
         self.solved_here = self.jac is not None and (self.implicit or len(self.algebraic) > 0)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # about a sparse pattern being unused where there is a Jacobian
-            self.ida = self._interface(self._caught(self._residual), **self._options())
+            self.ida = self._interface(self._residual, **self._options())
         if len(self.algebraic) and self.record.update:  # the event iteration depends on algebraic unknowns
             try:
                 self._begin(self.record.t)
@@ -106,7 +105,7 @@ class SundaeIda(IdaStepper, PythonStepper):
             "atol": np.where(self.implicit & (self.differential == 0), SUPPRESSED, 1.0) * self.atol[self.permuted],
             "linsolver": matrix.kind,
             "max_num_steps": CHUNK if self.watch is None else WATCHED,
-            "jacfn": self._caught(self._sparse_jacobian if matrix.pattern is not None else self._full_jacobian),
+            "jacfn": self._sparse_jacobian if matrix.pattern is not None else self._full_jacobian,
         }
         if self.jac is None:
             del options["jacfn"]
@@ -130,28 +129,10 @@ class SundaeIda(IdaStepper, PythonStepper):
                 g[: self.n_roots] = self.g
                 g[self.n_roots :] = self._turning(t, y, dy, g[: self.n_roots])
 
-            functions: Any = self._caught(events)
+            functions: Any = events
             functions.direction = [0] * self.n_roots + [1] * self.n_roots
             options |= {"eventsfn": functions, "num_events": 2 * self.n_roots}
         return options
-
-    def _caught(self, callback: Any) -> Any:
-        """A callback whose exception is stored, since it would be lost on its way through IDA: see `_raise`."""
-
-        @functools.wraps(callback)
-        def call(*arguments: Any) -> None:
-            try:
-                callback(*arguments)
-            except BaseException as problem:
-                self.raised = self.raised or problem
-                raise
-
-        return call
-
-    def _raise(self) -> None:
-        problem, self.raised = self.raised, None
-        if problem is not None:
-            raise problem
 
     def _natural(self, y: Any, dy: Any) -> Floats:
         self.x[: self.n][self.permuted] = y
@@ -274,10 +255,8 @@ class SundaeIda(IdaStepper, PythonStepper):
         try:
             with contextlib.redirect_stdout(io.StringIO()):  # scikit-sundae prints SUNDIALS messages
                 start = self.ida.init_step(t, self.y, dy)
-            self._raise()
             self.y, self.dy = start.y, start.yp
         except RuntimeError as problem:  # scikit-sundae gives the reason only as text
-            self._raise()
             raise FailedError(START_FAILED if "IDACalcIC" in str(problem) else -99) from problem
         record.attempt_time = t
         record.first_reach = record.first_guess = 1000 * self._first_step(t)
@@ -382,7 +361,6 @@ class SundaeIda(IdaStepper, PythonStepper):
             record.first_reach = 0.0
         with contextlib.redirect_stdout(io.StringIO()):
             step = self.ida.step(target, method=method, tstop=stop)
-        self._raise()
         if method == "onestep" and step.status == 0:
             record.reached = record.t  # from here on IDA interpolates; no sample follows the step yet
             return STEPPED

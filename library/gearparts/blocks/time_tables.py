@@ -124,7 +124,7 @@ def _pieces(table: gl.Table, x: Any, extrapolation: str) -> Any:
 
     def law(k: int) -> Any:
         c, s = coefficients[k], x - t[k]
-        return c[0] + s * (c[1] + s * (c[2] + s * c[3])) if any(c[1:]) else c[0] + 0 * x
+        return c[0] + s * (c[1] + s * (c[2] + s * c[3])) if any(c[1:]) else c[0]
 
     if extrapolation == "periodic":
         return gl.Piecewise(*((law(k), x < t[k + 1]) for k in spans[:-1]), (law(spans[-1]), True))

@@ -36,7 +36,7 @@ class TransferFunction(SISO):
     """
 
     b = gl.Structural((1.0,), "coefficients of the numerator, the highest power first")
-    a = gl.Structural((1.0, 1.0), "coefficients of the denominator, the highest power first")
+    a = gl.Structural((1.0,), "coefficients of the denominator, the highest power first")
 
     def assemble(self) -> Sequence[gl.Connection]:
         b, a = _numbers(self, "b", self.b), _numbers(self, "a", self.a)

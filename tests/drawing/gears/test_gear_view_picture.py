@@ -209,6 +209,9 @@ def test_the_page_and_the_animations_hold_the_same_places() -> None:
     frames = json.loads(re.findall(r'<script type="application/json">(.*?)</script>', html)[0])
     assert [frame["caption"] for frame in frames] == ["t = 0 s", "t = 1 s", "t = 2 s"]
     assert 'min="0" max="2" value="0"' in html
+    (still,) = re.findall(r"<svg.*?</svg>", html, re.DOTALL)
+    assert "<animate" not in still, "its script moves it"
+    assert still == GearView(found.name, found.motions, found.captions[:1]).svg
     moving = [e for e in root.iter("{http://www.w3.org/2000/svg}g") if e.get("class") == "wheel"]
     assert len(moving) == 6
     for k, wheel in enumerate(moving):

@@ -36,8 +36,16 @@ def test_no_two_axes_come_near_each_other_however_many_mesh_with_one(wheels: int
     assert found.height[0] == 0.0
     assert np.diff(sorted(found.height)).min() >= APART
     assert np.abs(found.height[1]) == pytest.approx(PAIR)
+    assert (np.diff(np.abs(found.height[1:])) >= 0).all(), "each as near as the ones before it leave room"
+    assert np.abs(found.height[:9]).max() < 3.5 * PAIR, "four on either side"
     for symbol in found.symbols:
         assert sum(symbol.radii) == pytest.approx(abs(found.height[symbol.shafts[1]]))
+
+
+@pytest.mark.parametrize(("radii", "apart"), [((0.12, 0.10), APART), ((0.12, 0.02), LARGEST * 5 / 6)])
+def test_a_wheel_in_its_ring_stands_below_it_no_nearer_than_axes_may_be(radii: tuple[float, float], apart: float) -> None:
+    found = axes_of(train(pair("ring", 0, 1, kind="internal", radii=radii, metres=True)))
+    assert found.height == pytest.approx((0.0, apart))
 
 
 def test_axes_that_nothing_joins_lie_below_the_others() -> None:

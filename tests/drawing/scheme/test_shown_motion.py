@@ -2,15 +2,19 @@
 
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.drawing.scheme.shown_motion import SWING, ShownMotion
+from gearlib.drawing.scheme.routing import RouteSearch
+from gearlib.drawing.scheme.shown_motion import LEAST, SWING, ShownMotion
 from gearlib.drawing.scheme.stick_diagram import Scheme
+from gearlib.drawing.scheme.train import Symbol
 from gearlib.errors import ArgumentError, ModelError
+from tests.drawing.shapes import CLOSE, shapes
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -120,6 +124,49 @@ def test_gears_have_the_band_of_their_shaft() -> None:
     bands = [g for g in ET.fromstring(scheme.svg).iter(f"{SVG}g") if g.get("class") == "band"]
     through = [b for b in bands if any({line.get("x1"), line.get("x2")} == {f"{place.x:g}"} for line in b.iter(f"{SVG}line"))]
     assert len({b.get("stroke") for b in through}) == 2
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_band_of_a_ring_is_on_its_web_beside_the_wheel(turned: bool) -> None:
+    axes = gp.InternalMesh(r_a=0.09, r_b=0.03, c=1e8, d=0.0).scheme().axes
+    search = RouteSearch(axes)
+    routing = search.drawn(replace(search.first(), turned=(turned,)))
+    (symbol,) = axes.symbols
+    bands = [shapes(band) for band in ShownMotion("mode", {s: 1.0 for s in symbol.shafts}).background(axes, routing)]
+    webs = []
+    for shaft, radius, band in zip(symbol.shafts, symbol.radii, bands, strict=True):
+        ((_, _, web),) = routing.spines[shaft][1]
+        webs.append(web)
+        upright = [s for s in band if abs(np.ptp(s.points[:, 1]) - 2 * radius) < CLOSE]
+        assert [s.middle for s in upright] == [pytest.approx([web, axes.height[axes.of[shaft]]], abs=CLOSE)]
+    assert (webs[0] < webs[1]) == turned
+
+
+@pytest.mark.parametrize(("amplitude", "swings"), [(0.0, False), (LEAST, False), (1.01 * LEAST, True)])
+def test_a_shaft_that_hardly_swings_is_shown_at_rest(amplitude: float, swings: bool) -> None:
+    """Without a band, a sector on its dial, a phase or a movement of its hand."""
+    scheme = gl.modes(gl.compile(Geared())).scheme(1)
+    motion = ShownMotion("mode", {shaft: 1j * amplitude for shaft in range(scheme.train.shafts)})
+    assert bool([*motion.background(scheme.axes, scheme.routing)]) == swings
+    dials = [*motion.above(scheme.axes, scheme.routing)]
+    assert len(dials) == scheme.train.shafts
+    assert {"<path" in dial for dial in dials} == {"animateTransform" in dial for dial in dials} == {swings}
+    listing = motion.listing(scheme.axes, scheme.routing)
+    assert {row[2] for row in listing.rows} == {"90" if swings else "-"}
+    assert listing.note.startswith("no shaft") != swings
+    said = motion.notes(scheme.axes.symbols[0])[0]
+    assert said.endswith(f"{amplitude:.3f} of the largest" + ", phase 90°" * swings)
+
+
+@pytest.mark.parametrize(
+    ("turn", "phase"),
+    [(complex(-1.0, -0.0), 180), (complex(-1.0, 0.0), 180), (complex(-0.7, -1e-4), 180), (-1j, -90), (1.0, 0), (1 + 1j, 45),
+     (complex(-1.0, -0.02), -179)],
+)  # fmt: skip
+def test_phases_are_whole_degrees_above_minus_180(turn: complex, phase: int) -> None:
+    symbol = Symbol("body", "end", "torque", (0,), ("flange",), label="body")
+    (said,) = ShownMotion("mode", {0: turn}).notes(symbol)
+    assert said == f"flange: {abs(turn):.3f} of the largest, phase {phase}°"
 
 
 def test_flanges_of_the_model_itself() -> None:

@@ -141,6 +141,21 @@ def test_rails_lead_from_their_names_to_the_lowest_speed() -> None:
     inside_the_page(picture)
 
 
+@pytest.mark.parametrize("length", range(1, 22, 2))
+def test_labels_share_a_row_where_they_are_ten_pixels_apart(length: int) -> None:
+    """Each stands in the first row in which it has room behind the one on its left."""
+    sets = (one("a" * length, (0, 1, 2), 2.0), one("b" * length, (0, 3, 1), 2.0))
+    drawn = shapes(speed_ladder(Train("box", "Box", sets, 4), {}).svg)
+    names = sorted((s for s in drawn if s.kind == "text" and s.text.endswith(PORTS)), key=lambda s: s.points[0][0])
+    assert len(names) == 4
+    levels = sorted({float(s.points[0][1]) for s in names})
+    ends = dict.fromkeys(levels, -np.inf)
+    for s in names:
+        free = [y for y in levels if s.box[0] - ends[y] > 10]
+        assert float(s.points[0][1]) == free[0]
+        ends[free[0]] = s.box[2]
+
+
 def inside_the_page(picture: Picture) -> None:
     page, *content = shapes(picture.svg)
     for s in content:

@@ -15,7 +15,7 @@ from gearlib.drawing.scheme.routing import Place, Routing
 from gearlib.drawing.scheme.shown_motion import BACK, FORWARD, RIM, SWEPT, SWING, ShownMotion
 from gearlib.drawing.scheme.shown_power import POWER
 from gearlib.drawing.scheme.shown_results import places_of_numbers
-from gearlib.drawing.scheme.stick_diagram import EDGE, Scheme
+from gearlib.drawing.scheme.stick_diagram import EDGE, Scheme, placed_names
 from gearlib.drawing.scheme.train import Symbol
 from tests.drawing.scheme.test_stick_diagram import Gear, scheme_of
 from tests.drawing.shapes import CLOSE, Shape, shapes
@@ -205,6 +205,24 @@ def test_the_drawing_lies_within_its_margins(scheme: Scheme) -> None:
     for name, other in itertools.product(names, (s for s in content if s.title and s.kind != "text")):
         (a, b, c, d), (e, f, g, h) = name.box, other.box
         assert c <= e or g <= a or d <= f or h <= b, (name.text, other.title)
+
+
+def test_names_lead_away_from_their_parts(scheme: Scheme) -> None:
+    """Wherever there may be room for one: it begins on the right of its part, ends on the left, or has its middle above or below."""
+    named = [
+        (symbol, place)
+        for symbol, place in zip(scheme.axes.symbols, scheme.routing.places, strict=True)
+        if symbol.label and symbol.kind != "end"
+    ]
+    labels = {label.words: label for label, _ in placed_names(scheme.axes, scheme.routing)}
+    assert {symbol.label for symbol, _ in named} <= set(labels)
+    for symbol, place in named:
+        spots = labels[symbol.label].places
+        assert len(set(spots)) == len(spots) >= 3
+        for x, _, anchor in spots:
+            assert np.sign(x - place.x) == {"start": 1, "middle": 0, "end": -1}[anchor]
+        sides = [abs(x - place.x) for x, _, anchor in spots if anchor == "end"]
+        assert sides == sorted(sides), "the nearest first"
 
 
 def test_names_stand_beside_the_teeth() -> None:

@@ -51,3 +51,14 @@ def test_without_backlash_force_and_deflection_are_proportional() -> None:
         assert right_side(mesh, "contact", **values) == 1
         assert right_side(mesh, "loss_power", **values) == 32.0
         assert powers(mesh, values | {"loss_power": 32.0, "f": 2.0, "e_rate": 0.25}) == (27.0, 32.0, 0.5)
+
+
+def test_words_tell_the_flanks_that_touch() -> None:
+    """Its values are those of ``contact``: none, that of a positive turn of the first gear, the other one, both."""
+    said = gp.DetailedExternalMesh._declarations["contact"].words
+    assert [said[flanks].format("m").partition(":")[0] for flanks in (0.0, 1.0, -1.0, 2.0)] == [
+        "open",
+        "in contact",
+        "in contact, driven backwards",
+        "in contact on both flanks",
+    ]

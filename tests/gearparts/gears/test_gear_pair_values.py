@@ -93,3 +93,14 @@ def test_a_rack_that_is_so_deep_that_its_teeth_have_no_stiffness_is_refused() ->
     )
     with pytest.raises(BoundError, match=r"ISO 6336-1 knows no stiffness of teeth with h_fP = 3\.2, alpha_n = 0\.349066 rad"):
         gp.GearPair(20, 40, 3e-3, 0.02, h_fP=3.2).single_stiffness  # noqa: B018
+
+
+def test_stiffness_grows_with_the_pressure_angle_and_falls_with_the_depth_of_the_rack() -> None:
+    """ISO 6336-1's c' in N/(mm um) of 20 and 40 teeth by hand, and C_B: a half per module of dedendum, a fiftieth per degree."""
+    flexibility = 0.04723 + 0.15551 / 20 + 0.25791 / 40
+    for h_fP, degrees, factor in ((1.2, 20.0, 1.0), (1.0, 20.0, 1.1), (1.2, 25.0, 1.1), (1.4, 15.0, 0.9 * 0.9)):
+        pair = gp.GearPair(20, 40, 3e-3, 0.02, h_fP=h_fP, alpha_n=math.radians(degrees), blank=0.9)
+        assert pair.single_stiffness == pytest.approx(1e9 * 0.8 * 0.9 * factor / flexibility, rel=1e-12)
+    shifted = gp.GearPair(20, 40, 3e-3, 0.02, x_1=0.4, x_2=0.3, h_fP=1.2, line_load=2.5e4)
+    terms = -0.00635 * 0.4 - 0.11654 * 0.4 / 20 - 0.00193 * 0.3 - 0.24188 * 0.3 / 40 + 0.00529 * 0.16 + 0.00182 * 0.09
+    assert shifted.single_stiffness == pytest.approx(1e9 * 0.8 * 0.25 / (flexibility + terms), rel=1e-12)

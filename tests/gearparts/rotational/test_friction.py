@@ -17,7 +17,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError, SolverError
 from gearlib.flatten.flatten import flatten
-from gearparts.rotational.friction import BearingFriction, Brake, Clutch
+from gearparts.rotational.friction import BearingFriction, Brake, Clutch, words
 from gearparts.rotational.friction import OneWayClutch as OneWayClutchPart
 from gearparts.tables import at_zero, check_rows, extremes, interpolated
 from tests.gearparts import heat_losses_by_hand
@@ -411,10 +411,13 @@ def test_friction_that_would_drive_is_named(make: Any, name: str) -> None:
             flatten(make(rows))
     flatten(make(((0.0, 0.5), (1.0, 0.0))))
     flatten(make(((1.0, 0.3), (3.0, 0.9))))  # 0 at rest, but for rounding
+    steep = ((0.1, 1e5), (0.1 * 3, 0.1 * 3 * 1e6))
+    assert -1e-9 < at_zero(steep) < -1e-12
+    flatten(make(steep))
     with pytest.raises(
         BindingError, match=rf"{name} is .*, whose extrapolation to the speed 0 is negative; expected a row for it"
     ):
-        flatten(make(((1.0, 0.3), (3.0, 1.0))))
+        flatten(make(((1.0, 0.3), (3.0, 0.9 + 1e-10))))
 
 
 @pytest.mark.parametrize(("make", "name"), [
@@ -833,3 +836,19 @@ def test_when_a_freewheel_lets_go(freewheel: gl.Component) -> None:
     assert right_side(freewheel, "tau0_max", **{**peak, "peak": 1.0}) == pytest.approx(2.0, rel=1e-3)
     assert right_side(freewheel, "tau0_max", **{**peak, "peak": 1.0}) > 2.0, "no chatter at the sliding torque itself"
     assert 0.0 < right_side(freewheel, "tau0_max", **{**peak, "free": 1.0}) < 1e-3
+
+
+def test_words_of_a_part_tell_the_state_of_its_contact() -> None:
+    """0 open, 1 stuck, 2 sliding."""
+    assert [words("brake")[state].partition(":")[0] for state in (0.0, 1.0, 2.0)] == ["open", "stuck", "sliding"]
+    assert all(said.format("a.b").endswith(": brake a.b") for said in words("brake").values())
+
+
+def test_a_curve_s_extreme_may_be_at_rest() -> None:
+    """Rows that are alike in both directions have their least value at zero; those of two rows are the rows."""
+    rows = ((-2.0, 3.0), (-1.0, 1.0), (1.0, 1.0), (2.0, 3.0))
+    least = float(Akima1DInterpolator(*np.array(rows).T)(0.0))
+    assert least < 0.9
+    assert extremes(rows, 1, "akima") == pytest.approx((least, 3.0), rel=1e-14)
+    assert extremes(((-3.0, 3.0), *rows[1:]), 1, "linear") == (1.0, 3.0)
+    assert extremes(((0.0, 2.0), (1.0, 1.0)), 1, "akima") == (1.0, 2.0)

@@ -257,6 +257,8 @@ def test_the_figure_of_the_train_is_laid_out_like_the_train() -> None:
     assert at["P mesh"] == pytest.approx((at["gear 1"] + at["gear 2"]) / 2)
     assert at["shaft"] == pytest.approx((at["sun"] + at["shaft end"]) / 2)
     assert at["rigid shaft"] == pytest.approx((at["shaft end"] + at["gear 1"]) / 2, abs=0.2)
+    assert at["deflection 74"] - at["P mesh"] == pytest.approx([0, -1.3]), "below, away from the X unit"
+    assert at["deflection 6"] - at["ring mesh"] == pytest.approx([0, 1.3])
     (one, other), (first, second) = (figure.routes[n] for n in (25, 65)), (at["planet 1 orbit"], at["planet 2 orbit"])
     assert np.array(one[:2]) - [middle, 0] == pytest.approx((np.array(other[:2]) - [middle, 0]) * [-1, 1], abs=1e-12)
     assert one[2][1] - first[1] == pytest.approx(other[2][1] - second[1])
@@ -281,6 +283,9 @@ def test_elements_of_one_bond_stand_beside_their_junction() -> None:
         beside = [np.array(places[n]) - figure.positions[junction] for n in (spring, damper)]
         assert beside[0] == pytest.approx(beside[1] * [-1, 1])
         assert np.abs(beside[0][0]) == pytest.approx(np.abs(beside[0][1]))
+    for inertia, junction in ((2, "ring"), (69, "gear 1"), (78, "gear 2"), (81, "carrier")):  # below, where nothing else is
+        (at,) = (figure.positions[e] for e in graph.elements if isinstance(e, Junction) and e.name == junction)
+        assert places[inertia] - at == pytest.approx([0, -1.2]), inertia
     for element in graph.elements:
         if isinstance(element, TF):
             around = [figure.positions[bond.other(element)] for bond in graph.at(element)]

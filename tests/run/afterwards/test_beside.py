@@ -206,3 +206,29 @@ def test_inputs_and_energies() -> None:
     few = gl.compile(Work(), outputs=["body.w"]).simulate(2.0, **given)
     all_ = gl.compile(Work(), outputs=["work"]).simulate(2.0, **given)
     assert few["work"] == pytest.approx(all_["work"], rel=1e-7, abs=1e-8)
+
+
+class Wrapped(gl.Component):
+    """x is set back to 0 where it reaches 1; at the same events z is set to 5, and n, the rate of c, rises by one."""
+
+    x, z, c = gl.Variable("1", start=0.0), gl.Variable("1", start=0.0), gl.Variable("1", start=0.0)
+    n = gl.Discrete(start=1.0)
+
+    def equations(self) -> list[Any]:
+        rise = gl.Eq(self.n, gl.pre(self.n) + 1)
+        return [
+            gl.Eq(gl.der(self.x), 1.0),
+            gl.Eq(gl.der(self.z), 2.0),
+            gl.Eq(gl.der(self.c), self.n),
+            gl.When(self.x >= 1.0, gl.reinit(self.x, 0.0), gl.reinit(self.z, 5.0), rise),
+        ]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_events_set_beside_the_states_of_a_run(method: str) -> None:
+    """Also where the run had the same events."""
+    times = np.array([0.0, 0.5, 1.5, 2.25, 2.75])
+    result = gl.compile(Wrapped(), outputs=["x"]).simulate(2.75, times=times, method=method)
+    assert result["x"] == pytest.approx(times % 1.0, abs=1e-9)
+    assert result["z"] == pytest.approx([0.0, 1.0, 6.0, 5.5, 6.5], abs=1e-9)
+    assert result["c"] == pytest.approx([0.0, 0.5, 2.0, 3.75, 5.25], abs=1e-9)

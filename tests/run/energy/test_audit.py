@@ -251,3 +251,11 @@ def test_a_power_that_is_never_resolved_ends_the_refinement() -> None:
     found = audit(part("source", "-w", source=True), histories={"w": lambda t: 1.0 * (t > 0.7123)}, runs=runs)
     assert len(runs) == 8
     assert found.work["source"] == pytest.approx(np.maximum(T - 0.7123, 0.0), abs=1e-4)
+
+
+def test_every_part_that_declares_nothing_is_listed() -> None:
+    """Also one behind others, and what is declared behind them."""
+    one, other = part("one", "2*w", declares=False), part("other", "-4*w", declares=False)
+    found = audit(one, other, part("source", "-6*w", source=True), histories={"w": lambda t: t})
+    assert {path: value[-1] for path, value in found.unaccounted.items()} == pytest.approx({"one": 4.0, "other": -8.0})
+    assert found.work["source"] == pytest.approx(3.0 * T**2)

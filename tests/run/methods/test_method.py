@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from dataclasses import replace
 from functools import cache
@@ -137,3 +138,18 @@ def test_a_coarse_clock_is_told_with_the_steps(steps: Any, said: list[str]) -> N
         warnings.simplefilter("always")
         assert with_callbacks(own, lambda callbacks: solution) is solution
     assert [str(one.message) for one in found] == said
+
+
+def test_interrupts_are_listened_for_where_a_function_is_called() -> None:
+    """Python would discard one at the entry of such a function. Numbers and tables call none."""
+    own, solution = solved()
+    before, hooks = sys.unraisablehook, []
+
+    def integrated(_: Any) -> Any:
+        hooks.append(sys.unraisablehook)
+        return solution
+
+    for signal in (0.0, gl.Table([0.0, 1.0], [0.0, 0.0]), lambda t: 0.0):
+        with_callbacks(replace(own, signals=(signal,)), integrated)
+    assert [hook is before for hook in hooks] == [True, True, False]
+    assert sys.unraisablehook is before

@@ -75,6 +75,8 @@ SHRINKING = [0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6]  # by 1e-5 in five steps
         ([0.1, 0.01, 1e-4, 1e-4, 1e-5, 1e-6], 1.0, None),
         ([*SHRINKING, 3e-6, 0.05, 0.02], 0.01, 7),  # a long wait, and other events after it
         ([*SHRINKING, 0.05, 0.02], 0.01, 6),
+        ([*SHRINKING, 1e-7, 1e-8], 0.99e-3, None),  # a thousand of the interval that is the first to be short
+        ([*SHRINKING, 1e-7, 1e-8], 1.01e-3, 8),
         ([0.1] * 20, 200.0, None),
     ],
 )

@@ -108,6 +108,25 @@ def test_a_ratio_that_changes_at_an_event(second: Motion, w: Motion, refused: bo
         assert found.endswith("make what it drives elastic, or set the speeds after it by gl.reinit")
 
 
+@pytest.mark.parametrize(("large", "refused"), [("x", False), ("w", True)])
+@pytest.mark.parametrize("at", [0.25, 0.75])
+def test_rounding_of_a_state_is_judged_by_its_own_size(large: str, refused: bool, at: float) -> None:
+    """A speed that changes by 1e-4 is set there beside an angle of 1e6, and not where it has been as large."""
+    translation = gl.compile(Shift()).translation
+    whole = translation.with_states(translation.structure.states)
+    assert whole.state_names == ("x", "w")
+    change = {"x": lambda t: 1e6 + t, "w": lambda t: 10.0 + 1e-4 * later(at)(t)}
+    if large == "w":
+        change = {"x": lambda t: 1.0 + 0 * t, "w": lambda t: 10.0 + 1e-4 * later(at)(t) + 1e6 * (t < 0.1)}
+    given = whole.structure, whole.program, whole.model.parameters.defaults, 0.0, np.array([0.25, 0.75]), 1.0
+    found = ""
+    try:
+        refuse_switches(*given, lambda times: sampled(times, later(at), **change))
+    except ModelError as problem:
+        found = str(problem)
+    assert (f"has a jump at t = {at} s" in found) == bool(found) == refused
+
+
 @pytest.mark.parametrize(("times", "refused"), [(2.9, True), (3.1, False)])
 def test_a_state_that_changes_much_more_than_before_was_set(times: float, refused: bool) -> None:
     """By more than thrice: in the hundredth of the time to the event before."""

@@ -210,3 +210,28 @@ def test_what_only_decides_between_equations_is_no_operand(short: float, refused
     said = too_small(scene, numbers, 0.0, x, np.empty(0), begin)  # type: ignore[arg-type]
     assert said.startswith("gap is -") == refused
     assert (said == "") != refused
+
+
+class Driven(gl.Component):
+    """A speed that is an input, and the opposite of one that is another."""
+
+    u, v = gl.Input("rad/s"), gl.Input("rad/s")
+    w = gl.Variable("rad/s", "driven", min=-1)
+    back = gl.Variable("rad/s", "turned back", min=-1)
+    phi = gl.Variable("rad", start=0.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(self.w, self.u), gl.Eq(self.back, -self.v), gl.Eq(gl.der(self.phi), self.w + self.v)]
+
+
+@pytest.mark.parametrize("method", ["auto", "rk", "ida"])
+def test_what_an_input_prescribes_has_its_minimum(method: str) -> None:
+    system = gl.compile(Driven())
+    fine = system.simulate(1.0, samples=3, inputs={"u": -1.0, "v": 1.0}, method=method)
+    assert fine["w"].tolist() == fine["back"].tolist() == [-1.0] * 3
+    for name, value, text in (("u", -1.5, "w is -1.5 rad/s .driven."), ("v", 1.5, "back is -1.5 rad/s .turned back.")):
+        with pytest.raises(StartError, match=rf"^{text}, but it cannot be below -1 at t = 0 s; choose start values"):
+            system.simulate(1.0, samples=3, inputs={"u": 0.0, "v": 0.0, name: value}, method=method)
+    falling = {"u": gl.Table([0.0, 1.0], [0.0, -2.0]), "v": 0.0}
+    with pytest.raises(SolverError, match=r"^w is -1\.5 rad/s \(driven\), but it cannot be below -1 at t = 0\.75 s; only"):
+        system.simulate(1.0, samples=5, inputs=falling, method=method)

@@ -114,3 +114,21 @@ def test_a_delay_of_nothing_gives_nothing() -> None:
     """Of a signal that is zero wherever it goes."""
     found = gl.compile(B.FixedDelay(u=0.0, delay_time=0.4)).simulate(1.0, samples=6, method="rk")
     assert found["y"].tolist() == [0.0] * 6
+
+
+def test_a_start_beside_a_delay_of_nothing() -> None:
+    """z = x + y starts at 5, and the delayed y is always zero."""
+
+    class Beside(gl.Component):
+        signal, x, z = gl.Variable("any"), gl.Variable("any"), gl.Variable("any", start=5.0)
+
+        def assemble(self) -> list[Any]:
+            self.delay = B.FixedDelay(u=self.signal, delay_time=0.4)
+            return []
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(self.signal, 0.0), gl.Eq(gl.der(self.x), 0.0), gl.Eq(self.z, self.x + self.delay.y)]
+
+    found = gl.compile(Beside()).simulate(1.0, samples=6, method="rk")
+    assert found["x"] == pytest.approx(np.full(6, 5.0))
+    assert found["z"] == pytest.approx(np.full(6, 5.0))

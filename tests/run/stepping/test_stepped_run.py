@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from typing import Any
 
 import numpy as np
@@ -374,3 +375,18 @@ def test_steps_before_zero(drive: gl.System, method: str) -> None:
     for t in (-2.5, -1.0, 0.0, 0.5):
         run.advance(t)
         assert run["load.w"] == pytest.approx(8.0 * (1.0 - math.exp(-(t + 3.0) / 4.0)), rel=1e-6)
+
+
+def test_interrupts_are_listened_for_during_an_advance(drive: gl.System) -> None:
+    """While a function of time is an input; not before it and after it."""
+    before, hooks = sys.unraisablehook, []
+
+    def torque(t: float) -> float:
+        hooks.append(sys.unraisablehook)
+        return 1.0
+
+    run = drive.stepper(method="rk5", inputs={"torque.tau": torque})
+    hooks.clear()
+    run.advance(0.5)
+    assert any(hook is not before for hook in hooks)  # but for the values at the start
+    assert sys.unraisablehook is before

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from scipy.special import fresnel
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.errors import ArgumentError, NameLookupError, SolverError
 from gearlib.program import derivatives
+from gearlib.run.tangents.adjoint import Adjoint
 from tests.run.tangents.test_sensitivities import Closed, Decay, Implicit
 from tests.trains import Chain
 
@@ -38,6 +40,16 @@ def test_of_a_decay(method: str) -> None:
     by_k = -3.0 * t * decay @ [1.0, 2.0] + 3 * 3.0 * (2 * 0.7 - 0.7**2 * 2.0) * 2.0 * decay[1]
     by_x = decay @ [1.0, 2.0] + 3 * 0.7**2 * 2.0 * decay[1]
     assert found == pytest.approx({"k": by_k, "start(x)": by_x}, rel=1e-8)
+
+
+@pytest.mark.parametrize("samples", [2, 3, 40, 700])
+def test_every_sample_has_its_weight(samples: int) -> None:
+    """Also where there are more of them than steps."""
+    run = gl.compile(Decay()).simulate(2.0, samples=samples)
+    weights = np.cos(np.arange(samples)) / samples
+    found = run.gradient({"x": weights}, ["k", "start(x)"])
+    decay = np.exp(-0.7 * run.time)
+    assert found == pytest.approx({"k": -3.0 * weights @ (run.time * decay), "start(x)": weights @ decay}, rel=1e-7, abs=1e-9)
 
 
 def test_of_the_xp_train() -> None:
@@ -204,3 +216,57 @@ def test_a_weight_at_the_start_only() -> None:
     for times, weights in (([0.0], [2.0]), ([0.0, 1.0, 2.0], [2.0, 0.0, 0.0])):
         run = gl.compile(Decay()).simulate(2.0, times=times)
         assert run.gradient({"x": weights}, ["k", "start(x)"]) == pytest.approx({"k": 0.0, "start(x)": 2.0}, abs=1e-12)
+
+
+def refined(rests: list[list[float]], sizes: list[float], rtol: float, exact: Any = (1.0, 1e-6)) -> Any:
+    """The gradient with sums that miss the exact values by some rests in turn; and the numbers of steps taken."""
+    taken: list[int] = []
+
+    def integrated(jumps: Any, steps: int) -> Any:
+        assert jumps == "jumps"
+        taken.append(steps)
+        return np.asarray(exact) + rests[min(len(taken), len(rests)) - 1]
+
+    own: Any = SimpleNamespace(
+        directions=SimpleNamespace(sizes=np.array(sizes)),
+        _integrated=integrated,
+        _at_samples=lambda: ("jumps", np.array([0.5, 0.0])),
+    )
+    try:
+        found = Adjoint.gradient(own, rtol, 16)
+    except SolverError as problem:
+        return str(problem), taken
+    return found.tolist(), taken
+
+
+@pytest.mark.parametrize(
+    ("rest", "sizes", "rtol", "steps"),
+    [
+        ([2.9e-6, 0.0], [1.0, 1.0], 1e-6, [16, 32, 64]),  # 2e-6 of 1.5 + 1.5e-3
+        ([3.1e-6, 0.0], [1.0, 1.0], 1e-6, [16, 32, 64, 128]),
+        ([0.0, 2.9e-9], [1.0, 1.0], 1e-6, [16, 32, 64]),  # of 1e-6 + a thousandth of the largest
+        ([0.0, 3.1e-9], [1.0, 1.0], 1e-6, [16, 32, 64, 128]),
+        ([0.0, 2.9e-9 / 4], [1.0, 4.0], 1e-6, [16, 32, 64]),  # the largest change by parameters as large as they are
+        ([0.0, 3.1e-9 / 4], [1.0, 4.0], 1e-6, [16, 32, 64, 128]),
+        ([0.0, 2.9e-10], [1.0, 1.0], 1e-9, [16, 32, 64]),  # of 1e-6 + a tenth: no finer than the motion
+        ([0.0, 3.1e-10], [1.0, 1.0], 1e-9, [16, 32, 64, 128]),
+    ],
+)
+def test_steps_are_halved_until_the_gradient_rests(
+    rest: list[float], sizes: list[float], rtol: float, steps: list[int]
+) -> None:
+    """Between the second sum and the third half of the rest is left, and a quarter between the third and the fourth."""
+    rests = [[100.0 * r + 1e-3 for r in rest], rest, [r / 2 for r in rest], [r / 4 for r in rest]]
+    found, taken = refined(rests, sizes, rtol)
+    assert taken == steps
+    assert found == pytest.approx([1.5 + rests[len(taken) - 1][0], 1e-6 + rests[len(taken) - 1][1]], rel=1e-12)
+
+
+@pytest.mark.parametrize(("ratio", "halvings"), [(0.5, 7), (0.11, 7), (0.09, 10)])
+def test_halving_goes_on_where_it_helps(ratio: float, halvings: int) -> None:
+    """After seven times, while each change is less than a tenth of the one before."""
+    rests = [[0.3 * ratio**k, 0.0] for k in range(20)]
+    found, taken = refined(rests, [1.0, 1.0], 1e-12)
+    assert len(taken) == 1 + halvings
+    if halvings == 7:
+        assert found == f"the gradient still changes with the step at {16 * 2**7} steps; the motion may be chaotic, or stiff"

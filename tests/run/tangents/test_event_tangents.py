@@ -308,3 +308,18 @@ def test_what_is_set_at_the_start_has_tangents(method: str) -> None:
     assert run.sensitivity("x", "k") == pytest.approx(5 * n * 0.04 * (1 - 0.16) ** (n - 1.0), abs=1e-8)
     once = gl.simulate(SampledFeedback(again=False), 0.2, samples=11, method=method, rtol=1e-9, sensitivities=["k"])
     assert once.sensitivity("x", "k") == pytest.approx(10.0 * once.time, abs=1e-8)
+
+
+@pytest.mark.parametrize("begin", [2.0, -2.0])
+def test_functions_of_inputs_are_asked_after_the_start_only(begin: float) -> None:
+    """u passes the limit 0.3 s after the start, at 1 per second; x grows twice as fast from there on."""
+    asked: list[float] = []
+
+    def u(t: float) -> float:
+        asked.append(t)
+        return t - begin
+
+    run = FOLLOWED.simulate(begin + 1.0, t_start=begin, samples=2, inputs={"u": u}, sensitivities=["limit", "rate"])
+    assert min(asked) == begin
+    assert run.sensitivity("x", "limit")[-1] == pytest.approx(-1.0, rel=1e-7)
+    assert run.sensitivity("x", "rate")[-1] == pytest.approx(1.7, rel=1e-7)

@@ -184,3 +184,46 @@ def test_the_reference_is_right() -> None:
     ends = [expm(by_hand(2, **{**at, "c": 100.0 + s * step})) for s in (1, -1)]
     _, dE = expm_frechet(by_hand(2, **at), _slope(2, at, "c"))
     assert np.allclose((ends[0] - ends[1]) / (2 * step), dE, atol=1e-8)
+
+
+class Bound(gl.Component):
+    """x' = -x + 3 k sin(5 t) + 4 k: amplitudes that follow from a parameter, several times as large."""
+
+    k = gl.Parameter("any", default=0.7)
+    wave, level = gl.Parameter("any", default=lambda s: 3 * s.k), gl.Parameter("any", default=lambda s: -4 * s.k)
+    x = gl.Variable("any", start=0.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), self.wave * gl.sin(5.0 * gl.time) - self.level - self.x)]
+
+
+def test_drives_that_follow_from_a_parameter() -> None:
+    """x is in proportion to k."""
+    run = gl.compile(Bound()).simulate(2.0, samples=9, method="exact", sensitivities=["k"])
+    assert np.abs(run["x"]).max() > 1.0
+    assert run.sensitivity("x", "k") == pytest.approx(run["x"] / 0.7, rel=1e-9, abs=1e-12)
+
+
+class Several(gl.Component):
+    """x_i' = -x_i + 1 before a time of its own and + 3 after it, beside an input."""
+
+    u = gl.Input("any")
+    t_1, t_2, t_3 = gl.Parameter("s", default=0.3), gl.Parameter("s", default=0.6), gl.Parameter("s", default=0.8)
+    y, x_1, x_2, x_3 = gl.Variable("any"), gl.Variable("any"), gl.Variable("any"), gl.Variable("any")
+
+    def equations(self) -> list[Any]:
+        pairs = ((self.x_1, self.t_1), (self.x_2, self.t_2), (self.x_3, self.t_3))
+        switched = [gl.Eq(gl.der(x), gl.Piecewise((1.0, gl.time < t), (3.0, True)) - x) for x, t in pairs]
+        return [gl.Eq(gl.der(self.y), self.u - self.y), *switched]
+
+
+def test_of_the_times_of_several_switches() -> None:
+    """Each moves its own state only, by -2 exp(-(t - t_i)) after its switch."""
+    names = ["t_1", "t_2", "t_3"]
+    run = gl.compile(Several()).simulate(2.0, samples=9, method="exact", inputs={"u": 1.0}, sensitivities=names)
+    for i, own in enumerate((0.3, 0.6, 0.8), start=1):
+        moved = np.where(run.time > own, -2.0 * np.exp(own - run.time), 0.0)
+        for name in names:
+            right = moved if name == f"t_{i}" else np.zeros(9)
+            assert run.sensitivity(f"x_{i}", name) == pytest.approx(right, rel=1e-9, abs=1e-12)
+        assert run.sensitivity("y", f"t_{i}").tolist() == [0.0] * 9

@@ -151,6 +151,48 @@ def test_times_that_are_reached_are_told(monkeypatch: pytest.MonkeyPatch) -> Non
     assert len(told) > 4
 
 
+@pytest.mark.parametrize(("n_roots", "capacity"), [(0, 256), (4, 260)])
+def test_the_log_grows_before_a_step_that_may_fill_it(n_roots: int, capacity: int) -> None:
+    """It has room for a time event, all event functions and one more; what it held, it holds."""
+    run = driver(decay(roots=lambda *_: 0, n_roots=n_roots), [0.0, 1.0], Scripted(), time_events=np.array([0.5]))
+    run._lasting["log_t"][:] = np.arange(capacity)
+    for events, expected in ((0, capacity), (254, capacity), (255, 2 * capacity + n_roots), (255, 2 * capacity + n_roots)):
+        run.record.events = events
+        run.advance()
+        assert run.record.capacity == expected
+        for name, kind in (("log_t", ctypes.c_double), ("log_root", ctypes.c_int64)):
+            assert run._lasting[name].size == expected
+            assert getattr(run.record, name) == ctypes.addressof((kind * 1).from_buffer(run._lasting[name]))
+        assert run.event_times.tolist() == list(range(events))
+
+
+def test_events_are_logged_beyond_the_room_of_the_first_log() -> None:
+    """Each in order, in as many calls as steps and enlargements take."""
+    events = np.linspace(0.0, 1.0, 601)[1:]
+    run = driver(decay(), [0.0, 2.0], RungeKutta(), rtol=1e-3, time_events=events)
+    for _ in range(20):
+        if run.advance() != "more":
+            break
+    assert run.status == "done"
+    assert run.event_times == pytest.approx(events, abs=1e-12)
+    assert set(run.event_roots.tolist()) == {-1}
+
+
+def test_a_full_trace_does_not_enlarge_the_log_nor_the_other_way_round() -> None:
+    run = driver(decay(traced=np.array([0])), [0.0, 1.0], Scripted(), time_events=np.array([0.5]))
+    full = run.record.trace_capacity
+    for rows, events, pieces, capacity in (
+        (full - drive_loop.MARGIN, 0, 1, 256),
+        (full - drive_loop.MARGIN + 1, 0, 2, 256),
+        (0, 254, 2, 256),
+        (0, 255, 2, 512),
+    ):
+        run.record.trace_rows, run.record.events = rows, events
+        run.advance()
+        assert run._traced is not None
+        assert (len(run._traced), run.record.capacity) == (pieces, capacity)
+
+
 @pytest.mark.parametrize("may_stop", [False, True])
 def test_an_interrupt_ends_the_run_where_it_may(may_stop: bool) -> None:
     class Interrupted(RungeKutta):

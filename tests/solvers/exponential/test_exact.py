@@ -330,12 +330,16 @@ def test_dense_scenes_fall_into_parts() -> None:
         assert np.abs(x[:, np.argsort(mixed)[29 * k : 29 * k + 29]] - alone).max() < 1e-12 * np.abs(alone).max()
 
 
-def test_the_faster_algorithm_is_taken() -> None:
+def test_the_faster_algorithm_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If it has room for its matrices."""
     times = np.linspace(0, 0.5, 101)
     forcing = recognise([sin(300 * t)], 0.0, 0.5)
     assert isinstance(forcing, Forcing)
     assert [prepare(*chain(N), forcing, times).algorithm for N in (10, 30, 150)] == ["dense", "dense", "action"]
-    assert prepare(*chain(150, d=5e4), forcing, times).algorithm == "dense"  # stiff
+    stiff = chain(150, d=5e4)
+    for limit, algorithm in ((4000, "dense"), (299, "dense"), (298, "action")):
+        monkeypatch.setattr("gearlib.solvers.exponential.exact.DENSE_LIMIT", limit)
+        assert prepare(*stiff, forcing, times).algorithm == algorithm
 
 
 # ---------------------------------------------------------------- refusals
@@ -400,6 +404,7 @@ def test_driver_with_the_exponential_stepper() -> None:
     area = np.where(times < 2.0, 0.5 * (times**2 - 1.0), 1.5 + 2.0 * (times - 2.0))
     expected = np.column_stack([1.0 + area, 2.0 + 2.0 * (times - 1.0), 3.0 + math.cos(1.0) - np.cos(times)])
     assert found.x == pytest.approx(expected, rel=1e-14)
+    assert found.discrete.shape == (21, 0)
     assert (found.status, found.t_last, found.stats["events"], found.stats["steps"]) == ("done", 3.0, 0, 0)
     assert (found.x_last.tolist(), driver.t, found.event_times.tolist()) == (found.x[-1].tolist(), 3.0, [])
 

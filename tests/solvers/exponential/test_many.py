@@ -44,11 +44,11 @@ def test_samples_are_entries_of_powers(count: int, columns: list[int]) -> None:
 @pytest.mark.parametrize("at_once", [2, 64])
 @pytest.mark.parametrize("scales", [1.0, 1e8])
 def test_histories_with_inputs_that_switch(scales: float, at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """u = (t, then 1; 2 throughout), with samples before, at and after the switch, and two at one time."""
+    """u = (t, then 1; 2 throughout), with samples before, at and after the switch, two at one time, and ever shorter steps at last."""
     monkeypatch.setattr(many, "AT_ONCE", at_once)
     A, x = systems(3, scales)
     B = np.random.default_rng(1).normal(size=(RUNS, 3, 2)) * np.abs(x)[:, :, None]
-    times = np.array([0.0, 0.1, 0.2, 0.5, 0.75, 0.75, 1.0])
+    times = np.array([0.0, 0.1, 0.2, 0.5, 0.75, 0.75, 0.9, 1.0])
     forcing = recognise([sympy.Piecewise((TIME, TIME < 0.5), (1, True)), sympy.Integer(2)], 0.0, 1.0)
     assert isinstance(forcing, Forcing)
     columns = np.array([2, 1])

@@ -183,7 +183,11 @@ TEXTS = {
 def test_every_failure_has_its_words(code: int) -> None:
     """With what is to blame where steps become too small, or the equations cannot be evaluated."""
     stepper = ida()
-    own = replace(python_problem(lambda t, x, dx, data: None, [0.0]), culprit=lambda t, x, data: "; because of the brake")
+    own = replace(
+        python_problem(lambda t, x, dx, data: None, [0.0]),
+        culprit=lambda t, x, data: "; because of the brake",
+        state_names=("a.w",),
+    )
     run = driver(own, [0.0, 1.0], stepper)
     run.record.bad_state = -1
     blamed = "; because of the brake" if code in (STALLED, -3, -4, RHS_FAILED, -8, -9, -12) else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Callable
@@ -282,7 +283,12 @@ def test_both_crossings_within_one_step_are_found(native: bool) -> None:
 @pytest.mark.parametrize("native", [True, False])
 def test_a_run_that_fails_before_its_first_factorisation_ends_with_a_word(native: bool, kind: str) -> None:
     """And so does one that is closed before it begins."""
-    own = with_jacobian(problem(lambda *_: -1, [0.0, 1.0, 2.0]), np.ones((3, 3)), lambda *_: np.eye(3))
+
+    def refused(t: float, x: Any, dx: Any, data: Any) -> int:
+        dx[0] = math.nan  # it may have written anything
+        return -1
+
+    own = with_jacobian(problem(refused, [0.0, 1.0, 2.0]), np.ones((3, 3)), lambda *_: np.eye(3))
     for _ in range(3):
         driver(own, T, ida(native, kind)).close()
         with pytest.raises(SolverError, match=r"^the right-hand side could not be evaluated at t=0; integrated until t=0$"):
@@ -304,3 +310,17 @@ def test_both_roads_blame_the_same(how: str, may_leave: bool) -> None:
     assert other["bad time"] == pytest.approx(one["bad time"], rel=1e-2)
     if how != "jac stops":
         assert one["said"] == other["said"]
+
+
+@pytest.mark.parametrize("function", ["rhs", "jac", "root_values"])
+def test_the_first_exception_on_the_way_through_ida_comes_out(function: str) -> None:
+    run = driver(stiff(), T, ida(native=False))
+    assert run.advance(1) == "more"
+    calls = itertools.count()
+
+    def failing(*_: Any) -> int:
+        raise KeyError(f"call {next(calls)}")
+
+    setattr(run.stepper, function, failing)
+    with pytest.raises(KeyError, match="call 0"):
+        integrate(run)

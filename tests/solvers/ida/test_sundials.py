@@ -58,6 +58,7 @@ def test_what_is_made_is_freed_once(kind: str) -> None:
     made["SUNLinSolFree"] -= kind == "sparse"  # without a factorisation SUNDIALS would free what was never made
     assert {free: lib.calls[free] for free in made} == dict(made)
     assert lib.calls["N_VMake_Serial"] == (2 if kind == "none" else 5)
+    assert lib.calls["SUNLogger_SetWarningFilename"] == 1  # its warnings go nowhere
     assert (solver.mem, solver.matrix, solver.linear_solver) == (0, 0, 0)
 
 
@@ -78,6 +79,15 @@ def test_jacobian_and_events_are_set_where_they_are_given() -> None:
     solver.attach(jacobian, roots, np.array([0, 1], np.int32))
     assert lib.calls["IDASetJacFn"] == lib.calls["IDARootInit"] == lib.calls["IDASetRootDirection"] == 1
     solver.close()
+
+
+def test_functions_are_looked_up_at_once_but_those_of_superlu() -> None:
+    """One that is missing is noticed before a run begins; SuperLU's library takes long to load."""
+    found = sundials.open_sundials()
+    assert {"IDACreate", "IDAGetDky", "IDAFree", "SUNBandMatrix"} <= found.functions.keys()
+    assert "SUNLinSol_SuperLUMT" not in found.functions
+    for name in ("IDASolve", "SUNLinSol_SuperLUMT"):
+        assert found.address(name) == ctypes.cast(getattr(found, name), ctypes.c_void_p).value != 0
 
 
 def test_an_installation_without_the_libraries_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -27,6 +27,9 @@ def test_lines_and_steps() -> None:
     assert steps.coefficients[1:].tolist() == [[0.0] * 5] * 3
     for kind in ("linear", "cubic", "monotone", "akima", "previous"):
         assert gl.Table([1.0], [7.0], kind).coefficients.tolist() == [[7.0], [0.0], [0.0], [0.0]]
+    for kind in ("cubic", "monotone", "akima"):
+        with pytest.raises(ArgumentError, match=f"two equal times make a step, which interpolation='{kind}' does not know"):
+            gl.Table([1.0, 1.0], [0.0, 1.0], kind)
 
 
 @pytest.mark.parametrize("kind", ["cubic", "monotone", "akima"])

@@ -170,6 +170,19 @@ def test_slopes_at_jumps_and_at_the_start() -> None:
     assert min(asked) >= 0.0
 
 
+@pytest.mark.parametrize(("longest", "calls"), [(0.25, None), (1e-15, 7)])
+def test_functions_are_not_asked_for_slopes_from_long_before(longest: float, calls: int | None) -> None:
+    """Up to a fourth of the way at least, as intervals grow; over three intervals, each with two values, where the clock allows no more."""
+    asked: list[float] = []
+    assert slopes_before([lambda s: asked.append(s) or 2.0 * s], 1.0, longest) == pytest.approx([2.0], rel=1e-6)
+    if calls is None:
+        assert 0.25 * longest < 1.0 - min(asked) <= longest
+    else:
+        assert len(asked) == calls
+        steps = sorted(1.0 - s for s in asked)
+        assert steps[1:] == pytest.approx([steps[1] * factor for factor in (1, 2, 4, 8, 16, 32)], rel=1e-12)
+
+
 @kinds
 @pytest.mark.parametrize("outside", ["hold", "periodic"])
 def test_slopes_of_tables_are_those_of_the_piece_before(kind: str, outside: str) -> None:
@@ -178,6 +191,15 @@ def test_slopes_of_tables_are_those_of_the_piece_before(kind: str, outside: str)
     values_before = [own(before - k * h) for k in (1, 2, 3)]  # at a step the piece after it begins
     found = [slopes_before([own], t, 1.0)[0] for t in before]
     assert found == pytest.approx(np.dot([2.5, -4.0, 1.5], values_before) / h, abs=1e-5)
+
+
+def test_a_part_of_a_table_is_level_before_it_begins() -> None:
+    """And goes on as steeply as its last piece; slopes are those of its values."""
+    part, h = gl.Table([0.0, 1.0, 3.0, 4.0], [0.0, 2.0, 8.0, 1.0]).between(0.5, 2.5), 1e-6
+    times = np.array([0.3, 0.5, 0.6, 1.0, 1.5, 9.0])
+    found = [slopes_before([part], t, 1.0)[0] for t in times]
+    assert found == pytest.approx([0.0, 0.0, 2.0, 2.0, 3.0, 3.0], rel=1e-12)
+    assert found == pytest.approx((part(times - h) - part(times - 2 * h)) / h, abs=1e-8)
 
 
 def test_a_function_that_fails_is_named_with_its_input() -> None:
