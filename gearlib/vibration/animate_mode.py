@@ -29,7 +29,7 @@ def animate_mode(mode: ModePicture, frames: int = 48, degrees: float = 40.0) -> 
         raise ArgumentError(f"degrees is {shown(degrees)}; expected a number above 0, up to 180")
     bodies, left_out = largest(aligned(mode.motions), lambda m: abs(m[2]))
     columns = min(COLUMNS, max(1, len(bodies)))
-    rows = max(1, -(-len(bodies) // columns))
+    rows = max(1, -(-len(bodies) // COLUMNS))
     figure, ax = plt.subplots(figsize=(1.9 * columns + 0.4, 1.9 * rows + 0.9), layout="constrained")
     ax.set(xlim=(-0.1, 3 * columns + 0.1), ylim=(-3 * rows, 0.6), aspect="equal")
     ax.axis("off")

@@ -34,7 +34,7 @@ def missing_inside(S: Any, radius: float, values: Complexes, at_zero: int) -> in
 
     try:
         # Each eigenvalue turns the phase by little more than the step: all of them by less than half a turn
-        turned = _follow(phase, 0.5 / max(len(values) + 10, S.shape[0]))
+        turned = follow(phase, 0.5 / max(S.shape[0], 10))
     except RuntimeError:  # z is exactly an eigenvalue
         return None
     count = np.nan if turned is None else turned / np.pi
@@ -51,7 +51,7 @@ def _cycles(permutation: Any) -> int:
     return int(connected_components(graph, directed=True, connection="weak", return_labels=False))
 
 
-def _follow(phase: Callable[[float], float], step: float) -> float | None:
+def follow(phase: Callable[[float], float], step: float) -> float | None:
     """Change from 0 to pi of a phase known modulo whole turns: each sample must be close to the extrapolation of the last three.
 
     Beside an eigenvalue that is close to the edge, the phase bends too much to be extrapolated; a bend of 1 rad is refused.

@@ -207,6 +207,7 @@ def diagram(**more: Any) -> Campbell:
 def test_a_campbell_diagram_shows_frequencies_orders_and_crossings() -> None:
     axes = diagram().plot()
     rpm = np.array([10.0, 20.0, 30.0]) * 30 / np.pi
+    assert len(axes.lines) == 5
     first, second, mesh, unbalance, marks = axes.lines
     assert first.get_ydata().tolist() == [2.0, 2.5, 3.0]
     assert second.get_ydata().tolist() == [50.0, 50.0, 50.0]
@@ -231,9 +232,13 @@ def test_a_campbell_diagram_shows_frequencies_orders_and_crossings() -> None:
     assert number.y0 < y < number.y1
     low, high = axes.get_xlim()
     assert high == pytest.approx(rpm[-1])
-    assert rpm[0] - 0.1 * np.ptp(rpm) < low < rpm[0]
+    assert low == pytest.approx(rpm[0] - 0.02 * 20 * 30 / np.pi)
     assert axes.get_ylim() == (0, pytest.approx(1.1 * 30 / (2 * np.pi)))
     assert axes.get_xlabel() == "speed of the reference shaft, 1/min"
+    legend, frame = axes.get_legend().get_window_extent(), axes.get_window_extent()
+    assert frame.x1 < legend.x0  # beside the diagram, at its upper edge
+    assert frame.y1 - 0.1 * frame.height < legend.y1 <= frame.y1
+    assert not axes.get_legend().get_frame_on()
     assert not [line for line in diagram(crossings=()).plot().lines if line.get_label() == "crossings"]
 
 
