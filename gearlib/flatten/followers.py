@@ -28,11 +28,17 @@ def products_in_time(model: FlatModel, parameters: Floats) -> list[str]:
     open_ = np.zeros(model.n_variables, bool)
     open_[[determined(model, f) for f in followers_of(model, parameters, open_, swing)[0]]] = True
     found: dict[str, None] = {}
-    for group in model.groups if open_.any() else ():
+    if not open_.any():
+        return []
+    count = np.bincount(np.concatenate([group.variables.ravel() for group in model.groups]), minlength=len(open_))
+    alone = (
+        (count == 1) & ~model.flow & ~model.potential
+    )  # what only this equation holds, as a loss that nothing else depends on
+    for group in model.groups:
         for name, _, others in nonlinear_terms(group.template):
             own = group.variables[:, place_of(group.template, name)]
             beside = group.variables[:, [place_of(group.template, other) for other in sorted(others)]]
-            for i in np.flatnonzero(open_[own] & open_[beside].any(axis=1)).tolist():
+            for i in np.flatnonzero(open_[own] & open_[beside].any(axis=1) & ~alone[group.variables].any(axis=1)).tolist():
                 found[model.name(int(own[i]))] = None
     return sorted(found, key=alphabetical)
 
