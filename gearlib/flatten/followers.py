@@ -25,15 +25,13 @@ Follower = tuple[int, int, int]  # group of equations, column that it determines
 def products_in_time(model: FlatModel, parameters: Floats) -> list[str]:
     """Variables, by path, that follow from sinusoids of time, and whose square, product or comparison with such an equation holds."""
     swing = {g: ripples(group, parameters) for g, group in enumerate(model.groups) if group.template.timed}
+    if not any(rows.any() for rows in swing.values()):
+        return []
     open_ = np.zeros(model.n_variables, bool)
     open_[[determined(model, f) for f in followers_of(model, parameters, open_, swing)[0]]] = True
     found: dict[str, None] = {}
-    if not open_.any():
-        return []
     count = np.bincount(np.concatenate([group.variables.ravel() for group in model.groups]), minlength=len(open_))
-    alone = (
-        (count == 1) & ~model.flow & ~model.potential
-    )  # what only this equation holds, as a loss that nothing else depends on
+    alone = (count == 1) & ~model.flow & ~model.potential  # what one equation holds, as a loss that nothing depends on
     for group in model.groups:
         for name, _, others in nonlinear_terms(group.template):
             own = group.variables[:, place_of(group.template, name)]

@@ -180,6 +180,17 @@ def test_a_mean_is_the_mean_of_the_values_at_all_points() -> None:
     assert differ > 5
 
 
+def driven(load: gl.Component) -> gl.System:
+    """A body with a load on it, driven at a speed that is given."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), load
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    return gl.compile(Driven())
+
+
 W, P = 5.0, 15.0  # rad/s, of the shaft and of the phase
 WITH_RATES: list[tuple[Any, float]] = [
     (lambda s: s.y**2 * s.second * gl.der(s.phase), P / 2),
@@ -251,12 +262,7 @@ class Rising(gl.Component):
 def test_the_rate_of_what_follows_from_a_phase_has_a_mean_of_zero_alone(beside: bool) -> None:
     """Beside something else that varies its course would be needed."""
 
-    class Driven(gl.Component):
-        def assemble(self) -> list[Any]:
-            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Rising(beside=beside)
-            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
-
-    system = gl.compile(Driven())
+    system = driven(Rising(beside=beside))
     if beside:
         with pytest.raises(
             ModelError, match=r"^Rising: .*: its mean .* is not known, since load\.y has a rate that varies with the phase$"
@@ -303,12 +309,7 @@ class RatesKept(gl.Component):
 def test_a_rate_that_is_kept_in_a_variable_has_a_course_that_is_not_known(law: int) -> None:
     """Its mean is zero alone. Beside what varies it is refused: with a rate of zero, ``z cos(phase)`` was 0 and not 7.5."""
 
-    class Driven(gl.Component):
-        def assemble(self) -> list[Any]:
-            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), RatesKept(law=law)
-            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
-
-    system = gl.compile(Driven())
+    system = driven(RatesKept(law=law))
     expected = RATES[law][1]
     if expected is None:
         why = r"since load\.(z|doubled|acceleration|late) follows from rates that vary with the phase$"
@@ -361,12 +362,7 @@ class Summed(gl.Component):
 def test_sums_of_what_follows_from_a_phase_and_of_speeds_have_a_course(law: int) -> None:
     """``y = sin(phase)``, ``total = y + cos(phase)``; the means of products of such sums were those of products of means."""
 
-    class Driven(gl.Component):
-        def assemble(self) -> list[Any]:
-            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Summed(law=law)
-            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
-
-    flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})
+    flow = gl.power_flow(driven(Summed(law=law)), speeds={"body.w": W})
     assert flow["load.flange"].torque == pytest.approx(SUMS[law][1], rel=1e-9)
 
 
@@ -417,12 +413,7 @@ def test_the_mean_of_what_depends_on_two_phases_is_that_of_their_own_rates(law: 
     """``y = sin(phase)``, ``z = sin(rate phase)``; both phases turned together, so that ``y z`` had the mean 0.5 at any rates."""
     _, rate, mean = TWO_PHASES[law]
 
-    class Driven(gl.Component):
-        def assemble(self) -> list[Any]:
-            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), TwoPhases(law=law, rate=rate)
-            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
-
-    system = gl.compile(Driven())
+    system = driven(TwoPhases(law=law, rate=rate))
     for speed in (W, -W):
         torque = gl.power_flow(system, speeds={"body.w": speed})["load.flange"].torque
         assert torque == pytest.approx(mean, rel=1e-9, abs=1e-3 if law >= 14 else 1e-9)  # a jump falls between points
@@ -432,12 +423,7 @@ def test_the_mean_of_what_depends_on_two_phases_is_that_of_their_own_rates(law: 
 def test_phases_of_one_rate_keep_the_difference_that_they_start_with(start: dict[str, float]) -> None:
     """The mean of ``sin(p) sin(p + d)`` is ``cos(d) / 2``."""
 
-    class Driven(gl.Component):
-        def assemble(self) -> list[Any]:
-            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), TwoPhases(law=2, rate=1.0, start=start)
-            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
-
-    torque = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})["load.flange"].torque
+    torque = gl.power_flow(driven(TwoPhases(law=2, rate=1.0, start=start)), speeds={"body.w": W})["load.flange"].torque
     assert torque == pytest.approx(np.cos(start.get("other", 0.0) - start.get("phase", 0.0)) / 2, abs=1e-9)
 
 
