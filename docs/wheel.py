@@ -23,13 +23,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 1 << 20  # bytes: 1 MB
 METHODS = tuple(f"solvers/{name}" for name in ("exponential", "ida", "lanes", "rungekutta", "taylor"))
-ENGINE = tuple(
-    f"gearlib/{name}/" for name in ("compiler", "equations", "flatten", "native", "program", "reduce", "structure", *METHODS)
-) + (
-    *(f"gearlib/statics/{name}" for name in ("closed_gaps", "load_sharing", "mesh_turn", "steady_motion")),
-    *("gearlib/vibration/eigenvalue_count", "gearlib/vibration/lowest_eigenvalues", "gearlib/linear/linearized_program"),
-    *("gearlib/drawing/layers", "gearlib/drawing/arrangement", "gearlib/drawing/scheme/routing", "gearlib/run/tangents/"),
+PACKAGES = ("compiler", "equations", "flatten", "native", "program", "reduce", "run/tangents", "structure", *METHODS)
+MODULES = (
+    *(f"statics/{name}" for name in ("closed_gaps", "load_sharing", "mesh_turn", "steady_motion")),
+    *("drawing/arrangement", "drawing/layers", "drawing/scheme/routing", "linear/linearized_program"),
+    *("vibration/eigenvalue_count", "vibration/lowest_eigenvalues"),
 )
+ENGINE = (*(f"gearlib/{name}/" for name in PACKAGES), *(f"gearlib/{name}.py" for name in MODULES))
 LOCAL, CENTRAL, END = "<4s5H3L2H", "<4s6H3L5H2L", "<4s4H2LH"  # records of a zip archive
 
 
