@@ -140,6 +140,12 @@ PRODUCTS: dict[str, tuple[Laws, list[str]]] = {
     "a product with what its rate follows from": (
         lambda s: [gl.Eq(s.x, wave(s)), gl.Eq(rate(s, s.y), s.x), gl.Eq(s.z, s.y * s.x), gl.Eq(3 * s.a, s.z)], ["x", "y"],
     ),
+    "a square of what its rate follows from, by a condition": (
+        lambda s: [
+            gl.Eq(s.x, wave(s)), gl.Eq(rate(s, s.y), branch(rate(s, s.x) > 0, 1, 2)), gl.Eq(s.z, s.y**2), gl.Eq(3 * s.a, s.z),
+        ],
+        ["y"],
+    ),
     "a product with a constant": (
         lambda s: [gl.Eq(s.x, wave(s)), gl.Eq(s.b, 5), gl.Eq(s.z, s.b * s.x), gl.Eq(3 * s.a, s.z)], [],
     ),
