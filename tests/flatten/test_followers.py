@@ -69,8 +69,9 @@ FOLLOWING: dict[str, tuple[Laws, list[str], str]] = {  # laws, what follows from
         ["x", "y", "z"], "pxyz",
     ),
     "a coefficient that is a parameter": (lambda s: [gl.Eq(s.k * s.x, s.p), gl.Eq(s.none * s.y, s.p)], ["x"], "px"),
-    "a coefficient that varies": (lambda s: [gl.Eq(s.x * s.p, 2 + s.p)], [], "p"),
-    "a coefficient of time": (lambda s: [gl.Eq(s.x * wave(s), 2 * s.p)], [], "p"),
+    "a coefficient that varies": (lambda s: [gl.Eq(s.x * (1 + s.p**2), 2 + s.p)], [], "p"),
+    "a coefficient of a condition": (lambda s: [gl.Eq(s.x * branch(s.b > 0, 2, 3), 2 + s.p), gl.Eq(s.b, 5)], [], "p"),
+    "a coefficient of time": (lambda s: [gl.Eq(s.x * (2 + wave(s)), 2 * s.p)], [], "p"),
     "a condition": (lambda s: [gl.Eq(2 * s.x, branch(s.p > 0, 1, 2)), gl.Eq(s.y, branch(s.y > 3, s.p, 2))], ["x"], "p"),
     "what is zero everywhere": (
         lambda s: [gl.Eq(2 * s.x, gl.sin(s.p) + 5 * s.z), gl.Eq(s.z, 0), gl.Eq(2 * s.y, 3 * s.p + 7 * s.z)], ["x", "y"], "py",
@@ -90,6 +91,12 @@ FOLLOWING: dict[str, tuple[Laws, list[str], str]] = {  # laws, what follows from
     "what is written for it, beside an unknown speed": (
         lambda s: [gl.Eq(s.x, 3 * s.p + 5 * s.s), gl.Eq(rate(s, s.s), -s.s), gl.Eq(2 * s.y, 3 * s.s)], ["x"], "p",
     ),
+    "a part that changes with time": (lambda s: [gl.Eq(2 * s.x, 3 * s.p + 5 * s.y), gl.Eq(s.y, wave(s))], [], "p"),
+    "a part that grows": (lambda s: [gl.Eq(2 * s.x, 3 * s.p + 5 * s.y), gl.Eq(rate(s, s.y), 7)], [], "p"),
+    "what is written for it, beside a rate and an unknown speed": (
+        lambda s: [gl.Eq(s.x, 3 * s.p + rate(s, s.p) + 5 * s.s), gl.Eq(rate(s, s.s), -s.s)], [], "p",
+    ),
+    "a deflection": (lambda s: [gl.Eq(s.x, 3 * s.p + 5 * s.a), gl.Eq(rate(s, s.x), s.b)], [], "p"),
     "an unknown deflection": (lambda s: [gl.Eq(s.x, 3 * s.p + 5 * s.s), gl.Eq(rate(s, s.s), s.y)], [], "p"),
     "two it may be written for": (lambda s: [gl.Eq(s.x + s.y, 3 * s.p + 5 * s.a)], [], "p"),
     "the rate of what moves": (lambda s: [gl.Eq(2 * s.x, rate(s, s.p))], [], "p"),
