@@ -68,7 +68,9 @@ def test_a_column_that_fills_in_goes_behind_its_equals(others: int, taken: str) 
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize(("share", "left"), [(0.04, 2), (0.4, 1)])
-def test_a_short_row_is_no_pivot_if_its_coefficient_is_less_than_a_tenth_of_another_ones(size: float, share: float, left: int) -> None:
+def test_a_short_row_is_no_pivot_if_its_coefficient_is_less_than_a_tenth_of_another_ones(
+    size: float, share: float, left: int
+) -> None:
     """The second row is the first plus the third. Without the first, the lower one of the others is taken; without the third, the first."""
     x, y, z = (0, 0), (1, 0), (2, 0)
     coefficients = np.array([[1.0, 1.0, 1.0], [1.0 + share, 2.0, 1.0], [share, 1.0, 0.0]]) * size
