@@ -97,7 +97,7 @@ def followers_of(
                     free = ~((differentiated if changes.size else deflections) & ~(reached | constant))[others].any(axis=1)
                     free &= ~differentiated[v] & ~model.potential[v]
                     likely |= {x: f for x, f in at.items() if free[f[2]]}
-        if not sure and still.any():
+        if not sure and (still > constant).any():
             constant |= still
         elif fresh := sure or likely:
             found += fresh.values()
