@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -205,3 +207,23 @@ def test_a_step_that_leaves_the_branch_is_halved(side: int) -> None:
     path = follow(hyperbola, np.array([side * np.hypot(1.0, 0.003)]), 0.0, 2.0, 0.05, 1000)
     assert path.complete
     assert path.z[:, 0] == pytest.approx(side * np.hypot(path.w - 1, 0.003), rel=1e-6)
+
+
+@pytest.mark.parametrize(("iterations", "factor"), [(1, 1.5), (3, 1.5), (4, 1.0), (5, 1.0), (6, 0.6), (11, 0.6)])
+def test_steps_get_longer_where_they_converge_fast(iterations: int, factor: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a straight branch, from a quarter of the longest step on."""
+    plain = parts.Continuation.corrected
+
+    def corrected(task: parts.Continuation, point: parts.BranchPoint, length: float) -> parts.BranchPoint | None:
+        found = plain(task, point, length)
+        return None if found is None else replace(found, iterations=iterations)
+
+    monkeypatch.setattr(parts.Continuation, "corrected", corrected)
+
+    def steady(z: Floats, w: float) -> tuple[Floats, Floats, Floats]:
+        return z - 1.0, np.eye(1), np.zeros(1)
+
+    step = 0.04
+    path = follow(steady, np.ones(1), 2.0, 4.0, step, 8)
+    expected = np.minimum(step / 4 * factor ** np.arange(7), step)
+    assert np.diff(path.w) / 2.0 == pytest.approx(expected, rel=1e-6)
