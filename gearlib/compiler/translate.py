@@ -213,7 +213,8 @@ class _Function:
 
     def statement(self, statement: ast.stmt) -> None:
         if isinstance(statement, ast.Assign) and len(statement.targets) == 1:
-            self.assign(statement.targets[0], statement.value)
+            (target,) = statement.targets
+            self.assign(target, statement.value)
         elif isinstance(statement, ast.Assign):
             value = self.value(statement.value)
             for target in statement.targets:

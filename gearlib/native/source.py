@@ -198,8 +198,7 @@ def looped(program: Program, layout: Layout, guarded: bool = False, forgiving: b
     if program.inputs:
         body.lines += ["for k in range(m):", "    data[v + n + k] = data[u + k]"]
     pieces: list[Body] = []
-    memory = layout.guards - len(program.iterated)
-    block, matrices = 0, iter(layout.kept)
+    memory, block, matrices = layout.memory, 0, iter(layout.kept)
     for step in program.steps:
         if isinstance(step, Batch):
             for rows in sign_groups(step, body.signed):
