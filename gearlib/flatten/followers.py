@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.equations.kernel import Kernel, partial_kernel
-from gearlib.equations.template import Template, memoised
+from gearlib.equations.template import Column, Template, memoised
 from gearlib.flatten.model import EquationGroup, FlatModel, alphabetical
 from gearlib.flatten.time_means import ripples
 from gearlib.language.expressions import time
@@ -31,26 +31,24 @@ def products_in_time(model: FlatModel, parameters: Floats) -> list[str]:
     open_[[determined(model, f) for f in followers_of(model, parameters, open_, swing)[0]]] = True
     found: dict[str, None] = {}
     count = np.bincount(np.concatenate([group.variables.ravel() for group in model.groups]), minlength=len(open_))
-    alone = (
-        (count == 1) & ~model.flow & ~model.potential & (model.sign != 0)
-    )  # what one equation holds, as a loss that nothing depends on
+    alone = (count == 1) & ~model.flow & ~model.potential & (model.sign != 0)  # such as a loss that nothing depends on
     for group in model.groups:
         for name, _, others in nonlinear_terms(group.template):
             own = group.variables[:, place_of(group.template, name)]
-            beside = group.variables[:, [place_of(group.template, other) for other in sorted(others)]]
+            beside = group.variables[:, [place_of(group.template, other) for other, _ in sorted(others)]]
             for i in np.flatnonzero(open_[own] & open_[beside].any(axis=1) & ~alone[group.variables].any(axis=1)).tolist():
                 found[model.name(int(own[i]))] = None
     return sorted(found, key=alphabetical)
 
 
 @memoised
-def nonlinear_terms(template: Template) -> tuple[tuple[str, int, frozenset[str]], ...]:
-    """What an equation holds that is not linear: a variable, its order, and the variables that its coefficient or condition depends on."""
+def nonlinear_terms(template: Template) -> tuple[tuple[str, int, frozenset[Column]], ...]:
+    """What an equation holds that is not linear: a variable, its order, and the columns that its coefficient or condition depends on."""
     if template.linear:
         return ()
-    pairs = [(name, order, names_of(partial_kernel(template, c))) for c, (name, order) in enumerate(template.columns)]
-    pairs += [(name, order, {name}) for name, order in template.relation_columns if not order]
-    return tuple((name, order, frozenset(others)) for name, order, others in pairs)
+    pairs = [(*column, columns_of(partial_kernel(template, c))) for c, column in enumerate(template.columns)]
+    pairs += [(*column, frozenset({column})) for column in template.relation_columns]
+    return tuple(pairs)
 
 
 def followers_of(
@@ -164,11 +162,9 @@ def place_of(template: Template, name: str) -> int:
     return template.locals.index(name)
 
 
-def names_of(kernel: Kernel) -> set[str]:
-    """The locals that a kernel depends on, other than through derivatives."""
+def columns_of(kernel: Kernel) -> frozenset[Column]:
+    """The columns that a kernel depends on, including through its conditions."""
     template = kernel.template
     columns = [*template.columns, *template.relation_columns]
-    names = {columns[c][0] for c in kernel.columns if columns[c][1] == 0}
-    if any(c < len(template.relations) for c in kernel.relations):
-        names |= {name for name, _ in template.relation_columns}
-    return names
+    compared = template.relation_columns if any(c < len(template.relations) for c in kernel.relations) else ()
+    return frozenset([*(columns[c] for c in kernel.columns), *compared])

@@ -94,6 +94,7 @@ def test_wrong_numbers_at_run_time() -> None:
         (((True, Se(), One("v")),), "is not a bond"),
         (((1, "Se", One("v")),), "bond 1 ends on 'Se', which is not an element"),
         (((1, Se, One("v")),), r"which is not an element; make one: Se\(\.\.\.\)"),
+        (((1, Se(), int),), r"^bond graph: bond 1 ends on <class 'int'>, which is not an element$"),
     ],
 )
 def test_what_is_no_bond_is_refused(bonds: tuple[Any, ...], message: str) -> None:

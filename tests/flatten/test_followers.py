@@ -164,7 +164,7 @@ PRODUCTS: dict[str, tuple[Laws, list[str]]] = {
         lambda s: [
             gl.Eq(s.x, wave(s)), gl.Eq(rate(s, s.y), branch(rate(s, s.x) > 0, 1, 2)), gl.Eq(s.z, s.y**2), gl.Eq(3 * s.a, s.z),
         ],
-        ["y"],
+        ["x", "y"],
     ),
     "a product with a constant": (
         lambda s: [gl.Eq(s.x, wave(s)), gl.Eq(s.b, 5), gl.Eq(s.z, s.b * s.x), gl.Eq(3 * s.a, s.z)], [],
@@ -177,6 +177,10 @@ PRODUCTS: dict[str, tuple[Laws, list[str]]] = {
     ),
     "a square with what is zero everywhere and nowhere else": (
         lambda s: [gl.Eq(s.b, 0), gl.Eq(s.x, wave(s)), gl.Eq(s.z, s.x**2 + 5 * s.b), gl.Eq(3 * s.a, s.z)], ["x"],
+    ),
+    "a square of a rate": (lambda s: [gl.Eq(s.x, wave(s)), gl.Eq(s.z, rate(s, s.x) ** 2), gl.Eq(3 * s.a, s.z)], ["x"]),
+    "a condition on a rate": (
+        lambda s: [gl.Eq(s.x, wave(s)), gl.Eq(s.z, branch(rate(s, s.x) > 0, 1, 2)), gl.Eq(3 * s.a, s.z)], ["x"],
     ),
     "a decay": (lambda s: [gl.Eq(s.x, gl.exp(-s.rate * gl.time)), gl.Eq(s.z, s.x**2), gl.Eq(3 * s.a, s.z)], []),
     "a constant written with time": (
@@ -197,24 +201,23 @@ def test_products_of_what_swings_with_time(kind: str) -> None:
 def test_terms_that_are_not_linear_and_what_they_depend_on() -> None:
     """The partial derivatives with respect to each variable, and what conditions compare; a discrete variable is none of them."""
 
-    def terms(law: Callable[[Any], Any]) -> dict[tuple[str, int], set[str]]:
+    def terms(law: Callable[[Any], Any]) -> dict[str, list[str]]:
+        def text(name: str, order: int) -> str:
+            return name + "'" * order
+
         model = flat(lambda s: [gl.Eq(s.x, law(s))])
         (template,) = (g.template for g in model.groups if "x" in g.template.locals)
-        return {(name, order): {*others} for name, order, others in nonlinear_terms(template)}
+        found = nonlinear_terms(template)
+        return {text(name, order): sorted(text(*other) for other in others) for name, order, others in found}
 
     assert terms(lambda s: 2 * s.y + s.k * s.z) == {}
-    assert terms(lambda s: s.k * s.p * s.y + s.q) == {("x", 0): set(), ("p", 0): {"y"}, ("y", 0): {"p"}, ("q", 0): set()}
-    assert terms(lambda s: s.y * rate(s, s.y) * s.s) == {
-        ("x", 0): set(),
-        ("y", 1): {"y", "s"},
-        ("s", 0): {"y"},
-        ("y", 0): {"s"},
-    }
-    assert terms(lambda s: s.m * s.y + branch(s.a > s.b, 1, 2)) == {
-        ("x", 0): set(), ("y", 0): set(), ("a", 0): {"a"}, ("b", 0): {"b"},
-    }  # fmt: skip
+    assert terms(lambda s: s.k * s.p * s.y + s.q) == {"x": [], "p": ["y"], "y": ["p"], "q": []}
+    assert terms(lambda s: s.y * rate(s, s.y) * s.s) == {"x": [], "y'": ["s", "y"], "s": ["y", "y'"], "y": ["s", "y'"]}
+    assert terms(lambda s: rate(s, s.y) ** 2) == {"x": [], "y'": ["y'"]}
+    assert terms(lambda s: s.m * s.y + branch(s.a > s.b, 1, 2)) == {"x": [], "y": [], "a": ["a"], "b": ["b"]}
+    assert terms(lambda s: s.y + branch(rate(s, s.a) > s.b, 1, 2)) == {"x": [], "y": [], "a'": ["a'"], "b": ["b"]}
     assert terms(lambda s: branch(s.a > s.b, s.y**2, 3 * s.y) + s.q * s.p) == {
-        ("x", 0): set(), ("y", 0): {"a", "b", "y"}, ("p", 0): {"q"}, ("q", 0): {"p"}, ("a", 0): {"a"}, ("b", 0): {"b"},
+        "x": [], "y": ["a", "b", "y"], "p": ["q"], "q": ["p"], "a": ["a"], "b": ["b"],
     }  # fmt: skip
 
 
