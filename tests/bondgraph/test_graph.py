@@ -91,6 +91,8 @@ def test_wrong_numbers_at_run_time() -> None:
         (((1, Se()),), r"is not a bond; expected \(number, tail, head\)"),
         ((("1", Se(), One("v")),), "is not a bond"),
         (((1.0, Se(), One("v")),), "is not a bond"),
+        (([1, Se(), One("v")],), "is not a bond"),
+        (((1, Se(), One("v"), One("w")),), "is not a bond"),
         (((True, Se(), One("v")),), "is not a bond"),
         (((1, "Se", One("v")),), "bond 1 ends on 'Se', which is not an element"),
         (((1, Se, One("v")),), r"which is not an element; make one: Se\(\.\.\.\)"),
