@@ -46,7 +46,8 @@ def test_amplitudes_are_turned_to_be_real_with_the_largest_positive() -> None:
         assert np.imag(values) == pytest.approx(np.zeros(5), abs=1e-12)
         assert [(name, unit) for name, unit, _ in turned] == [(name, unit) for name, unit, _ in MIXED.motions]
     assert aligned([]) == []
-    assert aligned([("a", "rad", 0j)]) == [("a", "rad", 0j)]
+    for nothing in (np.complex128(0), 0j):
+        assert aligned([("a", "rad", nothing)]) == [("a", "rad", 0j)]
     ahead = [v for _, _, v in aligned([("a", "rad", 2 + 0j), ("b", "rad", 1j)])]
     assert ahead[1] / ahead[0] == pytest.approx(0.5j)
     assert max(map(abs, ahead)) == pytest.approx(1)

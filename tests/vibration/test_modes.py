@@ -133,6 +133,19 @@ def test_a_position_that_a_free_motion_changes_moves_with_it() -> None:
         assert position == pytest.approx(rate / 1j)
 
 
+def test_a_position_inside_a_gap_is_that_of_a_swing_as_slow_as_the_slowest_mode() -> None:
+    class Beside(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.open, self.ground, self.shaft, self.disc = OpenGap(), gp.Fixed(), gp.Spring(c=50.0), gp.Inertia(J=2.0)
+            return [gl.connect(self.ground.flange, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.disc.flange_a)]
+
+    found = gl.modes(gl.compile(Beside()))
+    assert found.omega == pytest.approx([0.0, 0.0, 5.0])
+    moved = [found.shape(mode, "der(open.gap.phi_rel)", "open.gap.phi_rel") for mode in range(2)]
+    assert max(abs(rate) for rate, _ in moved) > 0.5
+    assert [position for _, position in moved] == pytest.approx([rate / 5j for rate, _ in moved])
+
+
 class DrivenEnd(gl.Component):
     """A torque on the end of a spring without inertia: this end's speed follows the derivative of the torque."""
 

@@ -228,6 +228,29 @@ def test_a_mode_with_a_negative_energy_has_no_shares(size: float) -> None:
     assert slightly.not_given == {}, "less than rounding may be"
 
 
+@pytest.mark.parametrize("grounded", [False, True])
+def test_large_trains_whose_states_are_angles_have_their_free_motions(grounded: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Equal bodies on springs of 1 N.m/rad that have no deflection of their own: 2 sin(k pi / 2 n), and a free motion, or none."""
+
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.spring = (
+                [gp.Inertia(J=1.0) for _ in range(90)],
+                [Pushing(k=-1.0) for _ in range(90 - (not grounded))],
+            )
+            self.ground = gp.Fixed()
+            ends = [*(body.flange_b for body in self.body), self.ground.flange]
+            links = zip(self.spring, ends, [*(body.flange_a for body in self.body[1:]), self.ground.flange], strict=False)
+            return [link for s, a, b in links for link in (gl.connect(a, s.flange_a), gl.connect(s.flange_b, b))]
+
+    monkeypatch.setattr("gearlib.vibration.modes.MOST_DENSE", 50)
+    monkeypatch.setattr("gearlib.vibration.spectrum.MOST_FULL", 50)
+    found = gl.modes(gl.compile(Row()), 3)
+    assert found.free == (not grounded)
+    turns = (np.arange(1, 4) - 0.5) / 90.5 if grounded else np.arange(1, 4) / 90
+    assert found.omega[found.free :] == pytest.approx(2 * np.sin(np.pi * turns / 2), rel=1e-9)
+
+
 class Meter(gl.Component):
     """Revolutions per minute, an algebraic variable that follows from a speed."""
 
