@@ -160,13 +160,12 @@ def test_what_the_first_search_misses_is_found(
     assert len(found.values) <= 2 * most
 
 
-@pytest.mark.parametrize(("count", "w"), [(3, np.r_[1, 2, 3, FAR[:60]]), (5, np.geomspace(1, 1e6, 60))], ids=["far", "decades"])
-def test_rings_are_searched_in_which_some_are_missing(count: int, w: Floats, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rings_are_searched_in_which_some_are_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where a search all over the disc finds nothing, since there is none."""
     monkeypatch.setattr(lowest_eigenvalues, "FULL", 0)
     monkeypatch.setattr(lowest_eigenvalues, "SWEEP", ())
-    A, values = swings(w)
-    check(lowest(A, count, 0), A, values, count)
+    A, values = swings(np.geomspace(1, 1e4, 40))
+    check(lowest(A, 5, 0), A, values, 5)
 
 
 @pytest.mark.parametrize(
