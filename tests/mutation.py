@@ -19,11 +19,12 @@ when its share of processor time is used up and no test of the likeliest files (
 ``accepted``   no claim failed, and ``tests/mutants.toml`` says why none need (equivalent, only slower)
 =============  =======================================================================================
 
-A claim of a test fails where its ``assert`` does, where what it expects to be raised is not, where a doctest prints something else,
-and where gearlib refuses (a `GearlibError`) or warns: the test says that there is an answer, and the library checked that there is
-none. A mutant may also break the code so that it gives no value at all (an index, a type, a shape): then the test that ran the line
-fails by that exception, which says nothing of how well the values are watched. So the two are counted apart, and the bar of 97 % is
-one of assertions; beside it stands the share of those that give values at all. A crash is credited to no test.
+A claim of a test fails where its ``assert`` does, where what it expects to be raised is not, be it that nothing or something else is
+(``with pytest.raises(...)``), where a doctest prints something else, and where gearlib refuses (a `GearlibError`) or warns: the test
+says that there is an answer, and the library checked that there is none. A mutant may also break the code so that it gives no value at
+all (an index, a type, a shape): then the test that ran the line fails by that exception, which says nothing of how well the values are
+watched. So the two are counted apart, and the bar of 97 % is one of assertions; beside it stands the share of those that give values at
+all. A crash is credited to no test.
 
 Options follow ``ARGS=`` of make: ``-n 300``, ``--seed 7``, ``--all`` for one mutant at each place, ``--folder gearlib/structure
 gearlib/reduce``, ``--again LOG`` for those of a log that no assertion noticed, ``--goes-on`` for a sample that was interrupted: what
@@ -51,6 +52,7 @@ import sys
 import tempfile
 import time
 import tomllib
+import traceback
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -452,7 +454,22 @@ def is_claim(failure: BaseException) -> bool:
     if isinstance(failure, doctest.UnexpectedException):
         failure = failure.exc_info[1]
     said = (AssertionError, pytest.fail.Exception, doctest.DocTestFailure, Warning)
-    return isinstance(failure, said) or any(kind.__name__ == "GearlibError" for kind in type(failure).__mro__)
+    refused = any(kind.__name__ == "GearlibError" for kind in type(failure).__mro__)
+    return refused or isinstance(failure, said) or was_expected_otherwise(failure)
+
+
+def was_expected_otherwise(failure: BaseException) -> bool:
+    """Whether an exception came out of a block of a test that says which exception it raises."""
+    frames = traceback.extract_tb(failure.__traceback__)
+    return any(Path(f.filename).name.startswith("test_") and f.lineno in raising_lines(f.filename) for f in frames)
+
+
+@cache
+def raising_lines(file: str) -> set[int]:
+    """The lines of the blocks under ``with pytest.raises(...)`` in a file."""
+    blocks = (node for node in ast.walk(ast.parse(Path(file).read_text(encoding="utf-8"))) if isinstance(node, ast.With))
+    says = (node for node in blocks if any(ast.unparse(item).startswith("pytest.raises(") for item in node.items))
+    return {number for node in says for number in range(node.body[0].lineno, (node.end_lineno or 0) + 1)}
 
 
 def limit_processor_time(seconds: int) -> None:

@@ -55,6 +55,27 @@ def test_refusals_and_warnings_are_claims_and_raw_exceptions_are_not(failure: Ba
     assert is_claim(doctest.UnexpectedException(shown, example, raised(failure))) == claim
 
 
+def test_another_exception_than_the_expected_one_is_a_claim_that_fails() -> None:
+    """It came out of the block that says what is raised, at any depth; one beside the block says nothing."""
+
+    def within() -> None:
+        with pytest.raises(ValueError, match="even"):
+            [1][int("1")]
+
+    def beside() -> None:
+        with pytest.raises(ValueError, match="invalid"):
+            int("x")
+        [1][int("1")]
+
+    failures = []
+    for call in (within, beside):
+        try:
+            call()
+        except IndexError as failure:
+            failures.append(failure)
+    assert [is_claim(failure) for failure in failures] == [True, False]
+
+
 def test_exceptions_count_as_noticed_and_crashes_do_not() -> None:
     """Where every test of a line meets an exception there is no value to judge; these are counted apart, too."""
     verdicts = [*["assertion"] * 5, "exception", *["no value"] * 2, "crash", "survived", "accepted", "accepted"]

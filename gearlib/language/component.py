@@ -105,7 +105,7 @@ def connect(*ports: Port) -> Connection:
     >>> import gearlib as gl, gearparts as gp
     >>> class Drive(gl.Component):
     ...     def assemble(self):
-    ...         self.ramp, self.torque, self.load = gp.blocks.Ramp(height=3.0), gp.Torque(), gp.Inertia(J=1.5)
+    ...         self.ramp, self.torque, self.load = gp.blocks.Ramp(height=3.0, duration=1.0), gp.Torque(), gp.Inertia(J=1.5)
     ...         return [gl.connect(self.ramp.y, self.torque.tau), gl.connect(self.torque.flange, self.load.flange_a)]
     >>> float(gl.simulate(Drive(), t_end=1.0, samples=3)["load.w"][-1])
     1.0

@@ -328,8 +328,7 @@ class ClassText:
         if found is not None:
             for choice, value in given.choices.items():
                 at(choice).value = _choice_text(found[1], choice, value)
-        usual = {n: declared_by(part).parameters[n].default for n in (found[1].stated if found is not None else ())}
-        for own, value in {**usual, **given.values}.items():
+        for own, value in given.values.items():
             if value is not None and own not in joined:
                 at(own).value = self._value_of_part(name, own, value)
         for own, source in joined.items():

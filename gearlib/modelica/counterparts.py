@@ -51,8 +51,6 @@ class Counterpart:
         Enumeration types of ``values``.
     own : frozenset of str
         Names that Modelica's class does not have.
-    stated : frozenset of str
-        Names of values that are written where they are not given: Modelica has no defaults for them.
     only : mapping of str to tuple
         The values that some Modelica parameters may have, with no effect here; others are refused.
     converted : mapping of str to two functions
@@ -74,7 +72,6 @@ class Counterpart:
     ignored: frozenset[str] = frozenset()
     enumerations: Mapping[str, str] = field(default_factory=dict)
     own: frozenset[str] = frozenset()
-    stated: frozenset[str] = frozenset()
     only: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
     converted: Mapping[str, tuple[Callable[[Any], Any], Callable[[Any], Any]]] = field(default_factory=dict)
     arrays: Mapping[str, str | tuple[str, ...]] = field(default_factory=dict)

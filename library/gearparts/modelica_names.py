@@ -161,7 +161,7 @@ _BLOCKS = {
     **_same(
         "Blocks.Nonlinear", "gearparts.blocks.delays", "PadeDelay", ignored=frozenset({"balance"}), own=frozenset({"settled"}),
     ),
-    **_same("Blocks.Nonlinear", _NONLINEAR, "DeadZone", ignored=frozenset({"deadZoneAtInit"}), stated=frozenset({"u_max"})),
+    **_same("Blocks.Nonlinear", _NONLINEAR, "DeadZone", ignored=frozenset({"deadZoneAtInit"})),
     "Modelica.Blocks.Nonlinear.SlewRateLimiter": Counterpart(
         f"{_NONLINEAR}:RateLimiter", names={"Rising": "rising", "Falling": "falling"}, starts={"y_start": "y"},
         ignored=NO_CHANGE, only=BY_OUTPUT,
@@ -172,7 +172,7 @@ _BLOCKS = {
     **_same("Blocks.Discrete", _DISCRETE, "Sampler", "ZeroOrderHold", "UnitDelay"),
     **_same("Blocks.Discrete", _DISCRETE, "TriggeredSampler", truths=frozenset({"trigger"})),
     **_same("Blocks.Sources", "gearparts.blocks.sources", "Constant", "Step", "Sine", names={"freqHz": "f"}),
-    **_same("Blocks.Sources", "gearparts.blocks.sources", "Ramp", stated=frozenset({"duration"})),
+    **_same("Blocks.Sources", "gearparts.blocks.sources", "Ramp"),
     **_same("Blocks.Sources", "gearparts.blocks.sources", "Pulse", "Trapezoid", names={"nperiod": "n_period"}),
     **_same("Blocks.Sources", "gearparts.blocks.sources", "KinematicPTP"),
     **_same("Blocks.Sources", "gearparts.blocks.sources", "RealExpression", given={"y": "expression"}),

@@ -44,7 +44,7 @@ IN_MODELICA: dict[str, dict[str, Any]] = {  # of the Modelica Standard Library 4
     "Sine": {"amplitude": 1, "phase": 0, "offset": 0, "start_time": 0}, "CombiTimeTable": {"offset": 0, "start_time": 0},
     "KinematicPTP": {"deltaq": 1, "qd_max": 1, "qdd_max": 1, "start_time": 0},
     "Pulse": {"amplitude": 1, "width": 50, "n_period": -1, "offset": 0, "start_time": 0},
-    "Trapezoid": {"amplitude": 1, "n_period": -1, "offset": 0, "start_time": 0}, "DeadZone": {"u_max": 1},
+    "Trapezoid": {"amplitude": 1, "n_period": -1, "offset": 0, "start_time": 0},
     "RateLimiter": {"rising": 1, "Td": 0.001}, "Sampler": {"start_time": 0}, "ZeroOrderHold": {"start_time": 0},
     "UnitDelay": {"start_time": 0},
 }  # fmt: skip

@@ -256,6 +256,16 @@ def test_what_is_not_understood_is_refused_with_its_place(text: str, message: st
         gl.compile(gl.read_modelica(text)())
 
 
+@pytest.mark.parametrize(
+    ("part", "path"),
+    [("Sources.Ramp r(height = 3)", r"r\.duration"), ("Nonlinear.DeadZone r(uMin = -1, u = time)", r"r\.u_max"),
+     ("Math.Gain r(u = time)", r"r\.k"), ("Nonlinear.Limiter r(u = time)", r"r\.y_max")],
+)  # fmt: skip
+def test_values_without_a_default_in_modelica_must_be_given(part: str, path: str) -> None:
+    with pytest.raises(gl.GearlibError, match=f"{path} has no value; give one"):
+        gl.compile(gl.read_modelica(f"model M Modelica.Blocks.{part}; end M;")())
+
+
 WHENS = """
 model Counters "of times at which conditions become true: one or several, with precedence"
   Real x(start = 0, fixed = true), s(start = 0, fixed = true);

@@ -94,7 +94,9 @@ class Point:
         values |= {real_symbol(n): self.parameters[group.parameters[i, j]] for j, n in enumerate(own.parameters)}
         values |= {real_symbol(n): self.discretes[group.discretes[i, j]] for j, n in enumerate(own.discretes)}
         values |= {relation_symbol(j): self.flags[first_flag + j] for j in range(len(own.relations))}
-        return float(template.residual.xreplace(values))
+        value = template.residual.xreplace(values)
+        assert not getattr(value, "free_symbols", ()), "what it depends on is all named"
+        return float(value)
 
     def relations(self, group: EquationGroup, i: int) -> list[tuple[float, bool, bool]]:
         where = {name: j for j, name in enumerate(group.template.locals)}

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import control
 import numpy as np
 import pytest
 from scipy.io import netcdf_file
@@ -206,3 +207,24 @@ def test_a_rigid_loop_moves_and_goes_into_an_fmu() -> None:
     system = given(lambda: gl.compile(Twice(), outputs=["a.w"]))
     assert given(lambda: system.simulate(2.0, samples=2))["a.w"][-1] == pytest.approx(6.0)
     assert given(lambda: exported_model(system.translation, None, None, None)).names == ("a.w",)
+
+
+class Scaled(gl.Component):
+    """A signal times a number, without any state."""
+
+    u, y, k = gl.Input("1"), gl.Variable("1"), gl.Parameter("1", default=3.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.y, self.k * self.u)]
+
+
+def test_the_response_of_a_transfer_function() -> None:
+    found = given(lambda: gl.frequency_response(control.tf([2.0], [1.0, 1.0]), [1.0, 3.0]))
+    assert found.values[0, 0] == pytest.approx([2 / (1 + 1j), 2 / (1 + 3j)], rel=1e-12)
+
+
+@pytest.mark.parametrize("inputs", [[], ["u"]])
+def test_the_linear_model_of_what_has_no_states(inputs: list[str]) -> None:
+    model = given(lambda: gl.compile(Scaled()).linearize(inputs, ["y"], sparse=True))
+    assert model.D.tolist() == [[3.0] * len(inputs)]
+    assert given(lambda: model.changes(["k"]))[0].D.tolist() == [[1.0] * len(inputs)]

@@ -129,8 +129,11 @@ def _size(scene: Scene, node: Node, states: Floats, values: Floats) -> float:
 
 def _text(model: FlatModel, v: int, value: float, least: float) -> str:
     declared = model.declaration(v)
-    what = "" if declared is None else f" {declared.unit} ({declared.description})"
-    return f"{model.name(v)} is {value:.6g}{what}, but it cannot be below {least:g}"
+    what = "" if declared is None or declared.unit in ("1", "any") else f" {declared.unit}"
+    if declared is not None and declared.description:
+        what += f" ({declared.description})"
+    digits = 6 if f"{value:.6g}" != f"{least:.6g}" else 15  # what is just below must not look like the bound itself
+    return f"{model.name(v)} is {value:.{digits}g}{what}, but it cannot be below {least:g}"
 
 
 def _fix(model: FlatModel, v: int, least: float, at_start: bool) -> str:

@@ -25,7 +25,7 @@ class FixedDelay(Delayed):
     >>> import gearlib as gl, gearparts as gp
     >>> class Late(gl.Component):
     ...     def assemble(self):
-    ...         self.ramp, self.delay = gp.blocks.Ramp(height=2.0), gp.blocks.FixedDelay(delay_time=0.25)
+    ...         self.ramp, self.delay = gp.blocks.Ramp(height=2.0, duration=1.0), gp.blocks.FixedDelay(delay_time=0.25)
     ...         return [gl.connect(self.ramp.y, self.delay.u)]
     >>> gl.simulate(Late(), t_end=1.0, samples=5)["delay.y"].round(9) + 0.0
     array([0. , 0. , 0.5, 1. , 1.5])

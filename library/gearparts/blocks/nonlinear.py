@@ -45,7 +45,7 @@ class RateLimiter(SISO):
 class DeadZone(SISO):
     """Dead zone: ``y = u - u_max`` above it, ``y = u - u_min`` below it, ``y = 0`` in it."""
 
-    u_max = gl.Parameter("any", "upper end of the dead zone", default=1.0)
+    u_max = gl.Parameter("any", "upper end of the dead zone")
     u_min = gl.Parameter("any", "lower end of the dead zone", default=lambda block: -block.u_max)
     room = gl.Parameter("any", "u_max - u_min, which is not negative", default=lambda b: b.u_max - b.u_min, min=0)
 

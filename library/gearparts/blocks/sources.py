@@ -51,7 +51,7 @@ class Ramp(SignalSource):
     """A ramp: ``y = offset + height (time - start_time) / duration`` for ``duration``, constant before and after."""
 
     height = gl.Parameter("any", "height of the ramp", default=1.0)
-    duration = gl.Parameter("s", "how long it rises", default=1.0, min=SHORTEST)
+    duration = gl.Parameter("s", "how long it rises", min=SHORTEST)
 
     def equations(self) -> list[gl.Eq]:
         since = gl.time - self.start_time

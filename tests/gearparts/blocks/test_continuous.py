@@ -102,7 +102,7 @@ def test_several_inputs_and_outputs() -> None:
 
     class Two(gl.Component):
         def assemble(self) -> list[gl.Connection]:
-            self.wave, self.ramp = B.Sine(f=0.5), B.Ramp()
+            self.wave, self.ramp = B.Sine(f=0.5), B.Ramp(duration=1.0)
             self.plant = B.MultiStateSpace.of(control.ss(A, system.B, system.C, system.D))
             first, second, third = self.plant.inputs
             return [gl.connect(self.wave.y, first.u, third.u), gl.connect(self.ramp.y, second.u)]

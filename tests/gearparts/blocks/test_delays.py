@@ -198,7 +198,7 @@ def test_events_of_the_train_come_through_the_delay() -> None:
 def test_a_sampled_controller_reads_a_delayed_signal() -> None:
     class Loop(gl.Component):
         def assemble(self) -> list[gl.Connection]:
-            self.ramp, self.late, self.hold = B.Ramp(), B.FixedDelay(delay_time=0.25), B.Gain(k=1.0)
+            self.ramp, self.late, self.hold = B.Ramp(duration=1.0), B.FixedDelay(delay_time=0.25), B.Gain(k=1.0)
             self.law = gl.Sampled(lambda t, v: 2.0 * v[0], 0.1, inputs=[self.late.y], outputs=[self.hold.u])
             return [gl.connect(self.ramp.y, self.late.u)]
 

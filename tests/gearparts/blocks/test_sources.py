@@ -76,6 +76,6 @@ def test_parameters_have_bounds() -> None:
 
 
 def test_parameters_stay_open() -> None:
-    system = gl.compile(Driven(make=lambda: B.Ramp()))
+    system = gl.compile(Driven(make=lambda: B.Ramp(duration=1.0)))
     other: NDArray[np.float64] = system.simulate(1.0, samples=3, parameters={"block.height": 4.0})["block.y"]
     assert other.tolist() == [0.0, 2.0, 4.0]

@@ -22,7 +22,7 @@ def test_a_step_is_up_from_its_time_on() -> None:
 
 def test_a_ramp_rises_between_two_times() -> None:
     values = {"offset": 0.5, "height": 2.0, "start_time": 0.75, "duration": 0.5}
-    found = [right_side(B.Ramp(), "y", time=t, **values) for t in (0.5, 0.75, 0.875, 1.25, 1.5)]
+    found = [right_side(B.Ramp(duration=1.0), "y", time=t, **values) for t in (0.5, 0.75, 0.875, 1.25, 1.5)]
     assert found == [0.5, 0.5, 1.0, 2.5, 2.5]
 
 

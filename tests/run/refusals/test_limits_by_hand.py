@@ -56,10 +56,10 @@ def state(**values: float) -> Any:
         ({"x": -1.01e-8}, "x is -1.01e-08 rad/s (speed of it), but it cannot be below 0"),
         ({"x": -2.0}, "x is -2 rad/s (speed of it), but it cannot be below 0"),
         ({"x": 3.0 + 2.9e-8}, ""),  # of its own value
-        ({"x": 3.0 + 3.1e-8}, "opposite is -3 rad/s (its opposite), but it cannot be below -3"),
+        ({"x": 3.0 + 3.1e-8}, "opposite is -3.000000031 rad/s (its opposite), but it cannot be below -3"),
         ({"x": 4.0}, "opposite is -4 rad/s (its opposite), but it cannot be below -3"),
         ({"a": 5.0 - 0.99e-6}, ""),  # of a nominal value of 100
-        ({"a": 5.0 - 1.01e-6}, "gap is 2 m (between a and b), but it cannot be below 2"),
+        ({"a": 5.0 - 1.01e-6}, "gap is 1.99999899 m (between a and b), but it cannot be below 2"),
         ({"a": 1e6 - 0.0099, "b": 1e6}, ""),  # of what it is the difference of
         ({"a": 1e6 - 0.0101, "b": 1e6}, "gap is 1.9899 m (between a and b), but it cannot be below 2"),
         ({"a": -1e6 - 0.0099, "b": -1e6}, ""),
@@ -154,9 +154,9 @@ def test_values_that_are_given_for_all_variables() -> None:
     for fine in ([2.0, 3.0], [2.0 - 0.99e-6, 3.0 + 2.9e-8], [1e4, -1e9]):
         refuse_too_small_in(model, np.array(fine))
     for values, text in (
-        ([2.0 - 1.01e-6, 0.0], "gap is 2, but it cannot be below 2; " + LEAVE.format("gap", 2)),
+        ([2.0 - 1.01e-6, 0.0], "gap is 1.99999899, but it cannot be below 2; " + LEAVE.format("gap", 2)),
         ([1.0, 7.0], "gap is 1, but it cannot be below 2; " + LEAVE.format("gap", 2)),
-        ([2.0, 3.0 + 3.1e-8], "opposite is -3, but it cannot be below -3; " + CHOOSE.format("opposite", -3)),
+        ([2.0, 3.0 + 3.1e-8], "opposite is -3.000000031, but it cannot be below -3; " + CHOOSE.format("opposite", -3)),
         ([2.0, 7.0], "opposite is -7, but it cannot be below -3; " + CHOOSE.format("opposite", -3)),
     ):
         with pytest.raises(ArgumentError) as refused:
@@ -235,3 +235,14 @@ def test_what_an_input_prescribes_has_its_minimum(method: str) -> None:
     falling = {"u": gl.Table([0.0, 1.0], [0.0, -2.0]), "v": 0.0}
     with pytest.raises(SolverError, match=r"^w is -1\.5 rad/s \(driven\), but it cannot be below -1 at t = 0\.75 s; only"):
         system.simulate(1.0, samples=5, inputs=falling, method=method)
+
+
+def test_a_number_without_unit_or_description_is_named_alone() -> None:
+    class Level(gl.Component):
+        x = gl.Variable("1", min=0.0, start=-1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), 1.0)]
+
+    with pytest.raises(StartError, match=r"^x is -1, but it cannot be below 0 at t = 0 s; the equations"):
+        gl.simulate(Level(), 1.0)
