@@ -169,7 +169,9 @@ def test_an_interrupt_after_a_change_of_states_is_told_by_the_whole_run(monkeypa
     with pytest.warns(gl.GearlibWarning, match=r"interrupted at t = 2\.\d+ s"):
         part = released(0.3, 9.0).simulate(4.0, progress=tell, on_interrupt="stop", **options)
     assert part.stats["segments"] >= 4
+    assert "interrupted" in part.stats
     assert part.time[-1] <= part.stats["interrupted"] < part.time[-1] + 0.1
+    assert part.request.times.tolist() == part.time.tolist()  # what it is repeated for ends there, too
 
 
 class Slider(gl.Component):
