@@ -343,3 +343,12 @@ def test_a_curve_that_is_on_the_axis_but_for_rounding_crosses_it_at_its_ends_alo
     found = margins(loop)
     assert not found.real
     assert [(c.omega, c.gain_margin) for c in found.phase_crossings] == [(0.0, pytest.approx(2.0)), (INFINITE, 2.0)]
+
+
+@pytest.mark.parametrize("factor", [9.5, 10.5, -10.5])
+def test_a_start_is_negative_from_ten_roundings_on(factor: float) -> None:
+    lag = np.array([[-1.0]]), np.ones(1), np.ones(1)
+    rounding = float(Loop(*lag, -1.0, "u", "y").rounding(0.0))
+    loop = Loop(*lag, -1.0 - factor * rounding, "u", "y")
+    assert float(loop.response(0.0).real) / float(loop.rounding(0.0)) == pytest.approx(-factor, abs=0.02)
+    assert [c.omega for c in margins(loop).phase_crossings] == ([0.0] if factor > 10 else []) + [INFINITE]

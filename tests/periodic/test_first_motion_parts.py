@@ -35,7 +35,10 @@ def test_a_function_of_the_phase_repeats_after_a_turn(function: Any, off: float 
     if off == 0.0:
         parts.check_periodic("torque.tau", function, 3.0)
         return
-    said = rf"^the input torque\.tau is not 2 pi periodic in the phase: it differs by {'.*' if off is None else f'{off:.3g}'} after a period\. Give it the slowest"
+    size = ".*" if off is None else f"{off:.3g}"
+    said = (
+        rf"^the input torque\.tau is not 2 pi periodic in the phase: it differs by {size} after a period\. Give it the slowest"
+    )
     with pytest.raises(ArgumentError, match=said.replace("+", r"\+")):
         parts.check_periodic("torque.tau", function, 3.0)
 
