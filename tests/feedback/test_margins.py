@@ -352,3 +352,20 @@ def test_a_start_is_negative_from_ten_roundings_on(factor: float) -> None:
     loop = Loop(*lag, -1.0 - factor * rounding, "u", "y")
     assert float(loop.response(0.0).real) / float(loop.rounding(0.0)) == pytest.approx(-factor, abs=0.02)
     assert [c.omega for c in margins(loop).phase_crossings] == ([0.0] if factor > 10 else []) + [INFINITE]
+
+
+@pytest.mark.parametrize("at", range(5))
+def test_the_nearest_point_lies_between_its_neighbours(at: int) -> None:
+    """Of five frequencies, one of which is nearest to the peak: it is found between those beside it, but not beyond the ends."""
+
+    class Coarse(Loop):
+        def frequencies(self, *_: Any, **__: Any) -> Any:
+            return 2.9 * 2.0 ** (np.arange(5.0) - at)
+
+    resonance = as_loop(control.tf([0.5, 0.0], [1, 0.5, 9.0]), gain=-0.9)  # 1 + L is 1 - 0.9 at the resonance, 3 rad/s
+    coarse = Coarse(resonance.A, resonance.b, resonance.c, resonance.d, "u", "y")
+    sampled = abs(1 + complex(resonance.response(2.9j)))
+    found = margins(coarse)
+    inside = 0 < at < 4
+    assert found.modulus_margin == pytest.approx(0.1 if inside else sampled, rel=1e-9)
+    assert found.modulus_omega == pytest.approx(3.0 if inside else 2.9, rel=1e-6)
