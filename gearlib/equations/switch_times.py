@@ -145,6 +145,11 @@ def _polynomial_roots(c: list[float]) -> list[float]:
         with np.errstate(divide="ignore", invalid="ignore"):  # the slope is zero at a double root
             steps = polynomial(real) / slopes(real)
         real = real - np.where(np.abs(steps) <= 1e-3 * np.abs(real), steps, 0.0)
+    # A condition is evaluated just after it switches (`right_hand`): beyond the rounding of its terms, where they almost cancel
+    slope, bend = np.abs(slopes(real)), np.abs(slopes.deriv()(real))
+    noise = 2.0**-50 * np.polynomial.Polynomial(np.abs(c))(np.abs(real))
+    late = (noise > 1e-13 * slope * np.maximum(np.abs(real), 1e-3)) & (8.0 * noise * bend < slope**2)
+    real[late] += noise[late] / slope[late]
     return [float(root) for root in real]
 
 

@@ -14,6 +14,7 @@ from gearlib.equations.quasipolynomials import TIME, OutsideClassError
 from gearlib.equations.switch_times import distinct, instants, rounding, times_of_breakpoints
 from gearlib.errors import ArgumentError
 from gearlib.language.expressions import SquareWave
+from gearlib.program.event_iteration import right_hand
 
 t = TIME
 
@@ -160,6 +161,22 @@ def test_products_and_powers_switch_where_their_factors_do(power: int, root: flo
     waves = times_of_breakpoints((t - root) * sympy.sin(np.pi / root * t - 1) ** power > 0, 0.0, 2 * root)
     assert waves == pytest.approx([root / np.pi, root, root / np.pi + root], rel=1e-12)
     assert times_of_breakpoints((t - root) ** power + 1 > 0, root - 0.5, root + 0.5).tolist() == []
+
+
+@pytest.mark.parametrize("size", [1e-2, 1.0, 1e3])
+@pytest.mark.parametrize("apart", [0.3, 1e-2, 1e-3, 2e-4])
+def test_a_polynomial_has_changed_its_sign_just_after_its_roots(apart: float, size: float) -> None:
+    """There conditions are evaluated. Beside a complex pair or between other roots its terms almost cancel, and rounding hides its sign."""
+    for root in (size * np.random.default_rng(3).uniform(0.5, 1.5, 20)).tolist():
+        gap = apart * root
+        pair = np.polymul([1.0, -root], [1.0, -2 * (root + 0.3 * gap), (root + 0.3 * gap) ** 2 + gap**2])
+        three = np.poly([root, root + gap, root - 2 * gap])
+        for c, roots, signs in ((pair, [root], [1]), (three, [root - 2 * gap, root, root + gap], [1, -1, 1])):
+            numbers = c[::-1].tolist()
+            times = times_of_breakpoints(sum(a * t**k for k, a in enumerate(numbers)) > 0, 0.0, 3 * root)
+            assert times == pytest.approx(roots, rel=1e-13 + 3e-14 / apart**2)
+            after = [sum(a * s**k for k, a in enumerate(numbers)) for s in right_hand(times).tolist()]
+            assert np.sign(after).tolist() == signs
 
 
 def test_both_sides_of_what_has_no_closed_form_are_named() -> None:
