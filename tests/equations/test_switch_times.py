@@ -179,6 +179,34 @@ def test_a_polynomial_has_changed_its_sign_just_after_its_roots(apart: float, si
             assert np.sign(after).tolist() == signs
 
 
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("below", [1e-2, 1e-7, 1e-9, 1e-11])
+@pytest.mark.parametrize("rate", [1e-2, 1.0, 3e3])
+def test_a_sinusoid_has_changed_its_sign_just_after_it_passes_a_level_near_its_peak(
+    side: int, below: float, rate: float
+) -> None:
+    for phase in np.random.default_rng(4).uniform(-3.0, 3.0, 20).tolist():
+        level = side * (1.0 - below)
+        times = times_of_breakpoints(side * sympy.sin(rate * t + phase) > side * level, 0.0, 20.0 / rate)
+        turns = (rate * times + phase - side * np.pi / 2 + np.pi) % (2 * np.pi) - np.pi
+        assert np.abs(turns) == pytest.approx(np.arccos(1.0 - below), rel=1e-13 / below + 1e-9)
+        above = side * (np.sin(rate * right_hand(times) + phase) - level) > 0
+        assert above.tolist() == (turns < 0).tolist()
+        assert (np.diff(times) > 0).all()
+        assert (np.diff(turns > 0) != 0).all()
+
+
+@pytest.mark.parametrize("rate", [-3.0, -1e-4, -1e-7, 1e-8, 2.0])
+def test_an_exponential_has_passed_a_level_just_after(rate: float) -> None:
+    """Also one that hardly changes."""
+    for root in np.random.default_rng(6).uniform(0.1, 1.9, 20).tolist():
+        level = float(np.exp(rate * root))
+        (time,) = times_of_breakpoints(sympy.exp(rate * t) > level, 0.0, 2.0)
+        assert time == pytest.approx(root, rel=1e-13 + 1e-14 / abs(rate))
+        assert np.sign(np.exp(rate * right_hand(np.array([time]))) - level).tolist() == [np.sign(rate)]
+    assert times_of_breakpoints(sympy.exp(rate * t) > -1.0, 0.0, 2.0).tolist() == []
+
+
 def test_both_sides_of_what_has_no_closed_form_are_named() -> None:
     with pytest.raises(ArgumentError, match=r"the zeros of sin\(time\) - \(exp\(time\)\) are not known"):
         times_of_breakpoints(sympy.Gt(sympy.sin(t), sympy.exp(t), evaluate=False), 0.0, 1.0)
