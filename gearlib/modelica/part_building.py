@@ -50,11 +50,12 @@ class PartValues:
 
 @dataclass(frozen=True)
 class PartMaker:
-    """Makes the instances of one declared part; ``number`` is the index in an array of parts, counted from 0."""
+    """Makes the instances of one declared part; ``number`` is the index in an array of ``size`` parts, counted from 0."""
 
     evaluation: Evaluation
     class_of: ClassOf
     number: int | None = None
+    size: int | None = None
 
     def made(self, kind: ElementType, modifications: Modifications, at: TextPlace) -> Component:
         """An instance of a library class, or of a class of the text."""
@@ -68,8 +69,8 @@ class PartMaker:
     def _value(self, m: Modification, of: Callable[[SyntaxNode], Any]) -> Any:
         found = of(given_value(m))
         if self.number is not None and not m.each and isinstance(found, tuple):
-            if not self.number < len(found):
-                raise ModelicaError(f"{m.at}: {len(found)} values; the array has more elements")
+            if len(found) != self.size:
+                raise ModelicaError(f"{m.at}: {len(found)} values; the array has {self.size} elements")
             return found[self.number]
         return found
 
@@ -196,7 +197,8 @@ class PartMaker:
                     of = self.evaluation.constant if here == "structural" else self._evaluation(here == "parameter").number
                     given.values[name] = self._value(m, of)
             elif here == "part":
-                if further := self._within((*path, name), kind, by_name(m.inner), given):
+                alike = replace(self, number=None) if m.each else self  # an array is one of the part's own
+                if further := alike._within((*path, name), kind, by_name(m.inner), given):
                     kept[name] = replace(m, inner=tuple(further.values()))
             else:
                 declared: Declaration = Discrete() if here == "discrete" else Variable()
@@ -231,19 +233,27 @@ class PartMaker:
                 self.attributes(".".join((*path, local)), declared, m, given)
             else:
                 structural = isinstance(declared, Structural) or name in counterpart.ignored or name == "stateSelect"
-                signal = isinstance(declared, Input)
+                signal = isinstance(declared, Input) or name in counterpart.arrays
                 kept[name] = self._given_within((*path, name), m, structural, given, signal) if m.value is not None else m
         return kept
 
     def _given_within(
         self, path: tuple[str, ...], m: Modification, structural: bool, given: PartValues, signal: bool
     ) -> Modification:
-        """A modification whose value is a parameter or an input of the enclosing class or, for a structural choice, the value itself."""
+        """A modification whose value is a parameter or an input of the enclosing class or, for a structural choice, the value itself.
+
+        An array is one of such values.
+        """
         if structural:
-            return replace(m, value=_literal(self._value(m, self.evaluation.constant), m), each=True)
-        hidden = "__".join(path)
-        given.values[hidden] = self._value(m, self._evaluation(not signal).number)
-        return replace(m, value=GivenNode(m.at, hidden, signal), each=True)
+            return replace(m, value=_literal(self._value(m, self.evaluation.constant), m))
+
+        def passed(name: str, value: Any) -> SyntaxNode:
+            if isinstance(value, tuple):
+                return ArrayNode(m.at, tuple(passed(f"{name}__{k}", v) for k, v in enumerate(value, 1)))
+            given.values[name] = value
+            return GivenNode(m.at, name, signal)
+
+        return replace(m, value=passed("__".join(path), self._value(m, self._evaluation(not signal).number)))
 
     def _closed(self, path: tuple[str, ...], m: Modification, given: PartValues) -> Modification:
         """A redeclaration whose values are parameters of the enclosing class."""

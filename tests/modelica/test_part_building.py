@@ -43,6 +43,11 @@ package P
     Small s(k = 2 * j, body(w(start = j)));
     replaceable Components.Inertia some(J = 3) constrainedby Interfaces.PartialTwoFlanges;
   end Large;
+  model Row
+    Components.Inertia b[2](each J = 1);
+    Components.LossyGear g[2](each ratio = 1);
+    Sources.Move m;
+  end Row;
   model Lossy
     extends Components.Inertia(J = 6, w.start = 2);
     parameter Real loss = 1;
@@ -136,6 +141,49 @@ def given(text: str) -> dict[str, dict[str, Any]]:
 def test_what_modifications_give_to_parts(text: str, expected: Any) -> None:
     """Names in quotes stand for parameters of the enclosing class."""
     assert given(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("Row r(b(J = {3, 4}));", {"r.b[0]": 3, "r.b[1]": 4}),
+        ("Row r(b(each J = 3));", {"r.b[0]": 3, "r.b[1]": 3}),
+        ("Row r[3](each b(J = {3, 4}));", {f"r[{k}].b[{i}]": 3 + i for k in range(3) for i in range(2)}),
+        ("Row r[3](b(J = {{3, 4}, {5, 6}, {7, 8}}));", {f"r[{k}].b[{i}]": 3 + 2 * k + i for k in range(3) for i in range(2)}),
+        ("Row r[3](b(each J = 3));", {f"r[{k}].b[{i}]": 3 for k in range(3) for i in range(2)}),
+        ("model Rows Row r[2](b(each J = 2)); end Rows; Rows s(r(b(J = {{3, 4}, {5, 6}})));",
+         {f"s.r[{k}].b[{i}]": 3 + 2 * k + i for k in range(2) for i in range(2)}),
+        ("Large l[2](some(J = {5, p}));", {"l[0].some": 5, "l[1].some": 9}),
+    ],
+)  # fmt: skip
+def test_each_part_of_an_array_within_a_part_has_its_own_value(text: str, expected: dict[str, float]) -> None:
+    """However deep: an index for each array that is not within ``each``."""
+    found = parts(text)
+
+    def number(name: str) -> float:
+        """The value of a part's inertia: a number, or a parameter of the class around it."""
+        value, (above, _, _) = given_to(found[name]).values["J"], name.rpartition(".")
+        while isinstance(value, sympy.Symbol) and str(value) != "p":
+            value, (above, _, _) = given_to(found[above]).values[str(value)], above.rpartition(".")
+        return 9.0 if str(value) == "p" else float(value)
+
+    assert {name: number(name) for name in expected} == expected
+
+
+def test_tables_and_signals_of_an_array_within_a_part() -> None:
+    one, other = ((0, 0.9, 0.8, 0, 0),), ((0, 0.5, 0.4, 0, 0),)
+    tables = {"one": "[0, 0.9, 0.8, 0, 0]", "other": "[0, 0.5, 0.4, 0, 0]"}
+    for text, expected in (
+        ("each lossTable = {one}", (one, one)),
+        ("lossTable = {{{one}, {other}}}", (one, other)),
+    ):
+        found = parts(f"Row r(g({text.format(**tables)}));")
+        assert tuple(given_to(found[f"r.g[{k}]"]).choices["loss_table"] for k in range(2)) == expected
+    found = parts("Row r(m(u = {time, 1, 0}));")
+    assert given_to(found["r"]).values == {"m__u__1": gl.time, "m__u__2": 1, "m__u__3": 0}
+    assert {n: str(v) for n, v in given_to(found["r.m"]).values.items()} == {
+        "phi_ref": "m__u__1", "w_ref": "m__u__2", "a_ref": "m__u__3",
+    }  # fmt: skip
 
 
 GAINS = "Math.Gain c(k = 1, u = b.y); Math.Gain b(k = 2, u = a.y); Math.Gain a(k = 3, u = {}); Math.Gain d(k = 4, u = time);"
@@ -247,7 +295,10 @@ def test_values_stand_before_or_behind_a_redeclaration(used: str) -> None:
         ("Components.Inertia i(w(fixed = 1));", "'fixed' is 1; expected true or false"),
         ("Components.Inertia i(w(stateSelect = StateSelect.no));",
          "'stateSelect' is 'no'; expected one of never, avoid, default, prefer, always"),
-        ("Components.Fixed f[3](phi0 = {1, 2});", "2 values; the array has more elements"),
+        ("Components.Fixed f[3](phi0 = {1, 2});", "2 values; the array has 3 elements"),
+        ("Components.Fixed f[2](phi0 = {1, 2, 3});", "3 values; the array has 2 elements"),
+        ("Row r(b(J = {1, 2, 3}));", "3 values; the array has 2 elements"),
+        ("Row r[3](b(J = {1, 2}));", "2 values; the array has 3 elements"),
         ("Components.Fixed f[2, 2];", "arrays of components with several dimensions are not supported"),
         ("Components.Fixed f[1.5];", "the size of 'f' is 1.5; expected a whole number"),
         ("Components.Fixed f[-1];", "the size of 'f' is -1; expected a whole number"),
