@@ -125,6 +125,22 @@ class PartMaker:
             valid = [n for base in kind.__mro__ for n, d in vars(base).items() if isinstance(d, Declaration)]
             raise ModelicaError(f"{m.at}: {kind.__name__} has no '{name}' that can be modified; {nearest(local, valid)}")
 
+    def _variable(
+        self, path: str, declared: Declaration | None, m: Modification, given: PartValues, before: Modifications
+    ) -> Modifications:
+        """Attributes of a variable, and what of them is left to its class, which has those of ``before``: whether its start is fixed."""
+        inner, left = dict(by_name(m.inner)), {}
+        if isinstance(declared, Variable) and m.value is None:
+            if "fixed" in inner:
+                fixed = self._attribute(inner["fixed"])
+                if not (fixed and "start" in inner):
+                    left = {m.name[0]: replace(m, inner=(replace(inner.pop("fixed"), value=TruthNode(m.at, fixed)),))}
+            elif "start" in inner and "fixed" in before and isinstance(before["fixed"].value, TruthNode):
+                inner["fixed"] = before["fixed"]
+            m = replace(m, inner=tuple(inner.values()))
+        self.attributes(path, declared, m, given)
+        return left
+
     def attributes(self, path: str, declared: Declaration | None, m: Modification, given: PartValues) -> None:
         """``start``, ``fixed``, ``nominal`` and ``stateSelect`` of a variable, or of the variables of a connector."""
         inner = by_name(m.inner)
@@ -132,20 +148,22 @@ class PartMaker:
             raise ModelicaError(f"{m.at}: '{path}' is a variable of a part; an equation gives its value")
         if isinstance(declared, Connector):
             for name, further in inner.items():
-                self.attributes(f"{path}.{name}", declared.variables.get(name), further, given)
+                if name not in declared.variables:
+                    raise ModelicaError(f"{m.at}: '{path}' has no '{name}'; {nearest(name, declared.variables)}")
+                self.attributes(f"{path}.{name}", declared.variables[name], further, given)
             return
         check_attributes(inner)
         fixed = "fixed" in inner and self._attribute(inner["fixed"])
+        if fixed and isinstance(declared, Derivative):
+            raise ModelicaError(f"{m.at}: '{path}' is a derivative, whose start value cannot be fixed; use InitializeFlange")
         if "start" in inner:
             value = self._value(inner["start"], self._evaluation(True).number)
             if fixed or isinstance(declared, Discrete):
                 given.start[path] = value
             elif not isinstance(declared, Derivative):
                 given.guess[path] = value
-        elif fixed and not isinstance(declared, Discrete):
-            given.start[path] = declared.guess if isinstance(declared, Variable) else 0.0
-        if fixed and isinstance(declared, Derivative):
-            raise ModelicaError(f"{m.at}: '{path}' is a derivative, whose start value cannot be fixed; use InitializeFlange")
+        elif fixed and isinstance(declared, Variable):
+            given.start[path] = declared.guess
         for name, further in inner.items():
             if name == "nominal":
                 given.nominal[path] = self._attribute(further)
@@ -206,18 +224,22 @@ class PartMaker:
                     declared = kind.counterpart.component()
                 elif kind.scope is not None:
                     declared = connector_class(kind.scope)()
-                self.attributes(".".join((*path, name)), declared, m, given)
+                kept |= self._variable(".".join((*path, name)), declared, m, given, element.modifications)
         return kept
 
     def _of_base(
         self, path: tuple[str, ...], scope: ClassScope, name: str, m: Modification, given: PartValues, kept: dict[str, Modification],
     ) -> None:  # fmt: skip
         content = content_of(scope, {})
-        for counterpart, _ in content.library_bases:
-            if not path:
-                self._library(counterpart, {name: m}, given)
+        for counterpart, before in content.library_bases:
+            local = counterpart.local(name)
+            declared = getattr(counterpart.component, local, None)
+            if path:
+                kept |= self._of_library(path, counterpart, {name: m}, given)
+            elif isinstance(declared, Variable) and m.value is None:
+                kept |= self._variable(local, declared, m, given, by_name(before[name].inner) if name in before else {})
             else:
-                kept.update(self._of_library(path, counterpart, {name: m}, given))
+                self._library(counterpart, {name: m}, given)
             return
         raise ModelicaError(f"{m.at}: {scope.name} has no element '{name}' to be modified; {nearest(name, content.elements)}")
 
@@ -230,7 +252,7 @@ class PartMaker:
             local = counterpart.given.get(name) or counterpart.local(name)
             declared = getattr(counterpart.component, local, None)
             if m.value is None and isinstance(declared, (Variable, Discrete, Connector)):
-                self.attributes(".".join((*path, local)), declared, m, given)
+                kept |= self._variable(".".join((*path, local)), declared, m, given, {})
             else:
                 structural = isinstance(declared, Structural) or name in counterpart.ignored or name == "stateSelect"
                 signal = isinstance(declared, Input) or name in counterpart.arrays

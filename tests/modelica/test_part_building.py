@@ -121,7 +121,7 @@ def given(text: str) -> dict[str, dict[str, Any]]:
          {"s": {"values": {"k": 3, "u": "time"}, "choices": {"n": 4, "on": False, "level": "high"}}, "s.body": {"values": {"J": "k"}}}),
         ("Small s(x(start = 5), pin(v(start = 6, nominal = 2)), flange(phi(start = 7, fixed = true)));",
          {"s": {"guess": {"x": 5, "pin.v": 6}, "start": {"flange.phi": 7}, "nominal": {"pin.v": 2.0}}, "s.body": {"values": {"J": "k"}}}),
-        ("Small s(d(start = 5), x(fixed = true));", {"s": {"start": {"d": 5, "x": 0.0}}, "s.body": {"values": {"J": "k"}}}),
+        ("Small s(d(start = 5), x(fixed = true));", {"s": {"start": {"d": 5}}, "s.body": {"values": {"J": "k"}}}),
         ("Small s(body(J = 5, w(start = 2, fixed = true)));",
          {"s": {"values": {"body__J": 5}, "start": {"body.w": 2}}, "s.body": {"values": {"J": "body__J"}}}),
         ("Small s(torque(tau = time));",
@@ -129,8 +129,9 @@ def given(text: str) -> dict[str, dict[str, Any]]:
         ("Large l(j = 2);",
          {"l": {"values": {"j": 2}}, "l.some": {"values": {"J": 3}}, **LARGE}),
         ("Large l(s(k = 4, body(J = 8, phi(fixed = true))));",
-         {"l": {"values": {"s__k": 4, "s__body__J": 8}, "start": {"s.body.phi": 0.0}},
-          "l.s": {"values": {"k": "s__k", "body__J": "s__body__J"}, "guess": {"body.w": "j"}}, "l.s.body": {"values": {"J": "body__J"}},
+         {"l": {"values": {"s__k": 4, "s__body__J": 8}},
+          "l.s": {"values": {"k": "s__k", "body__J": "s__body__J"}, "guess": {"body.w": "j"}},
+          "l.s.body": {"values": {"J": "body__J"}, "start": {"phi": 0.0}},
           "l.some": {"values": {"J": 3}}}),
         ("Large l(some(J = 5));", {"l": {"values": {"some__J": 5}}, "l.some": {"values": {"J": "some__J"}}, **LARGE}),
         ("Large l(redeclare Components.Disc some(deltaPhi = 5));",
@@ -141,6 +142,42 @@ def given(text: str) -> dict[str, dict[str, Any]]:
 def test_what_modifications_give_to_parts(text: str, expected: Any) -> None:
     """Names in quotes stand for parameters of the enclosing class."""
     assert given(text) == expected
+
+
+STARTED = """
+package P
+  import Modelica.Mechanics.Rotational.Components;
+  model A parameter Real k = 4; Real x(start = 3); equation der(x) = -k * x; end A;
+  model F parameter Real k = 4; Real x(start = 3, fixed = true); equation der(x) = -k * x; end F;
+  model K parameter Real k = 4; Real x(start = k); equation der(x) = -x; end K;
+  model N parameter Real k = 4; Real x; equation der(x) = -k * x; end N;
+  model Holds A a; end Holds;
+  model Sets A a(x(start = 5)); end Sets;
+  model Body Components.Inertia a(J = 1, w(start = 7)); end Body;
+  model Wheel extends Components.Inertia(J = 1, w(start = 7)); end Wheel;
+  model Started extends Components.Inertia(J = 1, w(start = 7, fixed = true)); end Started;
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "expected"),
+    [
+        ("A a(x(fixed = true));", "a.x", 3), ("extends A(x(fixed = true));", "x", 3), ("A a[2](each x(fixed = true));", "a[1].x", 3),
+        ("A a[2](x(fixed = {true, true}, start = {8, 9}));", "a[1].x", 9), ("A a(x(fixed = true, start = 8));", "a.x", 8),
+        ("K a(x(fixed = true));", "a.x", 4), ("K a(k = 6, x(fixed = true));", "a.x", 6), ("N a(x(fixed = true));", "a.x", 0),
+        ("Holds b(a(x(fixed = true)));", "b.a.x", 3), ("Sets b(a(x(fixed = true)));", "b.a.x", 5),
+        ("Sets b(a(x(fixed = true, start = 8)));", "b.a.x", 8), ("Body b(a(w(fixed = true)));", "b.a.w", 7),
+        ("Wheel b(w(fixed = true));", "b.w", 7), ("Wheel b(w(fixed = true, start = 8));", "b.w", 8),
+        ("F a(x(start = 8));", "a.x", 8), ("F a(x(nominal = 8));", "a.x", 3), ("Started b(w(start = 8));", "b.w", 8),
+        ("F a(x(fixed = false)); initial equation a.x = 6;", "a.x", 6), ("A a(x(fixed = false)); initial equation a.x = 6;", "a.x", 6),
+        ("F a(x(fixed = false, start = 8)); initial equation a.x = 6;", "a.x", 6),
+        ("Started b(w(fixed = false)); initial equation b.w = 6;", "b.w", 6),
+    ],
+)  # fmt: skip
+def test_a_part_starts_with_the_last_start_value_where_any_says_that_it_is_fixed(text: str, name: str, expected: float) -> None:
+    """The declaration gives what the modification leaves open."""
+    system = gl.compile(gl.read_modelica(f"{STARTED} model M {text} end M; end P;", "M")())
+    assert system.simulate(1e-3, samples=2)[name][0] == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -279,6 +316,8 @@ def test_values_stand_before_or_behind_a_redeclaration(used: str) -> None:
         ("Small s(x = 3);", "'x' is a variable of a part; an equation gives its value"),
         ("Small s(x(begin = 3));", "'begin' is not an attribute of a variable; "),
         ("Small s(body(I = 3));", "Inertia has no 'I' that can be modified; "),
+        ("Small s(pin(w(start = 3)));", "'pin' has no 'w'; "),
+        ("Components.Inertia i(flange_a(psi(fixed = true)));", "'flange_a' has no 'psi'; did you mean 'phi'?"),
         ("Components.Inertia i(I = 3);", "Inertia has no 'I' that can be modified; "),
         ("Components.Inertia i(w = 3);", "Inertia has no 'w' that can be modified; "),
         ("Components.Inertia i(a(start = 1, fixed = true));",
