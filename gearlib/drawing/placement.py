@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
 
 GRID = 8  # heights are multiples of it, so that wires that could be straight are
 SWEEPS = 10  # over all layers: alternating directions first, both neighbours in the last four
@@ -52,7 +51,7 @@ def heights(rows: Sequence[Sequence[int]], nodes: Mapping[int, Node]) -> dict[in
             wishes = [_wishes(node, i, 0, rows, nodes, top) if leaf else [] for node, leaf in zip(rows[i], leaves, strict=True)]
             wanted = [wish[0][0] if wish else top[node] for node, wish in zip(rows[i], wishes, strict=True)]
             top |= zip(rows[i], spread(wanted, [1.0 if wish else 1e6 for wish in wishes], rows[i], nodes), strict=True)
-    lowest = min(top.values(), default=inf)
+    lowest = min(top.values(), default=0.0)
     return {node: y - lowest for node, y in top.items()}
 
 

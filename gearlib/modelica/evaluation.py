@@ -162,7 +162,7 @@ class Evaluation:
         first, step, last = (int(e) if isinstance(e, (int, float)) and float(e).is_integer() else None for e in ends)
         if first is None or step is None or last is None or step == 0:
             raise ModelicaError(f"{node.at}: expected whole numbers, as in 1:n")
-        return tuple(range(first, last + step // abs(step), step))
+        return tuple(range(first, last + (1 if step > 0 else -1), step))
 
     # ------------------------------------------------------------ names
 

@@ -122,7 +122,7 @@ def _body(symbol: Symbol, place: Place, axes: Axes) -> Box:
         edges = [
             axes.height[axes.of[s]] + sense * r for s, r in zip(symbol.shafts, symbol.radii, strict=True) for sense in (-1, 1)
         ]
-        beside = (-1.0 if place.turned else 1.0) * TRACK.get(symbol.kind, BAR)  # of the ring's web
+        beside = (-1.0 if place.turned else 1.0) * TRACK["internal"] if symbol.kind == "internal" else 0.0  # of the ring's web
         return min(x - BAR, x + beside), min(edges), max(x + BAR, x + beside), max(edges)
     return x - 10, y - 9, x + 10, y + 9
 
