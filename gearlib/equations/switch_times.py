@@ -10,7 +10,9 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from gearlib.equations.kernel import Kernel
 from gearlib.equations.quasipolynomials import TIME, OutsideClassError, Signal, add, multiply, parse
+from gearlib.equations.template import memoised
 from gearlib.errors import ArgumentError
 from gearlib.language.expressions import SquareWave
 
@@ -55,6 +57,18 @@ def times_of_breakpoints(expression: Any, t0: float, t_end: float) -> Floats:
         return switch_times(expression, t0, t_end)
     except OutsideClassError as error:
         raise ArgumentError(f"cannot tell when {expression} switches between t = {t0:g} and {t_end:g} s: {error}") from None
+
+
+@memoised
+def has_known_zeros(kernel: Kernel) -> bool:
+    """Whether the zeros of a function of time and parameters follow from a formula, whatever the parameters are."""
+    values: dict[Any, Any] = {sympy.Symbol(f"x{c}", real=True): sympy.S.Zero for c in kernel.columns}
+    values |= {sympy.Symbol(f"p{p}", real=True): sympy.Float(1.5 + math.sin(3 * p * p)) for p in kernel.parameters}
+    try:
+        switch_times(kernel.expression.xreplace({sympy.Symbol("t", real=True): TIME} | values) > 0, 0.0, 1e-6)
+    except OutsideClassError:
+        return False
+    return True
 
 
 def switch_times(expression: Any, t0: float, t_end: float) -> Floats:
