@@ -359,7 +359,8 @@ def der(expression: Any) -> Any:
     >>> der(phi**2)
     2*der(phi)*phi
     """
-    return total_derivative(as_number(expression, "the argument of der()"), frozenset())
+    found = as_number(expression, "the argument of der()")
+    return total_derivative(found.rewrite((sympy.Max, sympy.Min), sympy.Piecewise), frozenset())  # sympy's are steps of its own
 
 
 def total_derivative(expression: Any, constants: frozenset[str]) -> Any:

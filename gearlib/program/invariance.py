@@ -147,7 +147,7 @@ class _Carried:
         hidden = ~(np.isfinite(table) & (table != 0)).any(axis=1) & ~absent  # outside a narrow interval that no look meets
         size = np.abs(table).max(axis=2, keepdims=True)
         with np.errstate(all="ignore"):
-            table = np.where(np.isfinite(size) & (size > 0), table / size, 0.0)
+            table = np.nan_to_num(table / size)  # at most 1, or zero over zero, or at a pole
         table = np.concatenate([table, hidden[:, None] * np.eye(len(slopes))], axis=1)
         _, sizes, right = np.linalg.svd(table, full_matrices=False)
         return np.asarray(right * (sizes > INDEPENDENT * sizes[:, :1].clip(1e-300))[:, :, None], float)

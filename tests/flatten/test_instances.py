@@ -283,6 +283,7 @@ def test_a_component_is_assembled_once_more_where_it_may_have_changed() -> None:
     one = Growing()
     for anew, bodies in ((False, 1), (False, 1), (True, 2), (True, 3), (False, 3)):
         assert len(flatten(one, anew=anew).instances) == 1 + bodies
+    assert [len(walk(one, anew).instances) for anew in (False, True)] == [1 + 3, 1 + 4]
 
 
 def test_units_of_given_values_are_those_of_what_they_are_given_to() -> None:

@@ -301,6 +301,31 @@ def test_functions_of_time_are_real_so_that_the_root_of_a_square_is_a_magnitude(
     assert number.is_real
 
 
+BENT: dict[str, tuple[Any, Any]] = {
+    "larger": (lambda v: gl.Max(v, 0.2), lambda v: np.maximum(v, 0.2)),
+    "smaller of three": (lambda v: gl.Min(v, 0.2, 2 * v), lambda v: np.minimum(np.minimum(v, 0.2), 2 * v)),
+    "between": (lambda v: gl.Max(gl.Min(v, 0.3), -0.2), lambda v: np.clip(v, -0.2, 0.3)),
+    "magnitude": (abs, abs),
+}
+
+
+@pytest.mark.parametrize("kind", BENT)
+def test_the_integral_of_a_derivative_is_what_was_differentiated(kind: str) -> None:
+    """Also of extrema, whose derivatives are branches."""
+    law, expected = BENT[kind]
+
+    class Differentiated(gl.Component):
+        x, z = gl.Variable("1"), gl.Variable("1")
+        rate = gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(self.x, gl.sin(self.rate * gl.time) - 0.3), gl.Eq(gl.der(self.z), gl.der(law(self.x)))]
+
+    r = gl.simulate(Differentiated(), 5.0, samples=26, rtol=1e-9)
+    values = expected(r["x"])
+    assert r["z"] - r["z"][0] == pytest.approx(values - values[0], abs=1e-8)
+
+
 def test_time_goes_by_at_the_rate_of_one() -> None:
     assert gl.der(gl.time) == 1
 

@@ -152,6 +152,8 @@ def test_states_whose_derivatives_are_states_in_any_order(order: tuple[int, ...]
     expected = {0: 1.9 + 0.7, 1: 5.0 - 1.1, 2: -2.5 + 4.0 * 0.3}
     assert np.abs(found) == pytest.approx([abs(expected[k]) for k in order])
     assert form.program.n_slots == 9
+    numbers = [e for step in form.program.steps if isinstance(step, Batch) for e in step.equations.tolist()]
+    assert sorted(numbers) == [-1, -1, 0], "what is the same by definition is no equation of the model"
 
 
 class Static(gl.Component):
