@@ -555,6 +555,16 @@ def test_large_trains_say_that_preloads_are_not_counted(
     assert gl.modes(system, 2).preloads is None
 
 
+def test_of_a_large_train_the_lowest_twenty_modes_are_found(
+    chain: Callable[..., gl.System], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where no number is given; of a small one all of them."""
+    system = chain(n=30)
+    assert len(gl.modes(system)) == 30
+    monkeypatch.setattr("gearlib.vibration.modes.MOST_DENSE", 50)
+    assert len(gl.modes(system)) == 1 + 20
+
+
 class Oscillator(gl.Component):
     """A body on a spring-damper, damped critically."""
 
