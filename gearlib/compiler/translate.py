@@ -213,7 +213,8 @@ class _Function:
 
     def statement(self, statement: ast.stmt) -> None:
         if isinstance(statement, ast.Assign) and len(statement.targets) == 1:
-            self.assign(statement.targets[0], statement.value)
+            (target,) = statement.targets
+            self.assign(target, statement.value)
         elif isinstance(statement, ast.Assign):
             value = self.value(statement.value)
             for target in statement.targets:
@@ -516,13 +517,14 @@ class _Function:
         return self.write.called("pow", [base, exponent])
 
     def compared(self, node: ast.Compare) -> Value:
+        sides = [node.left, *node.comparators]
         if len(node.ops) > 1:  # an operand that is compared twice must have no side effects
-            sides = [node.left, *node.comparators]
             pairs: list[ast.expr] = [ast.Compare(a, [o], [b]) for a, o, b in zip(sides, node.ops, sides[1:])]
             return self.conditions(ast.BoolOp(ast.And(), pairs))
-        if type(node.ops[0]) not in COMPARISONS:
+        (operation,) = map(type, node.ops)
+        if operation not in COMPARISONS:
             raise _refusal(node)
-        return self.write.compared(COMPARISONS[type(node.ops[0])], self.value(node.left), self.value(node.comparators[0]))
+        return self.write.compared(COMPARISONS[operation], *map(self.value, sides))
 
     def branch(self, test: ast.expr, yes: str, no: str) -> None:
         """Conditional branch with short-circuit evaluation."""

@@ -270,8 +270,7 @@ def _routed(outline: Outline, design: _Design, limit: float) -> Arrangement:
 
     def connected(n: int) -> list[tuple[int, float]]:
         at = design.places(n, sided)
-        size = max([*at.values(), 1.0])
-        return [(net_of[n, name], 0.9 * (y / size - 0.5)) for name, y in at.items() if (n, name) in net_of]
+        return [(net_of[n, name], 0.9 * (y / max(at.values()) - 0.5)) for name, y in at.items() if (n, name) in net_of]
 
     around = {n: connected(n) for n in range(len(things))} | {node: [(net, 0.0)] for node, net in passing.items()}
     rows = ordered(rows, around)

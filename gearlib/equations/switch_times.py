@@ -24,8 +24,8 @@ def times_of_breakpoints(expression: Any, t0: float, t_end: float) -> Floats:
     """The sorted times inside (t0, t_end) at which relations on time in an expression switch.
 
     Relations in Piecewise and Boolean expressions, and the arguments of Abs, sign, Heaviside, Max and Min are examined. Relations
-    between polynomials of time, between a sinusoid and a constant, and between an exponential and a constant are solved. Relations that
-    contain another symbol (a state) are skipped: they are not functions of time.
+    between polynomials of time, between a sinusoid and a constant, between an exponential and a constant, and between products of these
+    and zero are solved. Relations that contain another symbol (a state) are skipped: they are not functions of time.
 
     Parameters
     ----------
@@ -94,6 +94,9 @@ def _roots(pair: tuple[Any, Any], t0: float, t_end: float) -> list[float]:
     """Zeros of the difference of two expressions of absolute time, in which the zero of time - a is a to the last bit."""
     if isinstance(pair[0], SquareWave) and pair[1] == 0:
         return list(map(float, instants(float(pair[0].args[1]), float(pair[0].args[2]), t0, t_end)))
+    if pair[1] == 0 and (pair[0].is_Mul or (pair[0].is_Pow and pair[0].exp.is_integer and pair[0].exp > 0)):
+        factors = pair[0].args if pair[0].is_Mul else pair[0].args[:1]  # a multiple root of what is multiplied out is inexact
+        return [root for factor in factors if factor.has(TIME) for root in _roots((factor, pair[1]), t0, t_end)]
     signal = add(parse(pair[0], 0.0), multiply({0j: [-1.0]}, parse(pair[1], 0.0)))
     rates = [rate for rate in signal if rate != 0]
     constant = signal.get(0j, [0.0])

@@ -155,10 +155,10 @@ def _phase_crossings(loop: Loop, omega: Floats, curve: Complexes, real: bool) ->
 def _crossings_between(loop: Loop, omega: Floats, curve: Complexes) -> list[PhaseCrossing]:
     """Crossings of the negative real axis between 0 and infinity."""
     found = []
-    # The tangent of the phase is well scaled even where L changes by orders of magnitude.
-    ratio = curve.imag / np.maximum(np.abs(curve), 1e-300)
-    clear = (np.abs(ratio) >= 1e-12) & (np.abs(curve.imag) > loop.rounding(1j * omega))  # elsewhere rounding decides the sign
-    omega, ratio = omega[clear], ratio[clear]
+    # elsewhere rounding decides the sign
+    clear = np.abs(curve.imag) > np.maximum(1e-12 * np.abs(curve), loop.rounding(1j * omega))
+    omega, curve = omega[clear], curve[clear]
+    ratio = curve.imag / np.abs(curve)  # the tangent of the phase is well scaled even where L changes by orders of magnitude
     on_axis = loop.open_poles.values.real == 0
     jumps, reach = loop.open_poles.values.imag[on_axis], loop.open_poles.tolerances[on_axis]
     for w in roots(omega, ratio, lambda x: float((lambda z: z.imag / abs(z))(loop.response(1j * x)))):

@@ -276,8 +276,7 @@ def _stored(values: Any) -> NDArray[Any]:
     """Numbers as doubles, names as rows of characters."""
     found = np.asarray(values)
     if found.dtype.kind in "US":
-        named = np.char.encode(found.astype(str), "utf-8")
-        return named.astype(f"S{max(1, named.dtype.itemsize)}").view("S1").reshape(*found.shape, -1)
+        return np.char.encode(found.astype(str), "utf-8").view("S1").reshape(*found.shape, -1)
     return found.astype(float)
 
 

@@ -64,7 +64,7 @@ def terminals(exported: ExportedModel, variables: FmuVariables) -> tuple[FlangeT
         for connector, members in groups.items():
             path = f"{instance.path}.{connector}" if instance.path else connector
             known = tuple(_members(exported, public, instance.path, path, members))
-            if {m.kind == "signal" for m in known} == {True, False}:
+            if {"signal"} < {m.kind for m in known}:
                 found.append(FlangeTerminal(path, f"{instance.path or exported.translation.name}: a flange", known))
     return tuple(found)
 

@@ -379,7 +379,10 @@ class SquareWave(sympy.Function):  # type: ignore[misc]
     is_real = True
 
     def _eval_derivative(self, symbol: Any) -> Any:
-        return sympy.S.Zero
+        """Of its sine, by which the instants move with the period and the offset."""
+        t, period, offset = self.args
+        turned = sympy.pi * (t - offset) / period
+        return sympy.cos(turned) * turned.diff(symbol)
 
     def _pythoncode(self, printer: Any) -> str:
         t, period, offset = (printer.doprint(a) for a in self.args)

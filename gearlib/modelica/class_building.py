@@ -210,8 +210,9 @@ class _ClassBuilder:
             self.starting.append(
                 (f"{name}_from_start", lambda e: e.number(OperationNode(node.at, "-", (_reference(node, name), given))))
             )
-        if "nominal" in attributes and not _names_in(attributes["nominal"].value):
-            found["nominal"] = self._attribute(attributes["nominal"])
+        for number in ("nominal", "min"):
+            if number in attributes and not _names_in(attributes[number].value):
+                found[number] = self._attribute(attributes[number])
         if "stateSelect" in attributes:
             found["state"] = self._attribute(attributes["stateSelect"])
         return found

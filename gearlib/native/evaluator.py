@@ -166,10 +166,9 @@ class Evaluator:
             "index": self.index,
         }
         widths = {f"n_{name}": arrays[name].shape[1] for name in ("states", "shared", "values", "slots")}
-        n_memory = len(program.iterated)
         points = Points(
             function=code.address, count=count, n_parameters=layout.shared.n_parameters, place=layout.slots,
-            memory=layout.guards - n_memory, n_memory=n_memory, **widths,
+            memory=layout.memory, n_memory=len(program.iterated), **widths,
         )  # fmt: skip
         native_functions(__name__).call("at_points", points, **arrays)
         slots, failed = arrays["slots"].T, np.flatnonzero(arrays["status"])

@@ -138,7 +138,7 @@ def assignments(
     program: Program, layout: Layout, slot: Callable[[int], str], parameter: Callable[[int], str]
 ) -> Iterator[tuple[int, str]]:
     """The slots that a program without iterations computes, in order, each with its expression; ``slot`` and ``parameter`` name things."""
-    block = 0
+    blocks = zip(layout.solutions, layout.needed, strict=True)
     for step in program.steps:
         if isinstance(step, Batch):
             for i in range(len(step)):
@@ -148,11 +148,10 @@ def assignments(
                     lambda a, s=step, i=i: f"data[{layout.relations + int(s.relations[i, a])}]",  # type: ignore[misc]
                 )  # fmt: skip
         elif isinstance(step, Linear):
-            at, width = layout.solutions[block], len(step.known)
-            for i, row in enumerate(layout.needed[block]):
+            (at, rows), width = next(blocks), len(step.known)
+            for i, row in enumerate(rows):
                 terms = [f"data[{at + i * width + j}] * {slot(int(g))}" for j, g in enumerate(step.known)]
                 yield int(step.unknowns[row]), " + ".join(terms) or "0.0"
-            block += 1
 
 
 def _guard(divisor: str, numerator: str, value: str, quotient: str, place: str) -> list[str]:
@@ -198,8 +197,7 @@ def looped(program: Program, layout: Layout, guarded: bool = False, forgiving: b
     if program.inputs:
         body.lines += ["for k in range(m):", "    data[v + n + k] = data[u + k]"]
     pieces: list[Body] = []
-    memory = layout.guards - len(program.iterated)
-    block, matrices = 0, iter(layout.kept)
+    memory, blocks, matrices = layout.memory, zip(layout.solutions, layout.needed, strict=True), iter(layout.kept)
     for step in program.steps:
         if isinstance(step, Batch):
             for rows in sign_groups(step, body.signed):
@@ -214,8 +212,7 @@ def looped(program: Program, layout: Layout, guarded: bool = False, forgiving: b
             continue
         pieces.append(body.piece())
         if isinstance(step, Linear):
-            _linear(pieces[-1], step, layout.solutions[block], layout.needed[block])
-            block += 1
+            _linear(pieces[-1], step, *next(blocks))
         else:
             matrix = next(matrices)
             _newton(pieces[-1], step, memory, forgiving, matrix if keep else None)

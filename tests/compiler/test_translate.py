@@ -49,7 +49,10 @@ def module(body: str) -> str:
 
 
 def by_machine(source: str, name: str, t: float, *arrays: NDArray[Any]) -> int:
-    function = compiled(source, name)  # must outlive the call
+    try:
+        function = compiled(source, name)  # must outlive the call
+    except Unsupported as refused:
+        pytest.fail(f"refused: {refused}")
     call = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *(POINTER,) * len(arrays))(function.address)
     return int(call(t, *(a.ctypes.data for a in arrays)))
 

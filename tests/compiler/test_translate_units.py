@@ -51,11 +51,19 @@ def whole(n: int) -> int:
 """
 
 
+def code_of(source: str) -> str:
+    """What a source is compiled to, which has to be of the language."""
+    try:
+        return intermediate(source, ENVIRONMENT)
+    except Unsupported as refused:
+        return pytest.fail(f"refused: {refused}")
+
+
 def by_machine(body: str, floats: Any, ints: Any, t: float) -> int:
     source = (
         HELPERS + "\ndef f(t: float, d: floats, i: ints) -> int32:\n" + "".join(f"    {line}\n" for line in body.splitlines())
     )
-    addresses, library = linked(optimised(intermediate(source, ENVIRONMENT)), ["f"])
+    addresses, library = linked(optimised(code_of(source)), ["f"])
     call = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)(addresses["f"])
     code = int(call(t, floats.ctypes.data, ints.ctypes.data))
     del library
@@ -156,7 +164,7 @@ def test_programs_are_pythons(name: str) -> None:
 
 def function(source: str, name: str, *kinds: Any) -> Any:
     """A compiled function and what owns it."""
-    addresses, library = linked(optimised(intermediate(source, ENVIRONMENT)), [name])
+    addresses, library = linked(optimised(code_of(source)), [name])
     call: Any = ctypes.CFUNCTYPE(ctypes.c_int32, *kinds)(addresses[name])
     call.library = library
     return call

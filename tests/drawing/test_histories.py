@@ -144,6 +144,11 @@ def test_a_legend_covers_no_data():
         assert not any(
             line.get_transform().transform_path(line.get_path()).intersects_bbox(box, filled=False) for line in axes.lines
         )
+    _, framed = plt.subplots()
+    framed.plot([0, 1, 1, 0, 0], [0, 0, 1, 1, 0], label="around the legend")
+    framed.margins(0)
+    legend(framed)
+    assert framed.get_legend().get_window_extent().x1 < framed.get_window_extent().x1
     _, empty = plt.subplots()
     legend(empty)
     assert empty.get_legend() is None

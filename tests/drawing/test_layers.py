@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gearlib.drawing.layers import layers, positions
+from gearlib.drawing.layers import layers, ordered, positions
 
 
 def test_only_ends_of_different_sides_or_far_apart_have_an_order() -> None:
@@ -15,3 +15,8 @@ def test_only_ends_of_different_sides_or_far_apart_have_an_order() -> None:
     x = positions(3, near)
     assert 0 < x[1] - x[0] < 0.2
     assert layers(3, near, {}) == [0, 0, 1]
+
+
+def test_the_first_layer_keeps_its_order_where_the_next_ones_can_follow() -> None:
+    places = {0: [(0, 0.0)], 1: [(1, 0.0)], 2: [(1, 0.0), (2, 0.0)], 3: [(0, 0.0), (3, 0.0)], 4: [(2, 0.0)], 5: [(3, 0.0)]}
+    assert ordered([[0, 1], [2, 3], [4, 5]], places) == [[0, 1], [3, 2], [5, 4]]

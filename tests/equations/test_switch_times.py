@@ -150,6 +150,18 @@ def test_double_roots_are_where_they_are() -> None:
     assert times_of_breakpoints(t**2 * (t - 0.5) > 0, -1.0, 2.0).tolist() == [0.0, 0.5], "a slope of exactly zero"
 
 
+@pytest.mark.parametrize("root", [1.0, 0.37, 1234.5])
+@pytest.mark.parametrize("power", [2, 3, 5])
+def test_products_and_powers_switch_where_their_factors_do(power: int, root: float) -> None:
+    """To the last bit, although they are zero but for rounding in a neighbourhood that is much wider."""
+    assert times_of_breakpoints((t - root) ** power > 0, 0.0, 2 * root).tolist() == [root]
+    assert times_of_breakpoints(3 * (t - root) ** power * (t - 1.5 * root) > 0, 0.0, 2 * root).tolist() == [root, 1.5 * root]
+    assert times_of_breakpoints(-sympy.exp(t / root) * (t - root) > 0, 0.0, 2 * root).tolist() == [root]
+    waves = times_of_breakpoints((t - root) * sympy.sin(np.pi / root * t - 1) ** power > 0, 0.0, 2 * root)
+    assert waves == pytest.approx([root / np.pi, root, root / np.pi + root], rel=1e-12)
+    assert times_of_breakpoints((t - root) ** power + 1 > 0, root - 0.5, root + 0.5).tolist() == []
+
+
 def test_both_sides_of_what_has_no_closed_form_are_named() -> None:
     with pytest.raises(ArgumentError, match=r"the zeros of sin\(time\) - \(exp\(time\)\) are not known"):
         times_of_breakpoints(sympy.Gt(sympy.sin(t), sympy.exp(t), evaluate=False), 0.0, 1.0)

@@ -129,6 +129,36 @@ def test_contours_are_named_at_their_tops_or_their_left_ends_within_the_axes(ax:
     assert all(parts.is_free(a, [b], 26.0, 10.0) for i, a in enumerate(taken) for b in taken[:i])
 
 
+def limits_with(bound: float, share: float, upper: bool) -> tuple[float, float]:
+    """Limits of an axis of which a value is away from the upper or the lower one by exactly a share of what lies between them."""
+    near = bound + 100.0 * share if upper else bound - 100.0 * share
+    far = near - 100.0 if upper else near + 100.0
+
+    def reached() -> float:
+        return near - share * (near - far) if upper else near + share * (far - near)
+
+    while reached() != bound:
+        near, far = np.nextafter(near, np.inf if reached() < bound else -np.inf), np.nextafter(far, np.inf)
+    return (far, near) if upper else (near, far)
+
+
+@pytest.mark.parametrize("side", ["left", "right", "low", "high"])
+def test_a_contour_of_which_one_point_alone_reaches_the_margin_of_the_axes_has_no_name(ax: Any, side: str) -> None:
+    """Its rightmost point at the left, and so on."""
+    ax.set(xlim=(-900.0, 900.0), ylim=(-200.0, 200.0))
+    parts.closed_loop_lines(ax, [-180.0])
+    x, y = (np.asarray(part, float) for part in ax.lines[0].get_data())
+    which = "xlim" if side in ("left", "right") else "ylim"
+    bound = {"left": np.nanmax(x), "right": np.nanmin(x), "low": y.max(), "high": y.min()}[side]
+    low, high = limits_with(float(bound), 0.04 if which == "xlim" else 0.03, side in ("right", "high"))
+    for inwards in (0.0, 1e-9 if side in ("right", "high") else -1e-9):
+        ax.cla()
+        ax.set(xlim=(-900.0, 900.0), ylim=(-200.0, 200.0))
+        ax.set(**{which: (low + inwards, high + inwards)})
+        parts.closed_loop_lines(ax, [-180.0])
+        assert ("+6 dB" in [t.get_text() for t in ax.texts]) == bool(inwards)
+
+
 def test_contours_out_of_view_have_no_name(ax: Any) -> None:
     ax.set_xlim(-100.0, -10.0)
     ax.set_ylim(40.0, 60.0)

@@ -331,3 +331,15 @@ def test_a_loop_that_sees_nothing_has_no_margin_but_its_distance() -> None:
     found = margins(Loop(np.diag([-1.0, -3.0]), np.ones(2), np.zeros(2), 0.0, "u", "y"))
     assert (found.phase_crossings, found.gain_crossings) == ((), ())
     assert (found.modulus_margin, found.gain_margin, found.phase_margin) == (1.0, INFINITE, INFINITE)
+
+
+def test_a_curve_that_is_on_the_axis_but_for_rounding_crosses_it_at_its_ends_alone() -> None:
+    """-0.5, and two large parts that cancel each other below 1 mrad/s but for rounding of either sign."""
+    p = np.linspace(1e-3, 1.3e-3, 7)
+    ends = 1e8 * np.append(p, -p)
+    loop = Loop(-np.diag(np.append(p, p)), np.ones(14), ends, -0.5, "u", "y")
+    imaginary = loop.response(1j * loop.frequencies()).imag
+    assert imaginary.min() < -1e-12 < 1e-12 < imaginary.max()
+    found = margins(loop)
+    assert not found.real
+    assert [(c.omega, c.gain_margin) for c in found.phase_crossings] == [(0.0, pytest.approx(2.0)), (INFINITE, 2.0)]

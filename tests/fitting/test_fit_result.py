@@ -144,6 +144,10 @@ def test_a_value_that_tends_to_zero_is_at_its_bound_within_a_millionth_of_its_er
         numbers=np.array([1e-7, 1.6]), bounds=np.array([[0.0, 1.0], [0.01, 10.0]]), covariance=np.diag([error**2, 0.04])
     )
     assert found.at_bounds == (("shaft.c",) if held else ())
+    on_it = fitted(
+        numbers=np.array([0.0, 1.6]), bounds=np.array([[0.0, 1.0], [0.01, 10.0]]), covariance=np.diag([error**2, 0.04])
+    )
+    assert on_it.at_bounds == ("shaft.c",)
 
 
 def test_series_are_drawn_below_each_other() -> None:

@@ -240,6 +240,19 @@ def test_differences_of_temperatures_are_not_shown_from_273_degrees_below() -> N
     assert "displayUnit" not in variables["dT"].attrib
 
 
+def test_places_are_whole_numbers_in_c_and_values_are_not() -> None:
+    class Decay(gl.Component):
+        x = gl.Variable("1", start=1.0)
+
+        def equations(self) -> Any:
+            return [gl.Eq(gl.der(self.x), -self.x)]
+
+    _, exported, source = described(Decay(), ["x"])
+    text = model_tables(exported, source, "", 1e-5, 3.0)
+    assert re.search(r"int64_t rows\[\] = \{\s*0, 1\s*\}", text)
+    assert re.search(r"double nominal\[\] = \{\s*1\.0\s*\}", text)
+
+
 def test_tables_of_the_wrapper(both: Any) -> None:
     """In C: places and signs of what is set and got, sizes, and text with its special bytes escaped."""
     made, exported, source = both

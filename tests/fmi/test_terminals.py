@@ -86,6 +86,12 @@ def test_the_file_of_an_fmu_is_valid_and_names_its_variables(tmp_path: Path) -> 
     assert {m.get("variableName") for m in text.iter("TerminalMemberVariable")} == {"start.phi_ref", "start.tau"} <= known
 
 
+def test_fmi_2_has_no_terminals(tmp_path: Path) -> None:
+    path = gl.compile(Rear(), outputs=OUTPUTS[Rear]).export_fmu(tmp_path / "rear.fmu", kind="cs", version="2.0")
+    with zipfile.ZipFile(path) as archive:
+        assert not [name for name in archive.namelist() if "terminals" in name]
+
+
 class Push(gl.Component):
     """A torque whose input is the first variable of all."""
 

@@ -286,7 +286,9 @@ def test_square_waves_and_times_just_before(t: float) -> None:
     for value in (array_function((x,), wave)(np.array([t]))[0], eval(scalar_source(wave), {"sin": math.sin, "x": t})):
         assert (value > 0) == positive
         assert abs(value) <= 1.0
-    assert sympy.diff(wave, x) == 0
+    at, moving = {x: 3.5, k: 0.5, y: 1.0}, SquareWave(x, k, y)  # the fifth period begins
+    slopes = [float(sympy.diff(moving, symbol).subs(at)) for symbol in (x, k, y)]
+    assert [-slope / slopes[0] for slope in slopes[1:]] == pytest.approx([5.0, 1.0])
     for value in (array_function((x,), before)(np.array([t]))[0], eval(scalar_source(before), {"x": t})):
         assert t - value == pytest.approx(2e-12 * abs(t), rel=1e-3)
     assert array_function((x,), before)(np.array([0.0]))[0] == -2e-15

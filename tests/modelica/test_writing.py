@@ -149,6 +149,25 @@ def test_expressions_keep_their_value(expression: Any, text: str | None) -> None
         assert found == pytest.approx(expected, rel=1e-12)
 
 
+class Overtaken(gl.Component):
+    """A freewheel that starts against its sense."""
+
+    def assemble(self) -> list[gl.Connection]:
+        self.fast, self.freewheel = gp.Inertia(J=1.0, start={"w": 1.0}), gp.OneWayClutch(fn_max=1.0, f_normalized=0.0)
+        self.slow = gp.Inertia(J=1.0, start={"w": 0.0})
+        return [
+            gl.connect(self.fast.flange_b, self.freewheel.flange_a),
+            gl.connect(self.freewheel.flange_b, self.slow.flange_a),
+        ]
+
+
+@pytest.mark.parametrize("options", [{}, {"standard_library": False}, {"flat": True}])
+def test_what_may_not_fall_below_a_minimum_may_not_when_read_back(options: dict[str, bool]) -> None:
+    again = gl.read_modelica(gl.to_modelica(Overtaken(), **options))
+    with pytest.raises(gl.GearlibError, match=r"^freewheel[._]w_rel is -1 rad/s .*, but it cannot be below 0 at t = 0 s"):
+        gl.simulate(again(), 0.1)
+
+
 @pytest.mark.parametrize("option", ["flat", "standard_library"])
 def test_options_are_true_or_false(option: str) -> None:
     with pytest.raises(ArgumentError, match=f"to_modelica: {option} is 1; expected True or False"):

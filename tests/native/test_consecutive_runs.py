@@ -52,6 +52,7 @@ def test_linear_equations_of_neighbours_have_runs() -> None:
     assert has_runs(part.take(np.arange(SHORTEST)))
     assert not has_runs(part.take(np.arange(SHORTEST - 1)))
     assert not has_runs(part.take(np.arange(len(part))[::-1]))
+    assert not has_runs(part.rest)  # has no slots to read
     signs = part.argument_signs.copy()
     signs[0, 0] = 0
     assert not has_runs(replace(part, argument_signs=signs))

@@ -157,7 +157,8 @@ def test_sections_follow_each_other(model: gl.Component, keep: bool) -> None:
             scratch = max(scratch, sparse or dense)
     assert found.slots == at
     assert found.scratch == at + program.n_slots
-    assert found.guards == found.scratch + scratch + len(program.iterated)
+    assert found.memory == found.scratch + scratch
+    assert found.guards == found.memory + len(program.iterated)
     assert found.size == found.guards + EACH * program.n_guards
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -109,6 +111,30 @@ def test_a_step_leads_to_the_plane_a_length_ahead() -> None:
     assert 1 <= new.iterations <= 4
 
 
+@pytest.mark.parametrize(
+    ("size", "noise", "settles"),
+    [(1e3, 2e-3, True), (1e3, 2e-2, False), (30.0, 1e-4, True), (30.0, 6e-4, False), (1e6, 2.0, True)],
+)
+def test_changes_that_do_not_get_smaller_are_rounding_if_they_are_small_beside_the_unknowns(
+    size: float, noise: float, settles: bool
+) -> None:
+    """A residual that is off by some noise, of another sign each time: changes are twice that, below 1e-5 of the size or above."""
+    times = 0
+
+    def noisy(z: Floats, w: float) -> tuple[Floats, Floats, Floats]:
+        nonlocal times
+        times += 1
+        return z - size + noise * (-1) ** times, np.eye(1), np.zeros(1)
+
+    task = parts.Continuation(noisy, 2.0, 3.0, 0)
+    guess = np.array([size, 0.5])
+    found = task.on_plane(guess, np.array([0.0, 1.0]), at(size, 0.0, tangent=(0.0, 1.0)))
+    assert (found is not None) == settles
+    if found is not None:
+        assert found.y == pytest.approx([size, 0.5], abs=2 * noise)
+        assert found.iterations <= 4
+
+
 def test_no_point_is_sought_at_a_frequency_that_is_not_positive() -> None:
     """But where the branch begins at none that is positive itself."""
     below = parts.Continuation(plane, 1.0, 2.0, 0)
@@ -181,3 +207,23 @@ def test_a_step_that_leaves_the_branch_is_halved(side: int) -> None:
     path = follow(hyperbola, np.array([side * np.hypot(1.0, 0.003)]), 0.0, 2.0, 0.05, 1000)
     assert path.complete
     assert path.z[:, 0] == pytest.approx(side * np.hypot(path.w - 1, 0.003), rel=1e-6)
+
+
+@pytest.mark.parametrize(("iterations", "factor"), [(1, 1.5), (3, 1.5), (4, 1.0), (5, 1.0), (6, 0.6), (11, 0.6)])
+def test_steps_get_longer_where_they_converge_fast(iterations: int, factor: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a straight branch, from a quarter of the longest step on."""
+    plain = parts.Continuation.corrected
+
+    def corrected(task: parts.Continuation, point: parts.BranchPoint, length: float) -> parts.BranchPoint | None:
+        found = plain(task, point, length)
+        return None if found is None else replace(found, iterations=iterations)
+
+    monkeypatch.setattr(parts.Continuation, "corrected", corrected)
+
+    def steady(z: Floats, w: float) -> tuple[Floats, Floats, Floats]:
+        return z - 1.0, np.eye(1), np.zeros(1)
+
+    step = 0.04
+    path = follow(steady, np.ones(1), 2.0, 4.0, step, 8)
+    expected = np.minimum(step / 4 * factor ** np.arange(7), step)
+    assert np.diff(path.w) / 2.0 == pytest.approx(expected, rel=1e-6)

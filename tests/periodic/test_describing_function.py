@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import control
 import numpy as np
 import pytest
 
@@ -34,6 +35,13 @@ def test_in_contact_the_mean_deflection_is_that_of_the_preload_at_any_stiffness(
     rest = abs(preload) / c + b / 2
     for amplitude in (1e-3 * abs(preload) / c, 0.9 * abs(preload) / c):
         assert mean_deflection(amplitude, preload, c=c, b=b) == pytest.approx(np.sign(preload) * rest, rel=1e-12)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e-5, 1e6])
+@pytest.mark.parametrize("amplitude", [0.3, 0.9, 4.0])
+def test_the_mean_deflection_is_as_exact_in_any_unit_of_length(amplitude: float, unit: float) -> None:
+    mean = mean_deflection(amplitude, 12.0, **SPRING)
+    assert mean_deflection(amplitude * unit, 12.0, c=50.0 / unit, b=0.4 * unit) == pytest.approx(mean * unit, rel=1e-12)
 
 
 def test_without_preload_it_vibrates_about_the_middle_of_the_gap() -> None:
@@ -69,6 +77,21 @@ def test_the_preloaded_spring_is_force_over_deflection() -> None:
     assert spring.describing_function(0.19) == pytest.approx(50.0)
     assert spring.describing_function(0.3) == pytest.approx(float(gl.equivalent_stiffness(0.3, 10.0, **SPRING)))
     assert spring.mean(0.3) == mean_deflection(0.3, 10.0, **SPRING)
+
+
+def test_the_preloaded_spring_needs_no_first_cycle() -> None:
+    """Its force has no memory: integration over one cycle takes each of the 100 points once, here within contact and within the gap."""
+
+    class Counted(gl.PreloadedBacklash):
+        def __call__(self, x: float) -> float:
+            seen.append(x)
+            return super().__call__(x)
+
+    seen: list[float] = []
+    spring = Counted(c=50.0, b=0.4, preload=10.0)
+    assert control.describing_function(spring, 0.19, num_points=100, try_method=False) == pytest.approx(50.0)
+    assert len(seen) == 100
+    assert sorted(seen) == pytest.approx(sorted(0.19 * np.sin(2 * np.pi * np.arange(100) / 100)))
 
 
 @pytest.mark.parametrize(

@@ -188,6 +188,34 @@ def test_what_holds_a_train_in_some_part_of_the_period_holds_it(late: float) -> 
     assert [part.size for part in (found.sums, found.rows, found.free, found.idle)] == [0] * 4
 
 
+class Somewhere(gl.Component):
+    """A body that a spring holds where it is far away, or near."""
+
+    far = gl.Structural(True)
+    x, v = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[Any]:
+        where = self.x > 1e4 if self.far else abs(self.x) < 0.1
+        spring = gl.Piecewise((self.x, where), (0, True))
+        return [gl.Eq(gl.der(self.x), self.v), gl.Eq(gl.der(self.v), gl.cos(gl.time) - spring)]
+
+
+@pytest.mark.parametrize("far", [True, False])
+def test_what_holds_a_train_somewhere_holds_it(far: bool) -> None:
+    """From a hundredth of the nominal value to a million of it."""
+    task = Forced(gl.compile(Somewhere(far=far)).translation, None, {}, {}, 1, {})
+    found = rigid_motions(task.driven(task.scene(["x"]))(1.0), np.zeros(2), np.ones(2), np.ones(2))
+    assert [part.size for part in (found.sums, found.rows, found.free, found.idle)] == [0] * 4
+
+
+def test_the_size_of_a_motion_is_a_thousandth_of_the_scale_at_least() -> None:
+    found, _, driven = rigid(5.0)
+    scale = np.array([1e-3, 2.0, 2.0, 50.0])
+    equations = HarmonicEquations(lambda omega: driven, 1, 16, scale, found, True)
+    c = np.array([[0.0, 0.0, 0.3, 1.0], [0.0, 1e-4, -0.7, 0.0], [1e-7, 0.0, 0.1, -2.0]])
+    assert equations._step(c) == pytest.approx([1e-6, 2e-3, 0.7, 2.0])
+
+
 def test_directions_in_which_a_train_turns_are_those_that_are_not_given_as_turning() -> None:
     _, at, driven = rigid(0.0)
     none, given = np.empty((4, 0)), np.eye(4)[:, [at["x"]]]

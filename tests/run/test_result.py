@@ -355,3 +355,25 @@ def test_derivatives_of_what_has_none() -> None:
 def test_a_plot_of_nothing_is_refused() -> None:
     with pytest.raises(ArgumentError, match=r"^plot\(\) needs the names of variables$"):
         gl.compile(Drive(), outputs=[]).simulate(1.0, samples=3).plot()
+
+
+class Swings(gl.Component):
+    """Two oscillators that have nothing to do with each other."""
+
+    a, b = gl.Variable("1", start=1.0), gl.Variable("1", start=1.0)
+    da, db = gl.Variable("any"), gl.Variable("any")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.a), self.da), gl.Eq(gl.der(self.da), -gl.sin(3 * self.a)),
+            gl.Eq(gl.der(self.b), self.db), gl.Eq(gl.der(self.db), -4 * gl.sin(self.b)),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("atol", [None, 1e-2, 1e-9])
+def test_a_run_is_repeated_to_the_same_tolerance(atol: float | None) -> None:
+    """For what it did not compute: the same steps as of a run that was asked for it."""
+    options: Any = {"samples": 5, "method": "rk5", "rtol": 1e-3} | ({} if atol is None else {"atol": atol})
+    later = gl.compile(Swings(), outputs=["a"]).simulate(6.0, **options)["b"]
+    at_once = gl.compile(Swings(), outputs=["a", "b"]).simulate(6.0, **options)["b"]
+    assert later.tolist() == at_once.tolist()

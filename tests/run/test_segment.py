@@ -193,3 +193,28 @@ def test_sensitivities_of_what_follows_from_states() -> None:
     assert result.sensitivity("square", "k").tolist() == [0.0] * 4
     assert result.sensitivity("x", "start(x)") == pytest.approx([1.0] * 4)
     assert result.sensitivity("der(x)", "start(x)") == pytest.approx([0.0] * 4)
+
+
+class Apart(gl.Component):
+    """y follows from x, z from x and an input."""
+
+    u, x = gl.Input("any"), gl.Variable("any", start=1.0)
+    y, z = gl.Variable("any"), gl.Variable("any")
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), -self.x), gl.Eq(self.y, self.x**2), gl.Eq(self.z, self.x * self.u)]
+
+
+def test_inputs_are_read_where_something_depends_on_them() -> None:
+    asked: list[float] = []
+
+    def u(t: float) -> float:
+        asked.append(t)
+        return 2.0
+
+    found = gl.compile(Apart(), outputs=["x"]).simulate(1.0, samples=4, inputs={"u": u}, method="rk", rtol=1e-9)
+    before = len(asked)
+    assert found["y"] == pytest.approx(np.exp(-2 * found.time), rel=1e-7)
+    assert len(asked) == before
+    assert found["z"] == pytest.approx(2 * np.exp(-found.time), rel=1e-7)
+    assert len(asked) > before

@@ -228,3 +228,22 @@ def test_a_steady_start_with_its_derivatives() -> None:
     plain = translation.start(scene, numbers, 0.0, "steady", ())
     assert plain.changes is None
     assert plain.states == pytest.approx([3.0, 3.0], rel=1e-9)
+
+
+def beside_a_thousand(x: Any, y: Any, p: Any, q: Any) -> tuple[Any, Any]:
+    away = x / p - 1000
+    return -p * away * (40 + 9 * away**2), 20 * (x - y - 990 * p)
+
+
+def test_the_search_is_the_same_in_any_unit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A power of two changes no digit: it evaluates the rates at the same states, in that unit; changes are small beside these."""
+
+    def visited(unit: float) -> list[list[float]]:
+        seen: list[list[float]] = []
+        plain = Search.equations
+        with monkeypatch.context() as patch:
+            patch.setattr(Search, "equations", lambda self, x: seen.append((x / unit).tolist()) or plain(self, x))
+            assert steady(beside_a_thousand, 1000.25 * unit, 9.5 * unit, p=unit) == pytest.approx([1000 * unit, 10 * unit])
+        return seen
+
+    assert visited(2.0**-20) == visited(1.0)

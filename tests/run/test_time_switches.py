@@ -10,6 +10,7 @@ import sympy
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import SolverError
 from gearlib.run import time_switches
 
 
@@ -160,3 +161,34 @@ def test_the_fastest_known_drive_beside_one_of_unknown_rate(kinds: tuple[str, st
     drive = translation.scene.fastest_drive
     assert not drive.known
     assert drive(translation.parameter_values({})) == 5.0
+
+
+class Flat(gl.Component):
+    """x grows from where the cube of a time is positive, and twice as fast after another time."""
+
+    p, late = gl.Parameter("s3", default=0.0), gl.Parameter("s", default=1.5)
+    x, w = gl.Variable("1", start=0.0), gl.Variable("1", start=0.0)
+
+    def equations(self) -> list[Any]:
+        flat = gl.Piecewise((1.0, (gl.time - 1) ** 3 > self.p), (0.0, True))
+        return [gl.Eq(gl.der(self.w), gl.Piecewise((3.0, gl.time > self.late), (0.0, True))), gl.Eq(gl.der(self.x), flat)]
+
+
+@pytest.mark.parametrize("method", ["auto", "rk5", "ida"])
+@pytest.mark.parametrize("samples", [3, 8])
+def test_a_condition_that_passes_zero_without_slope_switches(method: str, samples: int) -> None:
+    found = gl.simulate(Flat(), 2.0, samples=samples, method=method)
+    assert found["x"] == pytest.approx(np.maximum(found.time - 1.0, 0.0), abs=1e-12)
+
+
+@pytest.mark.parametrize("method", ["rk8", "ida"])
+def test_its_time_has_no_derivative(method: str) -> None:
+    """The refusal names it, not what switches elsewhere; other parameters have sensitivities."""
+    with pytest.raises(SolverError) as refused:
+        gl.simulate(Flat(), 2.0, samples=3, method=method, sensitivities=["late", "p"])
+    said = str(refused.value)
+    assert said.startswith("there are no sensitivities after t = 1 s: the event function of Flat: der(x) = Piecewise((1.0, ")
+    assert ") touches zero there without crossing it, and whether there is an event" in said
+    found = gl.simulate(Flat(), 2.0, samples=3, method=method, sensitivities=["late"])
+    assert found.sensitivity("w", "late") == pytest.approx([0.0, 0.0, -3.0])
+    assert found.sensitivity("x", "late") == pytest.approx([0.0, 0.0, 0.0])

@@ -279,7 +279,7 @@ class RouteSearch:
                 level, ends = base[shaft] - rise[shaft], [p[2] for p in points]
                 lines.append((min(ends), level, max(ends), level, shaft))
                 spines[shaft] = (level, tuple(sorted(points, key=lambda p: p[2])))
-        return Routing(tuple(places), tuple(lines), spines, *_crossings(lines, bodies, outwards))
+        return Routing(tuple(places), tuple(lines), spines, *crossings(lines, bodies, outwards))
 
     def _ends(self, places: list[Place], meet: dict[int, list[tuple[int, int, float]]], bodies: list[Line]) -> list[Line]:
         """Turn drives and loads away from their shafts; the returned lines from them to the outside should not be crossed."""
@@ -343,13 +343,11 @@ def _held_on_rings(symbols: Sequence[Symbol]) -> dict[int, int]:
     return found
 
 
-def _crossings(lines: list[Line], bodies: list[Line], outwards: list[Line]) -> tuple[int, int]:
+def crossings(lines: list[Line], bodies: list[Line], outwards: list[Line]) -> tuple[int, int]:
     """Number of crossings, contacts or overlaps between lines and bodies of different shafts, and of lines that block the outside."""
-    x1, y1, x2, y2, shaft = np.array(lines + outwards + bodies).T
+    x1, y1, x2, y2, shaft = np.array(lines + bodies + outwards).T
     x1, x2 = np.minimum(x1, x2), np.maximum(x1, x2) + CLEAR
     y1, y2 = np.minimum(y1, y2), np.maximum(y1, y2) + CLEAR
     over = (x1[:, None] < x2) & (x1 < x2[:, None]) & (y1[:, None] < y2) & (y1 < y2[:, None]) & (shaft[:, None] != shaft)
-    own, out = len(lines), len(lines) + len(outwards)
-    enclosed = int(over[own:out, :own].sum())
-    total = int(over.sum()) // 2
-    return total - int(over[own:out].sum()) + int(over[own:out, own:out].sum()) // 2, enclosed
+    inside = len(lines) + len(bodies)
+    return int(over[:inside, :inside].sum()) // 2, int(over[inside:, : len(lines)].sum())

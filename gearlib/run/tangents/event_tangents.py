@@ -17,7 +17,7 @@ import ctypes
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,7 @@ from gearlib.solvers.problem import Problem
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+SAME = 100.0  # tolerances by which two events that are one may differ in how they move
 MOST_PASSES = 100  # for the tangents of discrete variables that follow from each other
 
 
@@ -171,11 +172,24 @@ class EventTangents:
         if code < 0 or (code == 0 and not (starting and self.code.discrete)):
             return code
         here = everything[self.n :].reshape(self.n, self.count).copy()
-        if starting:
-            delay = np.zeros(self.count)
-        else:
+        delay = np.zeros(self.count)
+        if not starting:
             switched = self.relations.timed[held[self.relations.timed] != before[self.relations.timed]]
-            delay = self._delay(t, numbers, states, before, f, crossed if len(crossed) else switched, here)
+            delays = self._delays(t, numbers, states, before, f, np.union1d(crossed, switched), here)
+            delay = next(iter(delays.values()), delay)
+            spread = np.ptp([*delays.values(), delay], axis=0)
+            if (spread > SAME * self.run.rtol * np.abs(delay)).any():
+                changed, after = set(np.flatnonzero(held != before).tolist()), held.copy()
+                carried = code == 2 or not changed.isdisjoint(self.code.discrete)
+                effect = np.outer(self._rates(t, x, data, index) - f, spread)
+                if carried or (np.abs(effect) > SAME * self.run.rtol * np.abs(here).max(axis=0)).any():
+                    if carried or not changed <= delays.keys():
+                        self._refuse_together(t, delays)
+                    held[:] = before
+                    for relation, own in delays.items():  # one after another
+                        held[relation] = after[relation]
+                        last, f = f, self._rates(t, x, data, index)
+                        here += np.outer(last - f, own)
         moved = here + np.outer(f, delay)
         if code == 2 or self.code.discrete:
             steps = self._first_steps(t, states) if first else self._noted_steps(t, numbers)
@@ -226,28 +240,32 @@ class EventTangents:
         found[there] = numbers[self.code.native.rhs.layout.slots + here]
         return found
 
-    def _delay(
+    def _delays(
         self, t: float, numbers: Floats, states: Floats, discrete: Floats, f: Floats, crossed: Integers, here: Floats
-    ) -> Floats:
-        """dt_e/dp of the event at which some relations have changed, shape (directions,)."""
+    ) -> dict[int, Floats]:
+        """dt_e/dp of the event at which some relations have changed, shape (directions,), as each of them has it, the steepest first."""
         rows = np.flatnonzero(np.isin(self.events.functions[:, 0], crossed))
         if not len(rows):
-            return np.zeros(self.count)
+            return {}
         moved = np.column_stack([here, f])
         along = np.append(np.zeros(self.count), 1.0)
         found = self._varied(t, numbers, states, discrete, moved, along, self.discretes)[rows]
-        slopes, change = found[:, -1], found[:, :-1]
-        first = int(np.argmax(np.abs(slopes)))
-        if not change[first].any():
-            return np.zeros(self.count)
-        delay = -change[first] / slopes[first] if slopes[first] else np.full(self.count, np.nan)
-        if not np.isfinite(delay).all():
-            name = self.run.scene.relation_names[int(self.events.functions[rows[first], 0])]
+        order = np.argsort(-np.abs(found[:, -1]), kind="stable")
+        slopes, change, relations = found[order, -1], found[order, :-1], self.events.functions[rows[order], 0].tolist()
+        delays = -change[slopes != 0.0] / slopes[slopes != 0.0, None]
+        if not np.isfinite(delays).all() or (not len(delays) and change[0].any()):
             raise SolverError(
-                f"there are no sensitivities after t = {t:.9g} s: the event function of {name} touches zero there without crossing it, "
-                "and whether there is an event depends on the parameters"
+                f"there are no sensitivities after t = {t:.9g} s: the event function of {self.run.scene.relation_names[relations[0]]} "
+                "touches zero there without crossing it, and whether there is an event depends on the parameters"
             )
-        return delay
+        return dict(zip(relations, delays, strict=False))
+
+    def _refuse_together(self, t: float, relations: Iterable[int]) -> NoReturn:
+        names = " and ".join(self.run.scene.relation_names[k] for k in relations)
+        raise SolverError(
+            f"there are no sensitivities after t = {t:.9g} s: {names} change there together, and which of them does first depends on the "
+            "parameters; give these values that keep them apart"
+        )
 
     def _first_steps(self, t: float, states: Floats) -> list[tuple[Floats, Floats]]:
         """Discrete state and states at the outer iterations by which the discrete state of a run's start was found."""

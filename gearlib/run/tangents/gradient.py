@@ -83,10 +83,8 @@ def gradient_of(
     def motion(at: Floats) -> Floats:
         if len(at) == 1 and at[0] == begin:
             return start.states[:, None]
-        later = at[at > begin]
-        found = run(translation, replace(tight, times=later), scene)
-        states = np.column_stack([found[name] for name in scene.state_names]).T
-        return states if len(later) == len(at) else np.column_stack([start.states, states])
+        found = run(translation, replace(tight, times=at), scene)
+        return np.column_stack([found[name] for name in scene.state_names]).T
 
     adjoint = Adjoint(scene, request.parameters, times, begin, nodes, signals, motion, start.changes, varied)
     found = adjoint.gradient(max(request.rtol, 1e-9), _steps_at_first(scene, request, start.states, signals, begin, end))

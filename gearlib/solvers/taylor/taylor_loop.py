@@ -235,7 +235,7 @@ def taylor_step(address: int, stop: float) -> int32:
     elif s.n_roots > 0:  # the exact increment of time
         h = (t + h) - t
     while True:
-        if h < 10.0 * ROUNDING * abs(t) + 1e-25 * s.span:
+        if not last_of_span and h < 10.0 * ROUNDING * abs(t) + 1e-25 * s.span:
             return UNDERFLOW
         code = _look_ahead(s, t + h, h)
         if code < 0:

@@ -11,7 +11,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.drawing.scheme.routing import Choice, RouteSearch
+from gearlib.drawing.scheme.routing import CLEAR, Choice, Line, RouteSearch, crossings
 from tests.drawing.scheme.test_stick_diagram import scheme_of
 
 ALONE: dict[str, Callable[[], gl.Component]] = {
@@ -60,3 +60,26 @@ def test_numbers_of_shafts_do_not_count(name: str) -> None:
         assert (other.crossings, other.enclosed, other.places) == (found.crossings, found.enclosed, found.places)
         assert sorted(line[:4] for line in other.lines) == sorted(line[:4] for line in found.lines)
         assert {number[k]: spine for k, spine in found.spines.items()} == other.spines
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_lines_of_other_shafts_cross_where_they_are_nearer_than_lines_may_be(seed: int) -> None:
+    """On a grid of half that distance, lines are often just so far apart; they are counted one by one."""
+    random = np.random.default_rng(seed)
+
+    def some(count: int) -> list[Line]:
+        ends = CLEAR / 2 * random.integers(0, 12, (count, 4))
+        return [(a, b, a, d, k % 3) if k % 2 else (a, b, c, b, k % 3) for k, (a, b, c, d) in enumerate(ends.tolist())]
+
+    def cross(one: Line, other: Line) -> bool:
+        apart = [
+            max(min(one[k], one[k + 2]), min(other[k], other[k + 2]))
+            - min(max(one[k], one[k + 2]), max(other[k], other[k + 2]))
+            for k in (0, 1)
+        ]
+        return one[4] != other[4] and max(apart) < CLEAR
+
+    lines, bodies, outwards = some(7), some(5), some(4)
+    inside = sum(cross(one, other) for one, other in itertools.combinations(lines + bodies, 2))
+    blocked = sum(cross(one, other) for one in outwards for other in lines)
+    assert crossings(lines, bodies, outwards) == (inside, blocked)

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gearlib.drawing.scheme.speed_ladder import EDGE, WIDTH, is_straight, ladders, ratio_of, speed_ladder
@@ -23,6 +23,7 @@ def one(name: str, shafts: tuple[int, int, int], ratio: float, double: bool = Fa
     return Symbol(name, "double_planetary" if double else "planetary", "planetary", shafts, PORTS, (1.0, ratio))
 
 
+@example([0, 1, 2], 2.0, 3.0, False, False)
 @given(st.permutations(range(3)), st.floats(1.2, 5.0), st.floats(1.2, 5.0), st.booleans(), st.booleans())
 def test_speeds_of_all_members_are_on_one_line(places: list[int], i_1: float, i_2: float, first: bool, second: bool) -> None:
     """Two sets with any two common shafts: speeds that satisfy Willis' equation of both are linear over the rails."""

@@ -323,3 +323,76 @@ def test_functions_of_inputs_are_asked_after_the_start_only(begin: float) -> Non
     assert min(asked) == begin
     assert run.sensitivity("x", "limit")[-1] == pytest.approx(-1.0, rel=1e-7)
     assert run.sensitivity("x", "rate")[-1] == pytest.approx(1.7, rel=1e-7)
+
+
+class Pulses(gl.Component):
+    """x' is a pulse's height for a part of each period, y' a value of time at the beginning of the period."""
+
+    period, width = gl.Parameter("s", default=0.4), gl.Parameter("1", default=30.0)
+    begin = gl.Parameter("s", default=0.05)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.pulse = gp.blocks.Pulse(amplitude=2.0, period=self.period, width=self.width, start_time=self.begin)
+        self.held = gp.blocks.Sampler(sample_period=self.period, start_time=self.begin, u=3.0 * gl.time)
+        self.x, self.y = gp.blocks.Integrator(u=self.pulse.y), gp.blocks.Integrator(u=self.held.y)
+        return []
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_of_what_moves_instants(method: str) -> None:
+    """By hand, in the k-th period; ``since`` is the time from its beginning on."""
+    T, w, b, t = 0.4, 0.3, 0.05, np.array([0.0, 0.1, 0.3, 0.5, 0.9, 1.2])
+    run = gl.simulate(Pulses(), 1.2, times=t, method=method, sensitivities=["period", "width", "begin"], rtol=1e-9)
+    k = np.maximum(np.floor((t - b) / T), 0.0)
+    since, begun = t - b - k * T, t > b
+    on = since < w * T  # x = 2 (k w T + since), behind the pulse 2 (k + 1) w T
+    assert run.sensitivity("x.y", "period") == pytest.approx(begun * np.where(on, 2 * k * (w - 1), 2 * (k + 1) * w), abs=1e-9)
+    assert run.sensitivity("x.y", "width") == pytest.approx(begun * 0.02 * T * np.where(on, k, k + 1), abs=1e-9)
+    assert run.sensitivity("x.y", "begin") == pytest.approx(begun * np.where(on, -2.0, 0.0), abs=1e-9)
+    # held = 3 (b + k T), and y the sum of its steps
+    assert run.sensitivity("held.y", "period") == pytest.approx(3 * k, abs=1e-9)
+    assert run.sensitivity("held.y", "begin") == pytest.approx(3.0 * begun, abs=1e-9)
+    assert run.sensitivity("y.y", "period") == pytest.approx(3 * k * (since - T), abs=1e-9)
+    assert run.sensitivity("y.y", "begin") == pytest.approx(begun * 3 * (since - b), abs=1e-9)
+
+
+class Together(gl.Component):
+    """Two torques that begin at one time, two bodies that meet a third one through gaps at one time, and two samplers."""
+
+    one, other = gl.Parameter("s", default=0.4), gl.Parameter("s", default=0.4)
+    c, period = gl.Parameter("N.m/rad", default=80.0), gl.Parameter("s", default=0.35)
+    samplers = gl.Structural(False)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.first = gp.TorqueStep(step_torque=2.0, start_time=self.one)
+        self.second = gp.TorqueStep(step_torque=-5.0, start_time=self.other)
+        self.middle, self.fan = (
+            gp.Inertia(J=1.0, start={"w": 0.5, "phi": 0.0}),
+            gp.QuadraticSpeedDependentTorque(tau_nominal=-1.0, w_nominal=1.0),
+        )
+        self.gap = [gp.ElastoBacklash(c=stiffness, d=4.0, b=0.05, start={"phi_rel": 0.0}) for stiffness in (self.c, 80.0)]
+        self.side = [gp.Inertia(J=0.3, start={"w": 0.0}) for _ in self.gap]
+        if self.samplers:
+            self.held = [gp.blocks.Sampler(sample_period=each, u=self.middle.w) for each in (self.period, 0.7)]
+        return [
+            c(self.first.flange, self.second.flange, self.middle.flange_a),
+            c(self.middle.flange_b, self.fan.flange, *(gap.flange_a for gap in self.gap)),
+            *(c(gap.flange_b, side.flange_a) for gap, side in zip(self.gap, self.side, strict=True)),
+        ]
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", ["one", "other", "c"])
+def test_of_one_of_several_events_at_one_time(method: str, name: str) -> None:
+    """Each switch moves with its own parameter, and is passed by itself."""
+    outputs = ["middle.w", "side[0].w", "side[1].w"]
+    against_other_runs(gl.compile(Together(), outputs=outputs), [name], outputs, 1.0, by=method, within=1e-5)
+
+
+def test_events_at_one_time_of_which_either_could_do_first_are_refused() -> None:
+    system = gl.compile(Together(samplers=True), outputs=["middle.w", "held[0].y", "held[1].y"])
+    assert system.simulate(1.0, sensitivities=["c"]).sensitivity("middle.w", "c")[-1] != 0.0
+    with pytest.raises(
+        SolverError, match=r"after t = 0\.7 s: held\[\d\]: Sampler: .* and held\[\d\]: .* change there together, and"
+    ):
+        system.simulate(1.0, sensitivities=["period"])

@@ -204,6 +204,28 @@ def test_a_stepped_run_equals_a_whole_one() -> None:
     assert abs(run["one.w"] - whole["one.w"][-1]) < 1e-8
 
 
+class Counted(gl.Component):
+    """1 / (1 + t), and two counters."""
+
+    x = gl.Variable("1", "level", start=1.0)
+    thirds, halves = gl.Discrete("of 0.3 s"), gl.Discrete("of 0.5 s")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), -(self.x**2)),
+            gl.When(gl.sample(0.3, 0.3), gl.Eq(self.thirds, gl.pre(self.thirds) + 1)),
+            gl.When(gl.sample(0.5, 0.5), gl.Eq(self.halves, gl.pre(self.halves) + 1)),
+        ]
+
+
+@pytest.mark.parametrize("method", ["taylor", "rk5", "rk8", "ida", "auto"])
+def test_instants_may_differ_by_rounding(method: str) -> None:
+    """0.3 + 9 * 0.3 is a rounding below 3: the step between the two instants is short, but not because the motion is rough."""
+    run = gl.simulate(Counted(), 4.0, times=[0.0, 3.0, 4.0], method=method, rtol=1e-9)
+    np.testing.assert_allclose(run["x"], [1.0, 0.25, 0.2], rtol=1e-7)
+    np.testing.assert_array_equal((run["thirds"], run["halves"]), ([0, 10, 13], [0, 6, 8]))
+
+
 class Swings(gl.Component):
     """cos(30 t), which is above 0.9995 for a hundredth of each period."""
 
