@@ -118,7 +118,7 @@ def elastic(model: FlatModel, parameters: Floats, motion: Motion) -> tuple[Any, 
             parts = [[c for c, kind in enumerate(kinds) if kind == wanted] for wanted in (lengths, unit)]
             for row in range(len(group)) if all(parts) else ():
                 key = tuple(sorted({int(places[c][row]) for c in parts[0] if slopes[c][row]}))
-                sizes = [max((abs(slopes[c][row]) for c in part), default=0.0) for part in parts]
+                sizes = [max(abs(slopes[c][row]) for c in part) for part in parts]
                 if key in seen or not all(sizes):
                     continue  # the same spring in another equation
                 seen.add(key)

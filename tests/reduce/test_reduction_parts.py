@@ -293,8 +293,20 @@ def test_the_rate_of_a_cams_angle_is_a_state_before_a_preferred_speed_of_the_fol
             follower = [gl.Eq(gl.der(self.s), self.v), gl.Eq(gl.der(self.v), self.f - 1)]
             return [turn, gl.Eq(self.s, 3 * (1 - gl.cos(self.phi))), *follower]
 
-    found = structure_of(Plain())
-    assert named(found, found.states) == {"phi", "der(phi)"}
+    class Lowered(gl.Component):
+        """The same with a drop, of which the follower's position is the opposite."""
+
+        drop, phi, s = gl.Variable("1"), gl.Variable("1", start=1.5), gl.Variable("1")
+        v, f = gl.Variable("1", state="prefer"), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.s, -self.drop), *Plain.equations(self)]
+
+    for cam in (Plain(), Lowered()):
+        found = structure_of(cam)
+        assert named(found, found.states) == {"phi", "der(phi)"}
+    s, sign = int(found.model.representative[found.model.variable("s")]), int(found.model.sign[found.model.variable("s")])
+    assert (found.model.name(s), sign) == ("drop", -1)
 
 
 @pytest.mark.parametrize("order", [("light", "up", "down"), ("up", "light", "down"), ("down", "light", "up")])

@@ -180,6 +180,13 @@ def test_forces_that_balance_themselves_leave_all_equations_as_they_are(count: i
         assert np.linalg.matrix_rank(whole[one.torques]) == count + rigid - 1
 
 
+@pytest.mark.parametrize("count", [1, 3, 9])
+def test_what_equilibrium_determines_is_changed_by_no_forces_that_balance_themselves(count: int) -> None:
+    one = loaded(count)
+    outside = one.model.representative[[one.model.variable(name) for name in ("load.tau", "drive.tau", "last.flange_b.tau")]]
+    assert load_sharing.self_balanced(one.motion.factors, outside).shape == (2 * one.model.n_variables, 0)
+
+
 def compliance(k: int) -> float:
     """Of a path, from a torque at the load to the turn of the load: the mesh's force is 10 per N.m."""
     return 10.0**2 / (1e7 * (1 + k)) + 1 / (5e4 * (1 + k) ** 2)

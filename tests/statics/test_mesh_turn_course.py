@@ -14,7 +14,7 @@ from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_k
 from gearlib.errors import InputWarning, ModelError
 from gearlib.flatten.model import FlatModel
 from gearlib.statics import mesh_turn
-from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, repeating_columns, turn
+from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, repeating_columns, steps_of, turn
 
 COUNT = 32  # points of a turn
 
@@ -498,3 +498,12 @@ def test_a_load_on_a_speed_that_is_prescribed_and_swings_is_told(swing: float, g
     else:
         flow = system.power_flow()
     assert flow["load.flange"].torque == pytest.approx(200.0 if geared else 800.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-8, 1.0, 1e8 / 3, -1e4 / 7])
+def test_phases_turn_as_often_as_their_rates_are_to_each_other_whatever_their_size(size: float) -> None:
+    """Those without a common period, and those whose period would be too long, go their own way."""
+    assert steps_of(size * np.array([10.0, -10.0, 15.0, 20.0, np.pi])).tolist() == [2, -2, 3, 4, 2533]
+    assert steps_of(size * np.array([3.0, 3.0 * (1 + 1e-7)])).tolist() == [1, 2533]
+    assert steps_of(size * np.array([1.0, 64.0, 65.0])).tolist() == [1, 64, 2533]
+    assert steps_of(size * np.array([64.0, 1.0])).tolist() == [64, 1]

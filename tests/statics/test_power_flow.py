@@ -130,6 +130,19 @@ def test_rounding_is_shown_as_zero_and_slides_have_no_revolutions() -> None:
     assert len(table) == len(FLANGES)
 
 
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e6])
+def test_a_set_turns_as_a_block_where_its_speeds_differ_by_rounding(size: float) -> None:
+    def ratio(*speeds: float) -> float:
+        flanges = [
+            flange("s", n, size * w, 1.0, k) for k, (n, w) in enumerate(zip(("sun", "ring", "carrier"), speeds, strict=True))
+        ]
+        return PowerFlow(tuple(flanges), 2).willis("s.sun", "s.ring", "s.carrier")[0]
+
+    assert math.isnan(ratio(1.0, 1.0 + 1e-13, 1.0))
+    assert math.isnan(ratio(-20.0, 1.0 + 1e-11, 1.0))
+    assert ratio(-5.0, 4.0, 1.0) == pytest.approx(-2.0)
+
+
 def test_willis_ratio_of_speeds_and_torques() -> None:
     """Ring over sun of 2.5, in any motion; NaN for a set that turns as a block, or without torque."""
 

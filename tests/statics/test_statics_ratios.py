@@ -142,3 +142,17 @@ def test_no_steady_state_is_searched_for_where_that_is_not_so_or_would_take_long
     assert point(100) is None
     assert point(100, {"a.flange_a": 3.0}, one=6.0, two=2.0) is None
     assert point(100, {"a.w": 3.0}, one=6.0) is None
+
+
+@pytest.mark.parametrize("driving", ["held.flange_a", "held.flange_b", "held.w"])
+def test_what_is_held_cannot_turn_whatever_is_asked_for(driving: str) -> None:
+    """Also where nothing joins it to what is driven."""
+
+    class Apart(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.ground, self.held, self.free = gp.Fixed(), gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+            return [gl.connect(self.ground.flange, self.held.flange_a)]
+
+    system = gl.compile(Apart())
+    with pytest.raises(ArgumentError, match=rf"^{driving} cannot turn$"):
+        gl.speed_ratio(system, driving, "free.flange_a")

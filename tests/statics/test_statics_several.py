@@ -199,3 +199,18 @@ def test_a_speed_at_the_limit_of_what_agrees_agrees() -> None:
     still = [Given("fast", 0, 0, 0.0)]
     assert statics.agree(SimpleNamespace(constants=np.array([1e-9]), rates=np.zeros(1)), still)  # type: ignore[arg-type]
     assert not statics.agree(SimpleNamespace(constants=np.array([1.0000001e-9]), rates=np.zeros(1)), still)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("phase", [0.0, 1.0])
+def test_a_torque_that_swings_about_its_mean_needs_no_warning(phase: float) -> None:
+    """Though it is far from that at time 0."""
+
+    class Swung(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.body = gp.Torque(tau=2 + 5 * gl.cos(3 * gl.time + phase)), gp.Inertia(J=1.0)
+            self.drag, self.wall = gp.Damper(d=0.5), gp.Fixed()
+            ends = gl.connect(self.torque.flange, self.body.flange_a, self.drag.flange_a)
+            return [ends, gl.connect(self.drag.flange_b, self.wall.flange)]
+
+    flow = gl.power_flow(gl.compile(Swung()))
+    assert (flow["body.flange_a"].speed, flow["torque.flange"].torque) == pytest.approx((4.0, -2.0))

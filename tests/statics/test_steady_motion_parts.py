@@ -260,6 +260,40 @@ def test_equations_of_a_single_coefficient_say_nothing_of_units() -> None:
     assert found == pytest.approx(unit_sizes(sparse.csr_matrix(table), exponents, np.ones(9, bool)), rel=1e-9)
 
 
+class Cubic(gl.Component):
+    """A spring without any stiffness at rest."""
+
+    flange_a, flange_b = gp.Flange("left"), gp.Flange("right")
+    k, twist = gl.Parameter("N.m/rad3", default=40.0), gl.Variable("rad", start=0.0)
+
+    def equations(self) -> list[gl.Eq]:
+        a, b = self.flange_a, self.flange_b
+        torque = self.k * self.twist**3
+        rate = gl.Eq(gl.der(self.twist), gl.der(b.phi) - gl.der(a.phi))
+        return [rate, gl.Eq(b.tau, torque), gl.Eq(a.tau, -torque)]
+
+
+def test_a_spring_that_carries_nothing_holds_its_ends_together_if_it_stiffens() -> None:
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.c = (gp.Inertia(J=1.0) for _ in range(3))
+            self.soft, self.other = Cubic(), Cubic(k=1.0)
+            return [
+                gl.connect(self.a.flange_b, self.soft.flange_a), gl.connect(self.soft.flange_b, self.b.flange_a),
+                gl.connect(self.b.flange_b, self.other.flange_a), gl.connect(self.other.flange_b, self.c.flange_a),
+            ]  # fmt: skip
+
+    translation = gl.compile(Row()).translation
+    model = translation.structure.complete
+    v = model.variable("a.w")
+    given = Given("a.w", int(model.representative[v]), 0, 3.0 * int(model.sign[v]))
+    found = steady_motion.solve(model, translation.parameter_values({}), [given])
+    speeds = np.array([model.n_variables + int(model.representative[model.variable(f"{name}.phi")]) for name in "abc"])
+    assert found.undetermined[speeds] == pytest.approx([0.0] * 3, abs=1e-9)
+    assert found.rates[speeds - model.n_variables] == pytest.approx([3.0] * 3, rel=1e-9)
+    assert found.residual.max() < 1e-9
+
+
 class Stepped(gl.Component):
     """A gear with one ratio below a limit and another above it."""
 
@@ -307,10 +341,17 @@ class Squares(gl.Component):
         ]  # fmt: skip
 
 
+class Plain(Squares):
+    """The same with unknowns of which no unit is known."""
+
+    one, two, three, four, five = (gl.Variable("any") for _ in range(5))
+
+
+@pytest.mark.parametrize("squares", [Squares, Plain])
 @pytest.mark.parametrize("x", [1.1, 0.9, -1.05])
-def test_a_ratio_may_follow_from_several_equations_behind_each_other(x: float) -> None:
+def test_a_ratio_may_follow_from_several_equations_behind_each_other(x: float, squares: Any) -> None:
     """Each of which is not linear: x to the 16th."""
-    system = between(Squares)
+    system = between(squares)
     assert gl.speed_ratio(system, "a.w", "b.w", parameters={"gear.x": x}) == pytest.approx(x**16, rel=1e-9)
     assert gl.mobility(system, parameters={"gear.x": x}) == 1
 

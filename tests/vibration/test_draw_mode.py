@@ -48,6 +48,8 @@ def test_amplitudes_are_turned_to_be_real_with_the_largest_positive() -> None:
     assert aligned([]) == []
     for nothing in (np.complex128(0), 0j):
         assert aligned([("a", "rad", nothing)]) == [("a", "rad", 0j)]
+    other = aligned([("a", "rad", -2 + 0j), ("c", "m", 3j)])  # those that turn lead
+    assert [v for _, _, v in other] == pytest.approx([1, -1j])
     circle = [("a", "rad", np.complex128(1j)), ("b", "rad", np.complex128(1))]  # no phase is more real than another
     assert aligned(circle) == circle
     ahead = [v for _, _, v in aligned([("a", "rad", 2 + 0j), ("b", "rad", 1j)])]
@@ -117,6 +119,10 @@ def test_what_is_a_quarter_period_late_is_marked() -> None:
     assert np.abs(marks.get_xdata()).max() < 0.06
     assert motion.get_xlabel() == "amplitude over the largest"
     assert energy.get_xlabel() == "share of energy, %"
+    both = draw_mode(picture(("a", "rad", 1 + 0j), ("b", "rad", 0.5 * np.exp(0.1j)), ("c", "m", 1e-3 + 0j)))[0]
+    both.figure.draw_without_rendering()
+    lines = [round(text.get_window_extent().y0) for text in both.get_legend().get_texts()]
+    assert (len(lines), len(set(lines))) == (3, 2)  # two beside each other
     none = draw_mode(picture(("a", "rad", 1 + 0j), ("b", "rad", 0.5 * np.exp(0.03j))))[0]
     assert not [line for line in none.lines if line.get_marker() == "|"]
 

@@ -43,10 +43,10 @@ def test_masses_springs_and_dampers_between_any_number_of_flanges(seed: int) -> 
     assert off == pytest.approx([0.0], abs=1e-12 * (kinetic[0] + potential[0]))
 
 
-@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e12])
+@pytest.mark.parametrize(("unit", "written"), [(1e-3, 1.0), (1.0, 1e-14), (1e12, 1.0), (1.0, 1e14)])
 @pytest.mark.parametrize("omega", [0.3, 1.7, 40.0])
-def test_a_mass_behind_a_spring_has_the_energies_of_both(omega: float, unit: float) -> None:
-    """Inside: force k (x - y) on a mass m, with y in any unit. Twice the same component, with other amplitudes.
+def test_a_mass_behind_a_spring_has_the_energies_of_both(omega: float, unit: float, written: float) -> None:
+    """Inside: force k (x - y) on a mass m, with y and this equation in any unit. Twice the same component, with other amplitudes.
 
     A third variable inside, on which nothing depends at that point, changes nothing.
     """
@@ -54,6 +54,7 @@ def test_a_mass_behind_a_spring_has_the_energies_of_both(omega: float, unit: flo
     L = np.zeros((3, 2, 4))  # unknowns f, y, z; given x
     L[0] = [[1.0, k * unit, 0.0, -k], [0.0, k * unit, 0.0, -k]]
     L[2, 1, 1] = m * unit
+    L[:, 1] *= written
     two = family(L, [0, 1, 4], [2], (0, 3, 1.0), copies=2)
     two = Family(two.instances, two.unknown, np.array([[2], [3]]), two.L, two.pairs)
     amplitude = np.array([0.0, 0.0, 2.0, 1.0 - 3.0j, 0.0])

@@ -171,6 +171,43 @@ def test_a_speed_that_needs_the_derivative_of_an_input_has_no_amplitude() -> Non
         found.shape(1, "torque.flange.phi")
 
 
+def test_shafts_without_an_amplitude_are_left_out_of_a_diagram() -> None:
+    scheme: Any = gl.modes(gl.compile(DrivenEnd())).scheme(1)
+    assert (len(scheme.results.turns), scheme.train.shafts) == (2, 3)
+    assert sorted(value.real for value in scheme.results.turns.values()) == pytest.approx([-1 / 3, 1.0])
+
+
+class Warm(gl.Connector):
+    """Thermal."""
+
+    T, P = gl.Potential("K"), gl.Flow("W")
+
+
+class Brush(gl.Component):
+    """A body that is as warm as it is fast, in surroundings whose warmth is given."""
+
+    flange, port = gp.Flange("shaft"), Warm("housing")
+    J, rise = gl.Parameter("kg.m2", default=2.0), gl.Parameter("K.s/rad", default=7.0)
+    w, around = gl.Variable("rad/s"), gl.Input("K")
+
+    def equations(self) -> list[gl.Eq]:
+        warmth = gl.Eq(self.port.T, self.around + self.rise * self.w)
+        return [gl.Eq(self.w, gl.der(self.flange.phi)), gl.Eq(self.J * gl.der(self.w), self.flange.tau), warmth]
+
+
+def test_potentials_other_than_angles_have_the_amplitudes_of_what_they_follow() -> None:
+    class Warmed(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.ground, self.shaft, self.brush = gp.Fixed(), gp.Spring(c=50.0), Brush()
+            return [gl.connect(self.ground.flange, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.brush.flange)]
+
+    found = gl.modes(gl.compile(Warmed()))
+    assert found.omega == pytest.approx([5.0])
+    warmth, w, phi = found.shape(0, "brush.port.T", "brush.w", "brush.flange.phi")
+    assert warmth == pytest.approx(7 * w)
+    assert w == pytest.approx(5j * phi)
+
+
 def test_deflections_are_differences_of_angles_and_integrals_of_relative_speeds(paper: gl.System) -> None:
     """Also of dampers to the ground, whose absolute angles no mode depends on; some parts alike have a state, others none."""
     found = gl.modes(paper)
@@ -274,6 +311,7 @@ def test_shares_of_energy_are_from_0_to_100_percent_or_not_given() -> None:
     assert np.isnan(found.potential[1]).all()
     assert found.kinetic[0].sum() == pytest.approx(100)
     assert [name for name, _, _ in found.motions(1)] == ["a", "b"]
+    assert [label.get_text() for label in found.draw(0)[1].get_yticklabels()] == ["a", "b"]
     axes = found.draw(-1)
     assert axes[0].figure.get_suptitle().startswith("Mode 1:")
     assert any("not given" in text.get_text() for text in axes[1].texts)
@@ -515,6 +553,16 @@ def test_large_trains_say_that_preloads_are_not_counted(
     assert "Constant preloads in loops of meshes are not counted above 5 states." in str(gl.modes(system, 2))
     monkeypatch.setattr(spectrum, "lowest", lambda *_: None)
     assert gl.modes(system, 2).preloads is None
+
+
+def test_of_a_large_train_the_lowest_twenty_modes_are_found(
+    chain: Callable[..., gl.System], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where no number is given; of a small one all of them."""
+    system = chain(n=30)
+    assert len(gl.modes(system)) == 30
+    monkeypatch.setattr("gearlib.vibration.modes.MOST_DENSE", 50)
+    assert len(gl.modes(system)) == 1 + 20
 
 
 class Oscillator(gl.Component):

@@ -11,6 +11,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.drawing.printed import COLUMNS
 from gearlib.errors import ArgumentError, NameLookupError
 from gearlib.vibration.modes import Modes
 
@@ -342,6 +343,23 @@ def test_energies_with_long_names_stand_below_each_other() -> None:
             assert re.fullmatch(rf"\S*\.{name} {share} %", text)
             assert len(text) <= 26 + len(f" {share} %")
             assert line == line.rstrip()
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_energies_stand_beside_each_other_as_long_as_the_lines_have_room(more: int) -> None:
+    """33 letters of numbers, 34 of kinetic energy and two spaces; then the name of the spring, and its share."""
+    name = "s" * (COLUMNS - 33 - 34 - 2 - len(" 100 %") + more)
+
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, spring = gp.Inertia(J=1.0), gp.Inertia(J=3.0), gp.Spring(c=3.0)
+            setattr(self, name, spring)
+            return [gl.connect(self.a.flange_b, spring.flange_a), gl.connect(spring.flange_b, self.b.flange_a)]
+
+    lines = str(gl.modes(gl.compile(Row()))).splitlines()
+    assert len(lines) == 3 + more
+    assert max(map(len, lines)) == COLUMNS if not more else max(map(len, lines)) < COLUMNS
+    assert lines[0].endswith("below it" if more else "potential energy")
 
 
 def test_a_preload_in_a_free_motion_is_no_amplitude(free: Modes) -> None:

@@ -60,6 +60,10 @@ def test_what_is_at_zero_is_a_motion_a_preload_or_neither() -> None:
     assert found.values == pytest.approx([1j * np.sqrt(12.0)])
     assert (found.free.shape[1], found.preloads) == (1, 1)
     assert dense_spectrum(A, speeds, None, 0 * forces).preloads == 0
+    for size in (1e-15, 1e-7, 1e7, 1e15):  # units of forces and speeds
+        assert dense_spectrum(A, speeds, None, size * forces).preloads == 1
+        turned = dense_spectrum(A, size**0.4 * speeds, None, forces)
+        assert (turned.free.shape[1], turned.preloads) == (1, 1)
     keep = [0, 1, 3, 4]
     free = found.free[keep]
     clean, alone = without_preloads(A[np.ix_(keep, keep)], speeds[:, keep], free + np.array([[1.0], [-2.0], [0.0], [0.0]]))
@@ -282,3 +286,10 @@ def test_all_that_is_inside_is_counted_though_nothing_is_known(count: int) -> No
     assert missing_inside(A, 1.0, np.empty(0, complex), 0) == count
     assert missing_inside(A, 1.0, np.array(values[:1], complex), 0) == count - 1
     assert missing_inside(A, 60.0, np.array(values, complex), 0) == 1
+
+
+def test_speeds_that_are_rounding_make_no_free_motion() -> None:
+    """Of a state that stays as it is, beside one that decays."""
+    A = np.diag([0.0, -1.0])
+    for speed, free in ((1e-13, 0), (1e-6, 1)):
+        assert dense_spectrum(A, np.array([[speed, 1.0]]), None).free.shape == (2, free)
