@@ -390,7 +390,7 @@ def test_measurements_that_are_none() -> None:
         gl.MeasuredModes([1.0], [0.1, 0.2])
     with pytest.raises(gl.GearlibError, match="numbers names mode 7"):
         gl.fit(system(), gl.MeasuredModes([1.0], numbers=[7]), FREE)
-    with pytest.raises(gl.GearlibError, match="has no phase_margin"):
+    with pytest.raises(gl.GearlibError, match=r"^the loop torque\.tau -> load\.w has no phase_margin with {.*}: it is inf$"):
         gl.fit(system(), gl.MeasuredMargins(("torque.tau", "load.w"), phase_margin=3.0, gain=1e-3), FREE)
     with pytest.raises(gl.GearlibError, match=r"'shaft\.x' was not free"):
         gl.fit(system(), gl.MeasuredModes([3.0]), {"shaft.c": (1e2, 1e4)})["shaft.x"]

@@ -198,19 +198,39 @@ class Cubic(gl.Component):
     """x grows from where a polynomial of time is positive."""
 
     a, b, c = (gl.Parameter("any", default=1.0) for _ in range(3))
-    x, z = gl.Variable("any", start=0.0), gl.Variable("any", start=1.0)
+    x = gl.Variable("any", start=0.0)
 
     def equations(self) -> list[Any]:
         t = gl.time
-        above = t**3 + self.a * t**2 + self.b * t + self.c > 0
-        return [gl.Eq(gl.der(self.x), gl.Piecewise((1.0, above), (0.0, True))), gl.Eq(gl.der(self.z), -(self.z**2))]
+        return [gl.Eq(gl.der(self.x), gl.Piecewise((1.0, t**3 + self.a * t**2 + self.b * t + self.c > 0), (0.0, True)))]
+
+
+class Beside(Cubic):
+    """The same beside what is not linear."""
+
+    z = gl.Variable("any", start=1.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.z), -(self.z**2))]
 
 
 @pytest.mark.parametrize("method", ["auto", "rk", "ida"])
 def test_a_polynomial_whose_terms_almost_cancel_switches(method: str) -> None:
     """At 1.6 s, beside a complex pair of roots that is 4 ms away."""
-    system = gl.compile(Cubic())
+    system = gl.compile(Beside())
     for near in (1.599, 1.6, 1.6013):
         _, *numbers = np.polymul([1.0, -1.6], [1.0, -2 * near, near**2 + 0.004**2]).tolist()
         found = system.simulate(2.0, samples=2, method=method, parameters=dict(zip("abc", numbers, strict=True)))
         assert found["x"][-1] == pytest.approx(0.4, abs=1e-8)
+
+
+@pytest.mark.parametrize("method", ["exact", "rk", "ida"])
+@pytest.mark.parametrize("gap", [0.1, 4e-3, 1e-3])
+def test_the_time_at_which_a_polynomial_switches_moves_with_its_coefficients(method: str, gap: float) -> None:
+    """By -1 / p'(1.6) with the constant one, however near a complex pair of roots is."""
+
+    near = 1.6 + 0.3 * gap
+    _, *numbers = np.polymul([1.0, -1.6], [1.0, -2 * near, near**2 + gap**2]).tolist()
+    given = dict(zip("abc", numbers, strict=True))
+    found = gl.simulate(Cubic(), 2.0, samples=2, method=method, parameters=given, sensitivities=["c"])
+    assert found.sensitivity("x", "c")[-1] == pytest.approx(1 / (1.09 * gap**2), rel=1e-4)

@@ -179,7 +179,8 @@ def tangent_jumps(linear: LinearForm, columns: Sequence[int], forcing: Forcing) 
         for switch in (s for s in switches if jump[place[s.input]]):
             at = {TIME: sympy.Float(t, 17)}
             g, slope = float(switch.g.xreplace(at)), float(sympy.diff(switch.g, TIME).xreplace(at))
-            if abs(g) > SAME_SWITCH * max(abs(t), forcing.t_end - forcing.t0) * abs(slope):
+            rounding_of_g = 2.0**-48 * sum(abs(float(term.xreplace(at))) for term in sympy.Add.make_args(switch.g))
+            if abs(g) > SAME_SWITCH * max(abs(t), forcing.t_end - forcing.t0) * abs(slope) + rounding_of_g:
                 continue  # another condition changes here
             if slope == 0.0:
                 return NotExact(f"the condition on {switch.g} touches zero at t = {t:.9g} s without crossing it")

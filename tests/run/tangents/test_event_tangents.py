@@ -440,3 +440,24 @@ def test_modes_without_states_need_no_times_of_events() -> None:
     run = gl.simulate(Mode(), 1.0, samples=4, sensitivities=["k", "p"])
     assert run.sensitivity("y", "k") == pytest.approx([1.0, 1.0, 2.0, 2.0])
     assert run.sensitivity("y", "p").tolist() == [0.0] * 4
+
+
+class Restarted(gl.Component):
+    """x grows with time, and is multiplied when it passes a limit; no discrete variable takes part."""
+
+    k, limit = gl.Parameter("1", default=3.0), gl.Parameter("any", default=1.0)
+    x, over = gl.Variable("any", start=0.0), gl.Variable("any", start=0.0)
+
+    def equations(self) -> list[Any]:
+        growing = [gl.Eq(gl.der(self.x), 1.0), gl.Eq(gl.der(self.over), 1.0)]
+        return [*growing, gl.When(self.over > self.limit, gl.reinit(self.x, self.k * self.x))]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_of_a_new_value_alone(method: str) -> None:
+    """``x = k limit + t - limit`` from there on."""
+    run = gl.simulate(Restarted(), 2.0, times=[0.5, 1.5, 2.0], method=method, sensitivities=["k", "limit", "start(x)"])
+    assert run["x"] == pytest.approx([0.5, 3.5, 4.0])
+    assert run.sensitivity("x", "k") == pytest.approx([0.0, 1.0, 1.0])
+    assert run.sensitivity("x", "limit") == pytest.approx([0.0, 2.0, 2.0])
+    assert run.sensitivity("x", "start(x)") == pytest.approx([1.0, 3.0, 3.0])

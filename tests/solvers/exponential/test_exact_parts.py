@@ -17,6 +17,7 @@ from gearlib.solvers.exponential import exact
 from gearlib.solvers.exponential.dense import estimate
 from gearlib.solvers.exponential.exact import Exponential, cut, prepare, tangent_jumps
 from gearlib.solvers.exponential.forcing import Forcing, NotExact, recognise
+from gearlib.solvers.exponential.sparse_stepping import components, union
 from gearlib.solvers.inputs.table import Table
 from gearlib.solvers.problem import LinearChanges, LinearForm, MovedSwitch
 from tests.solvers.exponential.test_exact import linear_problem
@@ -251,3 +252,14 @@ def test_the_fastest_rate_does_not_depend_on_units() -> None:
     stepper = Exponential(problem)
     assert (stepper.work, stepper.stats(), stepper.steps) == (0.0, {"steps": 0, "rhs": 0}, False)
     assert str(stepper.failure(-3)) == "matrix exponentials ended with -3"
+
+
+def test_states_that_are_not_coupled_are_groups() -> None:
+    """In the order of their first states; one way of acting couples. One group is all."""
+    A = np.zeros((6, 6))
+    A[0, 4] = A[1, 1] = A[2, 5] = A[5, 2] = 1.0
+    assert [group.tolist() for group in components(union([A]), 6, {})] == [[0, 4], [1], [2, 5], [3]]
+    change = np.zeros((6, 6))
+    change[3, 1] = -2.0
+    assert [group.tolist() for group in components(union([A, change]), 6, {})] == [[0, 4], [1, 3], [2, 5]]
+    assert components(union([np.ones((3, 3))]), 3, {}) == [slice(None)]
