@@ -129,7 +129,13 @@ class PartMaker:
         self, path: str, declared: Declaration | None, m: Modification, given: PartValues, before: Modifications
     ) -> Modifications:
         """Attributes of a variable, and what of them is left to its class, which has those of ``before``: whether its start is fixed."""
-        inner, left = dict(by_name(m.inner)), {}
+        inner = dict(by_name(m.inner))
+        left: dict[str, Modification] = {}
+        if isinstance(declared, Connector) and m.value is None:
+            for name, further in inner.items():
+                stated = by_name(before[name].inner) if name in before else {}
+                left |= self._variable(f"{path}.{name}", variable_of(declared, path, name, m), further, given, stated)
+            return {m.name[0]: replace(m, inner=tuple(left.values()))} if left else {}
         if isinstance(declared, Variable) and m.value is None:
             if "fixed" in inner:
                 fixed = self._attribute(inner["fixed"])
@@ -148,9 +154,7 @@ class PartMaker:
             raise ModelicaError(f"{m.at}: '{path}' is a variable of a part; an equation gives its value")
         if isinstance(declared, Connector):
             for name, further in inner.items():
-                if name not in declared.variables:
-                    raise ModelicaError(f"{m.at}: '{path}' has no '{name}'; {nearest(name, declared.variables)}")
-                self.attributes(f"{path}.{name}", declared.variables[name], further, given)
+                self.attributes(f"{path}.{name}", variable_of(declared, path, name, m), further, given)
             return
         check_attributes(inner)
         fixed = "fixed" in inner and self._attribute(inner["fixed"])
@@ -283,6 +287,13 @@ class PartMaker:
         assert isinstance(new, ComponentNode)
         further = self._within(path, type_named(new.type, self.evaluation.scope, new), by_name(new.modifications), given)
         return replace(m, redeclared=replace(new, modifications=tuple(further.values())))
+
+
+def variable_of(connector: Connector | type[Connector], path: str, name: str, m: Modification) -> Variable:
+    """A variable of a connector that is modified."""
+    if name not in connector.variables:
+        raise ModelicaError(f"{m.at}: '{path}' has no '{name}'; {nearest(name, connector.variables)}")
+    return connector.variables[name]
 
 
 def attribute(m: Modification, value: Any) -> Any:

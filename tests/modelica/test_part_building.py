@@ -155,6 +155,11 @@ package P
   model Sets A a(x(start = 5)); end Sets;
   model Body Components.Inertia a(J = 1, w(start = 7)); end Body;
   model Wheel extends Components.Inertia(J = 1, w(start = 7)); end Wheel;
+  connector Pin Real v; flow Real i; end Pin;
+  connector Live Real v(start = 2, fixed = true); flow Real i; end Live;
+  model Plug Pin p; equation der(p.v) = -p.v; end Plug;
+  model Hot Pin p(v(start = 7)); equation der(p.v) = -p.v; end Hot;
+  model Socket parameter Real k = 4; Live p; Pin q(v(start = k, fixed = true)); equation der(p.v) = -p.v; der(q.v) = -q.v; end Socket;
   model Started extends Components.Inertia(J = 1, w(start = 7, fixed = true)); end Started;
 """
 
@@ -171,6 +176,10 @@ package P
         ("F a(x(start = 8));", "a.x", 8), ("F a(x(nominal = 8));", "a.x", 3), ("Started b(w(start = 8));", "b.w", 8),
         ("F a(x(fixed = false)); initial equation a.x = 6;", "a.x", 6), ("A a(x(fixed = false)); initial equation a.x = 6;", "a.x", 6),
         ("F a(x(fixed = false, start = 8)); initial equation a.x = 6;", "a.x", 6),
+        ("Plug h(p(v(start = 8, fixed = true)));", "h.p.v", 8), ("Plug h(p(v(fixed = true)));", "h.p.v", 0),
+        ("Hot h(p(v(fixed = true)));", "h.p.v", 7), ("extends Hot(p(v(fixed = true)));", "p.v", 7),
+        ("extends Plug(p(v(start = 8, fixed = true)));", "p.v", 8), ("Socket s;", "s.p.v", 2), ("Socket s;", "s.q.v", 4),
+        ("Socket s(k = 6, p(v(start = 9, fixed = true)));", "s.p.v", 9), ("Socket s(k = 6);", "s.q.v", 6),
         ("Started b(w(fixed = false)); initial equation b.w = 6;", "b.w", 6),
     ],
 )  # fmt: skip
@@ -316,6 +325,8 @@ def test_values_stand_before_or_behind_a_redeclaration(used: str) -> None:
         ("Small s(x = 3);", "'x' is a variable of a part; an equation gives its value"),
         ("Small s(x(begin = 3));", "'begin' is not an attribute of a variable; "),
         ("Small s(body(I = 3));", "Inertia has no 'I' that can be modified; "),
+        ("Pin q(w(start = 3));", "'q' has no 'w'; "),
+        ("Pin q(v(begin = 3));", "'begin' is not an attribute of a variable; "),
         ("Small s(pin(w(start = 3)));", "'pin' has no 'w'; "),
         ("Components.Inertia i(flange_a(psi(fixed = true)));", "'flange_a' has no 'psi'; did you mean 'phi'?"),
         ("Components.Inertia i(I = 3);", "Inertia has no 'I' that can be modified; "),
