@@ -116,6 +116,7 @@ def given(text: str) -> dict[str, dict[str, Any]]:
          {"s": {"values": {"tau_nominal": 1}, "choices": {"reg": "cosine"}}}),
         ("parameter Boolean on = false; Components.Fixed f(phi0 = 1) if on; Components.Fixed g(phi0 = 2) if not on;",
          {"g": {"values": {"phi0": 2}}}),
+        ("Components.Fixed f(phi0 = 1) if p > p; Components.Fixed g(phi0 = 2) if p >= p;", {"g": {"values": {"phi0": 2}}}),
         ("Small s;", {"s.body": {"values": {"J": "k"}}}),
         ("Small s(k = 3, n = 4, on = false, level = Level.high, u = time);",
          {"s": {"values": {"k": 3, "u": "time"}, "choices": {"n": 4, "on": False, "level": "high"}}, "s.body": {"values": {"J": "k"}}}),
@@ -304,6 +305,14 @@ def test_a_redeclaration_at_any_depth_means_a_class_of_where_it_is_written(used:
     inside = f"package Q {REDECLARED.partition('P')[2]} model C replaceable A s; end C; model D C c; end D; end Q;"
     found = parts(used, f"package P {inside} model B parameter Real k = 3; Real x = 30 + k; end B;")
     assert [e.right for e in equations_of(found["d.c.s"])] == [real_symbol("k") + 30]
+
+
+@pytest.mark.parametrize(("used", "size"), [("redeclare B s", 2), ("redeclare B s[2]", 2), ("redeclare B s[3]", 3)])
+def test_a_redeclared_array_has_the_size_of_the_first_unless_it_states_its_own(used: str, size: int) -> None:
+    found = parts(f"C c({used});", f"{REDECLARED} model C replaceable A s[2]; end C;")
+    assert {name: equations_of(part)[0].right for name, part in found.items() if ".s" in name} == {
+        f"c.s[{k}]": real_symbol("k") + 20 for k in range(size)
+    }
 
 
 @pytest.mark.parametrize("used", ["redeclare model S = B, m = 4", "m = 4, redeclare model S = B"])
