@@ -116,7 +116,7 @@ def given(text: str) -> dict[str, dict[str, Any]]:
          {"s": {"values": {"tau_nominal": 1}, "choices": {"reg": "cosine"}}}),
         ("parameter Boolean on = false; Components.Fixed f(phi0 = 1) if on; Components.Fixed g(phi0 = 2) if not on;",
          {"g": {"values": {"phi0": 2}}}),
-        ("Components.Fixed f(phi0 = 1) if p > p; Components.Fixed g(phi0 = 2) if p >= p;", {"g": {"values": {"phi0": 2}}}),
+        ("Components.Fixed f(phi0 = 1) if p > 0 and p <= 0; Components.Fixed g(phi0 = 2) if p > 0 or p <= 0;", {"g": {"values": {"phi0": 2}}}),
         ("Small s;", {"s.body": {"values": {"J": "k"}}}),
         ("Small s(k = 3, n = 4, on = false, level = Level.high, u = time);",
          {"s": {"values": {"k": 3, "u": "time"}, "choices": {"n": 4, "on": False, "level": "high"}}, "s.body": {"values": {"J": "k"}}}),
