@@ -50,12 +50,16 @@ class PartValues:
 
 @dataclass(frozen=True)
 class PartMaker:
-    """Makes the instances of one declared part; ``number`` is the index in an array of ``size`` parts, counted from 0."""
+    """Makes the instances of one declared part; ``number`` is the index in an array of ``size`` parts, counted from 0.
+
+    ``in_array``: whether what is modified is in an array of parts within the part.
+    """
 
     evaluation: Evaluation
     class_of: ClassOf
     number: int | None = None
     size: int | None = None
+    in_array: bool = False
 
     def made(self, kind: ElementType, modifications: Modifications, at: TextPlace) -> Component:
         """An instance of a library class, or of a class of the text."""
@@ -136,6 +140,10 @@ class PartMaker:
                 stated = by_name(before[name].inner) if name in before else {}
                 left |= self._variable(f"{path}.{name}", variable_of(declared, path, name, m), further, given, stated)
             return {m.name[0]: replace(m, inner=tuple(left.values()))} if left else {}
+        if self.in_array and m.value is None:
+            check_attributes(inner)
+            within = (self._given_within((*path.split("."), n), v, n != "start", given, False) for n, v in inner.items())
+            return {m.name[0]: replace(m, inner=tuple(within))}
         if isinstance(declared, Variable) and m.value is None:
             if "fixed" in inner:
                 fixed = self._attribute(inner["fixed"])
@@ -219,8 +227,9 @@ class PartMaker:
                     of = self.evaluation.constant if here == "structural" else self._evaluation(here == "parameter").number
                     given.values[name] = self._value(m, of)
             elif here == "part":
-                alike = replace(self, number=None) if m.each else self  # an array is one of the part's own
-                if further := alike._within((*path, name), kind, by_name(m.inner), given):
+                number = None if m.each else self.number  # an array of values is for one of the part's own
+                inside = replace(self, number=number, in_array=self.in_array or bool(element.node.dimensions))
+                if further := inside._within((*path, name), kind, by_name(m.inner), given):
                     kept[name] = replace(m, inner=tuple(further.values()))
             else:
                 declared: Declaration = Discrete() if here == "discrete" else Variable()

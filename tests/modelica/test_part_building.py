@@ -116,7 +116,8 @@ def given(text: str) -> dict[str, dict[str, Any]]:
          {"s": {"values": {"tau_nominal": 1}, "choices": {"reg": "cosine"}}}),
         ("parameter Boolean on = false; Components.Fixed f(phi0 = 1) if on; Components.Fixed g(phi0 = 2) if not on;",
          {"g": {"values": {"phi0": 2}}}),
-        ("Components.Fixed f(phi0 = 1) if p > 0 and p <= 0; Components.Fixed g(phi0 = 2) if p > 0 or p <= 0;", {"g": {"values": {"phi0": 2}}}),
+        ("Components.Fixed f(phi0 = 1) if p > 0 and p <= 0; Components.Fixed g(phi0 = 2) if p > 0 or p <= 0;",
+         {"g": {"values": {"phi0": 2}}}),
         ("Small s;", {"s.body": {"values": {"J": "k"}}}),
         ("Small s(k = 3, n = 4, on = false, level = Level.high, u = time);",
          {"s": {"values": {"k": 3, "u": "time"}, "choices": {"n": 4, "on": False, "level": "high"}}, "s.body": {"values": {"J": "k"}}}),
@@ -156,6 +157,7 @@ package P
   model Sets A a(x(start = 5)); end Sets;
   model Body Components.Inertia a(J = 1, w(start = 7)); end Body;
   model Wheel extends Components.Inertia(J = 1, w(start = 7)); end Wheel;
+  model Pair A a[2]; Components.Inertia b[2](each J = 1); end Pair;
   connector Pin Real v; flow Real i; end Pin;
   connector Live Real v(start = 2, fixed = true); flow Real i; end Live;
   model Plug Pin p; equation der(p.v) = -p.v; end Plug;
@@ -181,6 +183,11 @@ package P
         ("Hot h(p(v(fixed = true)));", "h.p.v", 7), ("extends Hot(p(v(fixed = true)));", "p.v", 7),
         ("extends Plug(p(v(start = 8, fixed = true)));", "p.v", 8), ("Socket s;", "s.p.v", 2), ("Socket s;", "s.q.v", 4),
         ("Socket s(k = 6, p(v(start = 9, fixed = true)));", "s.p.v", 9), ("Socket s(k = 6);", "s.q.v", 6),
+        ("Pair d(a(x(start = {8, 9}, each fixed = true)));", "d.a[1].x", 9), ("Pair d(a(each x(fixed = true)));", "d.a[1].x", 3),
+        ("Pair d[2](a(x(start = {{6, 7}, {8, 9}}, each fixed = true)));", "d[1].a[0].x", 8),
+        ("Pair d[2](each a(x(start = {6, 7}, fixed = {true, true})));", "d[0].a[1].x", 7),
+        ("Pair d(b(each w(start = k, fixed = true))); parameter Real k = 8;", "d.b[0].w", 8),
+        ("Pair d(b(each flange_a(phi(start = 8, fixed = true))));", "d.b[1].phi", 8),
         ("Started b(w(fixed = false)); initial equation b.w = 6;", "b.w", 6),
     ],
 )  # fmt: skip
