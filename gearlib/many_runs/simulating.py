@@ -183,7 +183,7 @@ def sweep_runs(
         inputs = by_name("inputs", inputs, "a mapping of paths to numbers, functions of time or tables", "torque.tau")
     if twice := {*given, *first} & {*(inputs or {})}:
         raise ArgumentError(f"the input {twice.pop()} is given in parameters and in inputs; give it once")
-    if earlier := None if start is None else earlier_run(translation, start):
+    if earlier := earlier_run(translation, start):
         fixed, inputs = kept_values(earlier[0], fixed, inputs)
     all_inputs = {**(inputs or {}), **given, **first} if inputs is not None or given or first else None
     own, request = checked_request(

@@ -24,7 +24,7 @@ from gearlib.modelica.counterparts import Counterpart
 from gearlib.modelica.element_types import ElementKind, ElementType, connector_class, element_of, kind_of, type_named, unit_of
 from gearlib.modelica.equation_reading import assigned_in_whens, connections_from, equations_from
 from gearlib.modelica.evaluation import Evaluation
-from gearlib.modelica.part_building import PartMaker, attribute, chosen
+from gearlib.modelica.part_building import PartMaker, attribute, chosen, variable_of
 from gearlib.modelica.scopes import ClassScope
 from gearlib.modelica.syntax_tree import (
     ArrayNode,
@@ -208,7 +208,10 @@ class _ClassBuilder:
         elif held:
             given = start
             self.starting.append(
-                (f"{name}_from_start", lambda e: e.number(OperationNode(node.at, "-", (_reference(node, name), given))))
+                (
+                    f"{name.replace('.', '_')}_from_start",
+                    lambda e: e.number(OperationNode(node.at, "-", (_reference(node, name), given))),
+                )
             )
         for number in ("nominal", "min"):
             if number in attributes and not _names_in(attributes[number].value):
@@ -226,11 +229,17 @@ class _ClassBuilder:
             raise ModelicaError(
                 f"{node.at}: arrays of connectors, such as '{node.name}', are not supported; arrays of components are"
             )
+        before: dict[str, Modifications] = {}
         if member.type.counterpart is not None:
             kind = member.type.counterpart.component
         else:
             assert member.type.scope is not None
             kind = self.classes.connector_of(member.type.scope)
+            before = {name: element.modifications for name, element in content_of(member.type.scope, {}).elements.items()}
+        for name, m in member.element.modifications.items():
+            variable_of(kind, node.name, name, m)
+            check_attributes(by_name(m.inner))
+            before[name] = merged(before.get(name, {}), by_name(m.inner))
         when = None
         if node.condition is not None:
             named = self.members.get(str(node.condition), member)
@@ -240,6 +249,9 @@ class _ClassBuilder:
                 )
             when = str(node.condition)
         found: Connector = kind(node.comment, when=when)
+        starts = {name: self._variable(f"{node.name}.{name}", node, attributes) for name, attributes in before.items()}
+        variables = {name: replace(v, **starts.get(name, {})) for name, v in kind.variables.items()}
+        object.__setattr__(found, "variables", variables)  # its own, for the class is that of other connectors too
         return found
 
     def _redeclared(self, counterpart: Counterpart, name: str, m: Modification) -> dict[str, Declaration]:
@@ -341,7 +353,8 @@ class _ClassBuilder:
 
 
 def _reference(node: SyntaxNode, name: str) -> ReferenceNode:
-    return ReferenceNode(node.at, (name,), ((),))
+    names = tuple(name.split("."))
+    return ReferenceNode(node.at, names, ((),) * len(names))
 
 
 def _check_name(name: str, node: SyntaxNode) -> None:

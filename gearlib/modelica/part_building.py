@@ -50,12 +50,16 @@ class PartValues:
 
 @dataclass(frozen=True)
 class PartMaker:
-    """Makes the instances of one declared part; ``number`` is the index in an array of ``size`` parts, counted from 0."""
+    """Makes the instances of one declared part; ``number`` is the index in an array of ``size`` parts, counted from 0.
+
+    ``in_array``: whether what is modified is in an array of parts within the part.
+    """
 
     evaluation: Evaluation
     class_of: ClassOf
     number: int | None = None
     size: int | None = None
+    in_array: bool = False
 
     def made(self, kind: ElementType, modifications: Modifications, at: TextPlace) -> Component:
         """An instance of a library class, or of a class of the text."""
@@ -129,7 +133,17 @@ class PartMaker:
         self, path: str, declared: Declaration | None, m: Modification, given: PartValues, before: Modifications
     ) -> Modifications:
         """Attributes of a variable, and what of them is left to its class, which has those of ``before``: whether its start is fixed."""
-        inner, left = dict(by_name(m.inner)), {}
+        inner = dict(by_name(m.inner))
+        left: dict[str, Modification] = {}
+        if isinstance(declared, Connector) and m.value is None:
+            for name, further in inner.items():
+                stated = by_name(before[name].inner) if name in before else {}
+                left |= self._variable(f"{path}.{name}", variable_of(declared, path, name, m), further, given, stated)
+            return {m.name[0]: replace(m, inner=tuple(left.values()))} if left else {}
+        if self.in_array and m.value is None:
+            check_attributes(inner)
+            within = (self._given_within((*path.split("."), n), v, n != "start", given, False) for n, v in inner.items())
+            return {m.name[0]: replace(m, inner=tuple(within))}
         if isinstance(declared, Variable) and m.value is None:
             if "fixed" in inner:
                 fixed = self._attribute(inner["fixed"])
@@ -148,9 +162,7 @@ class PartMaker:
             raise ModelicaError(f"{m.at}: '{path}' is a variable of a part; an equation gives its value")
         if isinstance(declared, Connector):
             for name, further in inner.items():
-                if name not in declared.variables:
-                    raise ModelicaError(f"{m.at}: '{path}' has no '{name}'; {nearest(name, declared.variables)}")
-                self.attributes(f"{path}.{name}", declared.variables[name], further, given)
+                self.attributes(f"{path}.{name}", variable_of(declared, path, name, m), further, given)
             return
         check_attributes(inner)
         fixed = "fixed" in inner and self._attribute(inner["fixed"])
@@ -215,8 +227,9 @@ class PartMaker:
                     of = self.evaluation.constant if here == "structural" else self._evaluation(here == "parameter").number
                     given.values[name] = self._value(m, of)
             elif here == "part":
-                alike = replace(self, number=None) if m.each else self  # an array is one of the part's own
-                if further := alike._within((*path, name), kind, by_name(m.inner), given):
+                number = None if m.each else self.number  # an array of values is for one of the part's own
+                inside = replace(self, number=number, in_array=self.in_array or bool(element.node.dimensions))
+                if further := inside._within((*path, name), kind, by_name(m.inner), given):
                     kept[name] = replace(m, inner=tuple(further.values()))
             else:
                 declared: Declaration = Discrete() if here == "discrete" else Variable()
@@ -283,6 +296,13 @@ class PartMaker:
         assert isinstance(new, ComponentNode)
         further = self._within(path, type_named(new.type, self.evaluation.scope, new), by_name(new.modifications), given)
         return replace(m, redeclared=replace(new, modifications=tuple(further.values())))
+
+
+def variable_of(connector: Connector | type[Connector], path: str, name: str, m: Modification) -> Variable:
+    """A variable of a connector that is modified."""
+    if name not in connector.variables:
+        raise ModelicaError(f"{m.at}: '{path}' has no '{name}'; {nearest(name, connector.variables)}")
+    return connector.variables[name]
 
 
 def attribute(m: Modification, value: Any) -> Any:

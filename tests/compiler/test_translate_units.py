@@ -171,7 +171,7 @@ def function(source: str, name: str, *kinds: Any) -> Any:
 
 
 def test_fields_of_records_and_what_stands_at_addresses() -> None:
-    """Also of a record whose address is a field of another."""
+    """Also of a record whose address is a field of another: a call of its name gives it, as one of floats_at gives an array."""
     source = """
 def f(b: Box, k: int) -> int32:
     b.n += k

@@ -88,6 +88,11 @@ def test_another_program_reads_the_same(suffix: str, saved: Path) -> None:
     assert all(name in result for name in every)
 
 
+def test_netcdf_files_may_be_larger_than_two_gigabytes(saved: Path) -> None:
+    """In the format with offsets of 64 bits, the second version of netCDF 3."""
+    assert (saved / "r.nc").read_bytes()[:4] == b"CDF\x02"
+
+
 def test_aliases_cost_a_name_in_dymolas_format(saved: Path) -> None:
     from buildingspy.io.outputfile import Reader
     from scipy.io import loadmat

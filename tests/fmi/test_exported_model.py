@@ -47,6 +47,16 @@ class Closed(gl.Component):
         ]
 
 
+class Measured(gl.Component):
+    """What starts with a given value is a multiple of the state."""
+
+    k = gl.Parameter("1", default=2.0)
+    x, y = gl.Variable("any"), gl.Variable("any", start=3.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), -self.x), gl.Eq(self.y, self.k * self.x)]
+
+
 class Decided(gl.Component):
     """A body without inertia, so that its equation determines a torque."""
 
@@ -78,13 +88,14 @@ STARTS, EQUATIONS, LOOP = (
     ("make", "expected"),
     [
         (Chosen, dict.fromkeys(("w", "twice", "gear.ratio", "start(wheel.w)"), STARTS)),
+        (Measured, dict.fromkeys(("k", "start(y)"), STARTS)),
         (Closed, dict.fromkeys(("ratio", "same"), LOOP)),
         (Decided, dict.fromkeys(("J", "a.J"), EQUATIONS)),
         (Bound, {}),
     ],
 )
 def test_parameters_that_stay_what_they_are(make: Callable[[], gl.Component], expected: dict[str, str]) -> None:
-    """With all that they follow from: another value of these would have no effect, or a wrong one."""
+    """With all that they follow from: another value of these would have no effect, or a wrong one, such as a loop no longer closing."""
     found = exported(make())
     names = found.model.parameters.names
     assert {names[p]: why for p, why in found.constants.items()} == expected

@@ -240,6 +240,23 @@ def test_differences_of_temperatures_are_not_shown_from_273_degrees_below() -> N
     assert "displayUnit" not in variables["dT"].attrib
 
 
+def test_a_state_that_is_the_derivative_of_another_is_not_declared_twice() -> None:
+    class Swing(gl.Component):
+        x = gl.Variable("any", start=1.0)
+
+        def equations(self) -> Any:
+            return [gl.Eq(gl.der(gl.der(self.x)), -self.x)]
+
+    made, exported, _ = described(Swing(), ["x"])
+    assert {order for _, order in exported.scene.states} == {0, 1}
+    root = ElementTree.fromstring(description_3(made))
+    names = {v.get("valueReference"): v.get("name") for v in root.findall("ModelVariables/*")}
+    derived = {v.get("name"): names[v.get("derivative")] for v in root.findall("ModelVariables/*") if v.get("derivative")}
+    assert derived == {"der(x)": "x", "der(x,2)": "der(x)"}
+    rates = [names[e.get("valueReference")] for e in root.findall("ModelStructure/ContinuousStateDerivative")]
+    assert sorted(map(str, rates)) == ["der(x)", "der(x,2)"]
+
+
 def test_places_are_whole_numbers_in_c_and_values_are_not() -> None:
     class Decay(gl.Component):
         x = gl.Variable("1", start=1.0)

@@ -13,6 +13,8 @@ from fmpy.fmi1 import FMICallException
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.fmi.exported_model import exported_model
+from gearlib.fmi.model_source import model_source
 from tests.fmi.fmu_instance import FmuInstance
 from tests.test_acceptance import RigidLoop
 
@@ -113,6 +115,12 @@ def test_start_value_that_is_given_holds(made: Callable[..., Any]) -> None:
     one.begin(**{free: 0.01})
     assert one.get(free) == [0.01]
     one.close()
+
+
+def test_equations_that_may_become_singular_are_named_by_their_parts() -> None:
+    exported = exported_model(gl.compile(Bound()).translation, None, None, None)
+    (said,) = {check for check in model_source(exported).checks if "singular" in check}
+    assert said == "the equations of gear, motor, wheel are singular with these parameters"
 
 
 @pytest.mark.parametrize(

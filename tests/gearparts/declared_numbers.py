@@ -52,16 +52,21 @@ LIKE_MODELICA: dict[str, dict[str, Any]] = {  # what it has not, like what it ha
     "Chirp": {"amplitude": 1, "offset": 0, "start_time": 0}, "Move": {"k": 10.0}, "AngleToTorqueAdaptor": {"k": 10.0},
     "DiscretePID": {"k": 1, "Ti": 0.5, "Td": 0, "wp": 1, "Ni": 0.9, "Nd": 10, "start_time": 0},
 }  # fmt: skip
+USUAL: dict[str, dict[str, Any]] = {  # of steel teeth and bearings, and of greased teeth
+    **{f"{kind}PlanetaryUnit": {"K_ring": 1e8, "K_sun": 1e8} for kind in ("Lumped", "Torsional")},
+    "TranslationalPlanetaryUnit": {"K_ring": 1e8, "K_sun": 1e8, **dict.fromkeys(("k_s", "k_r", "k_h", "k_p"), 1e9)},
+    **{f"Detailed{kind}Mesh": {"mu": 0.05, "v_smooth": 1e-3} for kind in ("External", "Internal")},
+}
 NOTHING = {  # errors, excitations, phases, and parts of a law that are there when they are given
     "e", "e_rate", "e_sun", "e_ring", "phase0", "c_phase", "c_amplitude", "c_3", "d_phi", "k_phi", "k_ring_phi", "phi_start", "w_start",
-    "a_start", "w_ref", "a_ref", "phi_rel0", "b",
+    "a_start", "w_ref", "a_ref", "phi_rel0", "b", "d", "d_sp", "d_rp", "C_ring", "C_sun",
 }  # fmt: skip
 SIZES = {"phi_rel": 1e-4, "s_rel": 1e-4, "w_rel": 1e-2, "v_rel": 1e-2}  # a vibration at 100 rad/s
 
 
 def misfits(kind: str, declared: Declared) -> Iterator[str]:
     """What a component of a kind declares otherwise than it should."""
-    usual = IN_MODELICA.get(kind, {}) | LIKE_MODELICA.get(kind, {})
+    usual = IN_MODELICA.get(kind, {}) | LIKE_MODELICA.get(kind, {}) | USUAL.get(kind, {})
     for name, parameter in declared.parameters.items():
         path = f"{kind}.{name}"
         physical = (0.0, math.inf) if parameter.unit in NOT_NEGATIVE else None

@@ -116,6 +116,8 @@ def given(text: str) -> dict[str, dict[str, Any]]:
          {"s": {"values": {"tau_nominal": 1}, "choices": {"reg": "cosine"}}}),
         ("parameter Boolean on = false; Components.Fixed f(phi0 = 1) if on; Components.Fixed g(phi0 = 2) if not on;",
          {"g": {"values": {"phi0": 2}}}),
+        ("Components.Fixed f(phi0 = 1) if p > 0 and p <= 0; Components.Fixed g(phi0 = 2) if p > 0 or p <= 0;",
+         {"g": {"values": {"phi0": 2}}}),
         ("Small s;", {"s.body": {"values": {"J": "k"}}}),
         ("Small s(k = 3, n = 4, on = false, level = Level.high, u = time);",
          {"s": {"values": {"k": 3, "u": "time"}, "choices": {"n": 4, "on": False, "level": "high"}}, "s.body": {"values": {"J": "k"}}}),
@@ -155,6 +157,12 @@ package P
   model Sets A a(x(start = 5)); end Sets;
   model Body Components.Inertia a(J = 1, w(start = 7)); end Body;
   model Wheel extends Components.Inertia(J = 1, w(start = 7)); end Wheel;
+  model Pair A a[2]; Components.Inertia b[2](each J = 1); end Pair;
+  connector Pin Real v; flow Real i; end Pin;
+  connector Live Real v(start = 2, fixed = true); flow Real i; end Live;
+  model Plug Pin p; equation der(p.v) = -p.v; end Plug;
+  model Hot Pin p(v(start = 7)); equation der(p.v) = -p.v; end Hot;
+  model Socket parameter Real k = 4; Live p; Pin q(v(start = k, fixed = true)); equation der(p.v) = -p.v; der(q.v) = -q.v; end Socket;
   model Started extends Components.Inertia(J = 1, w(start = 7, fixed = true)); end Started;
 """
 
@@ -171,6 +179,15 @@ package P
         ("F a(x(start = 8));", "a.x", 8), ("F a(x(nominal = 8));", "a.x", 3), ("Started b(w(start = 8));", "b.w", 8),
         ("F a(x(fixed = false)); initial equation a.x = 6;", "a.x", 6), ("A a(x(fixed = false)); initial equation a.x = 6;", "a.x", 6),
         ("F a(x(fixed = false, start = 8)); initial equation a.x = 6;", "a.x", 6),
+        ("Plug h(p(v(start = 8, fixed = true)));", "h.p.v", 8), ("Plug h(p(v(fixed = true)));", "h.p.v", 0),
+        ("Hot h(p(v(fixed = true)));", "h.p.v", 7), ("extends Hot(p(v(fixed = true)));", "p.v", 7),
+        ("extends Plug(p(v(start = 8, fixed = true)));", "p.v", 8), ("Socket s;", "s.p.v", 2), ("Socket s;", "s.q.v", 4),
+        ("Socket s(k = 6, p(v(start = 9, fixed = true)));", "s.p.v", 9), ("Socket s(k = 6);", "s.q.v", 6),
+        ("Pair d(a(x(start = {8, 9}, each fixed = true)));", "d.a[1].x", 9), ("Pair d(a(each x(fixed = true)));", "d.a[1].x", 3),
+        ("Pair d[2](a(x(start = {{6, 7}, {8, 9}}, each fixed = true)));", "d[1].a[0].x", 8),
+        ("Pair d[2](each a(x(start = {6, 7}, fixed = {true, true})));", "d[0].a[1].x", 7),
+        ("Pair d(b(each w(start = k, fixed = true))); parameter Real k = 8;", "d.b[0].w", 8),
+        ("Pair d(b(each flange_a(phi(start = 8, fixed = true))));", "d.b[1].phi", 8),
         ("Started b(w(fixed = false)); initial equation b.w = 6;", "b.w", 6),
     ],
 )  # fmt: skip
@@ -297,6 +314,14 @@ def test_a_redeclaration_at_any_depth_means_a_class_of_where_it_is_written(used:
     assert [e.right for e in equations_of(found["d.c.s"])] == [real_symbol("k") + 30]
 
 
+@pytest.mark.parametrize(("used", "size"), [("redeclare B s", 2), ("redeclare B s[2]", 2), ("redeclare B s[3]", 3)])
+def test_a_redeclared_array_has_the_size_of_the_first_unless_it_states_its_own(used: str, size: int) -> None:
+    found = parts(f"C c({used});", f"{REDECLARED} model C replaceable A s[2]; end C;")
+    assert {name: equations_of(part)[0].right for name, part in found.items() if ".s" in name} == {
+        f"c.s[{k}]": real_symbol("k") + 20 for k in range(size)
+    }
+
+
 @pytest.mark.parametrize("used", ["redeclare model S = B, m = 4", "m = 4, redeclare model S = B"])
 def test_values_stand_before_or_behind_a_redeclaration(used: str) -> None:
     found = parts(f"C c({used});", f"{REDECLARED} model C parameter Real m = 1; replaceable model S = A; S s; end C;")
@@ -316,6 +341,8 @@ def test_values_stand_before_or_behind_a_redeclaration(used: str) -> None:
         ("Small s(x = 3);", "'x' is a variable of a part; an equation gives its value"),
         ("Small s(x(begin = 3));", "'begin' is not an attribute of a variable; "),
         ("Small s(body(I = 3));", "Inertia has no 'I' that can be modified; "),
+        ("Pin q(w(start = 3));", "'q' has no 'w'; "),
+        ("Pin q(v(begin = 3));", "'begin' is not an attribute of a variable; "),
         ("Small s(pin(w(start = 3)));", "'pin' has no 'w'; "),
         ("Components.Inertia i(flange_a(psi(fixed = true)));", "'flange_a' has no 'psi'; did you mean 'phi'?"),
         ("Components.Inertia i(I = 3);", "Inertia has no 'I' that can be modified; "),

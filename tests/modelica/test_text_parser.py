@@ -343,6 +343,8 @@ def test_places_are_where_constructs_begin() -> None:
         ("model M Real x = f(a §b); end M;", "')'"),
         ("model M Real x = a[1]§(b); end M;", "an operator"),
         ("model M Real x = a[1 §2]; end M;", "']'"),
+        ('model M Real x "a" §+ ; end M;', "';'"),
+        ('model M Real x "a" + "b" §+ 1; end M;', "';'"),
     ],
 )
 def test_what_is_expected_where(text: str, expected: str) -> None:

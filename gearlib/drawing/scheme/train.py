@@ -153,7 +153,7 @@ def _symbol(part: Outline, path: str, on: list[tuple[str, int]]) -> Symbol | Non
         radii = TYPICAL if icon == "planetary" else (1.0, 1.0) if len(radii) == 2 else (-1.0,)
     if icon == "planetary" and {"sun", "carrier", "ring"} <= set(names):
         by_name = dict(on)
-        ratio = radii[1] / radii[0] if len(radii) == 2 else radii[0] if radii else TYPICAL[0]
+        ratio = (radii or TYPICAL)[-1]  # or the ring's radius, which is positive
         sizes = radii if len(radii) == 2 else (1.0, abs(ratio))
         three = ("sun", "carrier", "ring")
         kind = "planetary" if ratio > 0 else "double_planetary"

@@ -852,3 +852,23 @@ def test_a_curve_s_extreme_may_be_at_rest() -> None:
     assert extremes(rows, 1, "akima") == pytest.approx((least, 3.0), rel=1e-14)
     assert extremes(((-3.0, 3.0), *rows[1:]), 1, "linear") == (1.0, 3.0)
     assert extremes(((0.0, 2.0), (1.0, 1.0)), 1, "akima") == (1.0, 2.0)
+
+
+@pytest.mark.parametrize("on_flange", [False, True])
+def test_the_angle_of_a_bearing_is_that_of_its_shaft_in_the_housing(on_flange: bool) -> None:
+    class Mounted(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.shaft = gp.Torque(tau=3.0), gp.Inertia(J=1.0, start={"phi": 0.5})
+            self.bearing = gp.BearingFriction(tau_pos=((0.0, 0.5), (1.0, 0.5)), use_support=on_flange)
+            self.housing = gp.Inertia(J=2.0, start={"phi": 0.25})
+            connected = [gl.connect(self.bearing.support, self.housing.flange_a)] if on_flange else []
+            return [
+                gl.connect(self.drive.flange, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.bearing.flange_a),
+                *connected,
+            ]
+
+    result = gl.simulate(Mounted(), 0.5, samples=6, rtol=1e-9)
+    t = result.time
+    housing = 0.25 + 0.5 / 2.0 * t**2 / 2 if on_flange else 0.0  # the friction slides from the start
+    assert result["bearing.phi"] == pytest.approx(0.5 + 2.5 * t**2 / 2 - housing, rel=1e-8)
