@@ -135,20 +135,21 @@ class PartMaker:
         """Attributes of a variable, and what of them is left to its class, which has those of ``before``: whether its start is fixed."""
         inner = dict(by_name(m.inner))
         left: dict[str, Modification] = {}
+        (own,) = m.name
         if isinstance(declared, Connector) and m.value is None:
             for name, further in inner.items():
                 stated = by_name(before[name].inner) if name in before else {}
                 left |= self._variable(f"{path}.{name}", variable_of(declared, path, name, m), further, given, stated)
-            return {m.name[0]: replace(m, inner=tuple(left.values()))} if left else {}
+            return {own: replace(m, inner=tuple(left.values()))} if left else {}
         if self.in_array and m.value is None:
             check_attributes(inner)
             within = (self._given_within((*path.split("."), n), v, n != "start", given, False) for n, v in inner.items())
-            return {m.name[0]: replace(m, inner=tuple(within))}
+            return {own: replace(m, inner=tuple(within))}
         if isinstance(declared, Variable) and m.value is None:
             if "fixed" in inner:
                 fixed = self._attribute(inner["fixed"])
                 if not (fixed and "start" in inner):
-                    left = {m.name[0]: replace(m, inner=(replace(inner.pop("fixed"), value=TruthNode(m.at, fixed)),))}
+                    left = {own: replace(m, inner=(replace(inner.pop("fixed"), value=TruthNode(m.at, fixed)),))}
             elif "start" in inner and "fixed" in before and isinstance(before["fixed"].value, TruthNode):
                 inner["fixed"] = before["fixed"]
             m = replace(m, inner=tuple(inner.values()))

@@ -105,6 +105,7 @@ def given(text: str) -> dict[str, dict[str, Any]]:
         ("Small s(body(J = abs(p - 9)), torque(tau = abs(time - 1)));",  # a parameter does not pass through zero
          {"s": {"values": {"body__J": "Abs(p - 9)", "torque__tau": "no_event(Abs(time - 1))"}},
           "s.body": {"values": {"J": "body__J"}}, "s.torque": {"values": {"tau": "torque__tau"}}}),
+        ("Components.Inertia i(w(start = abs(p - 9)));", {"i": {"guess": {"w": "Abs(p - 9)"}}}),
         ("Components.Fixed f[3](phi0 = {1, 2, 3});", {f"f[{k}]": {"values": {"phi0": k + 1}} for k in range(3)}),
         ("Components.Fixed f[2](each phi0 = 4);", {f"f[{k}]": {"values": {"phi0": 4}} for k in range(2)}),
         ("Components.Fixed f[0](each phi0 = 4);", {}),
