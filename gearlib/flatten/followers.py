@@ -7,6 +7,7 @@ of a mesh or with time.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ def products_in_time(model: FlatModel, parameters: Floats) -> list[str]:
     if not any(rows.any() for rows in swing.values()):
         return []
     open_ = np.zeros(model.n_variables, bool)
-    open_[[determined(model, f) for f in followers_of(model, parameters, open_, swing)[0]]] = True
+    open_[[determined(model, f) for f in followers_of(model, parameters, open_, swing).order]] = True
     found: dict[str, None] = {}
     count = np.bincount(np.concatenate([group.variables.ravel() for group in model.groups]), minlength=len(open_))
     alone = (count == 1) & ~model.flow & ~model.potential & (model.sign != 0)  # such as a loss that nothing depends on
@@ -51,21 +52,26 @@ def nonlinear_terms(template: Template) -> tuple[tuple[str, int, frozenset[Colum
     return tuple(pairs)
 
 
+@dataclass(frozen=True, eq=False)
+class Followers:
+    """Equations that determine a variable each, in ``order``; and of all variables, which ``turn`` and which are ``constant``."""
+
+    order: list[Follower]
+    turn: NDArray[np.bool_]
+    constant: NDArray[np.bool_]
+
+
 def followers_of(
     model: FlatModel, parameters: Floats, moved: NDArray[np.bool_], swing: Mapping[int, NDArray[np.bool_]] | None = None
-) -> tuple[list[Follower], NDArray[np.bool_]]:
-    """Equations that determine a variable from those that ``moved`` and from each other, in this order; or that ``swing`` by themselves.
+) -> Followers:
+    """Equations that determine a variable from those that ``moved`` and from each other, or that ``swing`` by themselves.
 
     Where all else of an equation is known to follow or to be constant, it determines what is left. Speeds that follow from torques are
     never known so; then an equation is taken as it is written, for its only variable with the coefficient 1 or -1. Angles turn at
-    constant speeds, unless a speed that swings with time is prescribed; so does what is linear in what ``moved``, the second result.
+    constant speeds, unless a speed that swings with time is prescribed; so does what is linear in what ``moved``.
     """
     n = model.n_variables
-    differentiated, rates = np.zeros(n, bool), np.zeros(n, bool)
-    for group in model.groups:
-        if any(order for _, order in group.template.columns):
-            for name, order in group.template.columns:
-                (differentiated if order else rates)[group.variables[:, place_of(group.template, name)]] = True
+    differentiated, rates = with_rates(model)
     deflections, turns = differentiated & ~rates, moved.copy()
     never = model.flow if swing is not None else model.flow | model.potential
     found: list[Follower] = []
@@ -104,7 +110,17 @@ def followers_of(
             linear = {x: f for x, f in fresh.items() if model.groups[f[0]].template.linear and swing is None}
             turns[[x for x, f in linear.items() if (turns | constant)[others_of(model, f)].all()]] = True
         else:
-            return found, turns
+            return Followers(found, turns, constant)
+
+
+def with_rates(model: FlatModel) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which variables have a rate in an equation, and which stand in one beside a rate."""
+    differentiated, beside = np.zeros((2, model.n_variables), bool)
+    for group in model.groups:
+        if any(order for _, order in group.template.columns):
+            for name, order in group.template.columns:
+                (differentiated if order else beside)[group.variables[:, place_of(group.template, name)]] = True
+    return differentiated, beside
 
 
 @memoised

@@ -10,7 +10,7 @@ torques require.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -31,6 +31,7 @@ from gearlib.flatten.followers import (
     place_of,
     rates_of,
     slopes_of,
+    with_rates,
 )
 from gearlib.flatten.model import EquationGroup, FlatModel
 
@@ -97,15 +98,23 @@ def mean(
     return np.asarray(_through(model, kernel, g, group, parameters, a, b, discrete, over).mean(axis=1), float)
 
 
-def repeating_columns(
-    model: FlatModel, parameters: Floats, a: Floats, b: Floats, discrete: Floats
-) -> dict[int, dict[int, NDArray[np.bool_]]]:
+@dataclass(frozen=True, eq=False)
+class Periodic:
+    """Which equations of a group repeat every turn of a column, and which ``grow`` by the same amount, as ``x + sin(x)`` does."""
+
+    turns: NDArray[np.bool_]
+    grow: NDArray[np.bool_]
+
+
+def periodic_columns(
+    model: FlatModel, parameters: Floats, a: Floats, b: Floats, discrete: Floats, still: NDArray[np.bool_]
+) -> dict[int, dict[int, Periodic]]:
     """Columns, by group of equations, in which these repeat every turn: phases of meshes, angles of universal joints.
 
-    With each column, which of the group's equations grow by the same amount in every turn, as ``x + sin(x)`` does for an angle; the
-    others are periodic. The other variables get arbitrary values, so that none of them hides a dependence on the phase.
+    The other variables get arbitrary values, so that none of them hides a dependence on the phase. What stands ``still`` does not turn,
+    nor by itself does what follows from phases or from numbers, as ``x`` in ``x = 0.5 sin(phase)``.
     """
-    found = {}
+    grow: dict[int, dict[int, NDArray[np.bool_]]] = {}
     elsewhere = generic(a)
     for g, group in enumerate(model.groups):
         if group.template.linear:
@@ -114,7 +123,23 @@ def repeating_columns(
             c: _repeats(model, g, group, c, parameters, elsewhere, b, discrete) for c in nonlinear_columns(group.template)
         }
         if repeating := {c: grows for c, grows in columns.items() if grows is not None}:
-            found[g] = repeating
+            grow[g] = repeating
+    angles = np.zeros(model.n_variables, bool)
+    for g, repeating in grow.items():
+        for c in repeating:
+            angles[model.groups[g].variables[:, column_place(model.groups[g].template, c)]] = True
+    angles &= ~still
+    free, followers = angles & (model.potential | with_rates(model)[0]), np.zeros_like(angles)
+    if (angles & ~free).any():
+        known = followers_of(model, parameters, free)
+        followers[[determined(model, f) for f in known.order]] = True
+        angles &= ~known.constant
+    found: dict[int, dict[int, Periodic]] = {}
+    for g, repeating in grow.items():
+        for c, grows in repeating.items():
+            own = model.groups[g].variables[:, column_place(model.groups[g].template, c)]
+            if angles[own].any():
+                found.setdefault(g, {})[c] = Periodic((angles & ~followers)[own], grows)
     return found
 
 
@@ -143,23 +168,26 @@ def _repeats(
     if varies <= REPEATS * float(np.abs(values).max()) or np.abs(values[3] - values[2] - growth).max() > REPEATS * varies:
         return None
     grows = np.asarray(np.abs(growth) > REPEATS * varies, bool)
-    return grows if model.potential[places].all() or not grows.any() else None  # a force far from zero equals its magnitude
+    turns = model.potential[places] | (b[places] != 0.0)
+    return grows if turns.all() or not grows.any() else None  # a force far from zero equals its magnitude
 
 
 def turn(
-    model: FlatModel, parameters: Floats, repeating: Mapping[int, Iterable[int]], a: Floats, b: Floats, discrete: Floats
+    model: FlatModel, parameters: Floats, periodic: Mapping[int, Mapping[int, Periodic]], a: Floats, b: Floats, discrete: Floats
 ) -> Turn | None:
     """Variation of phase-dependent variables over a common period; each value has the same mean as in the motion."""
     n = model.n_variables
     phases = [
-        model.groups[g].variables[:, column_place(model.groups[g].template, c)] for g, found in repeating.items() for c in found
-    ]
+        model.groups[g].variables[column.turns, column_place(model.groups[g].template, c)]
+        for g, columns in periodic.items() for c, column in columns.items()
+    ]  # fmt: skip
     if not phases:
         return None
     seeds = np.unique(np.concatenate(phases))
     place = np.full(n, -1, np.int64)
     place[seeds] = np.arange(len(seeds))
-    followers, turns = followers_of(model, parameters, place >= 0)
+    known = followers_of(model, parameters, place >= 0)
+    followers, turns = known.order, known.turn
     steps = _steps(model, seeds, followers, b)
     points = PARTS if (steps == 1).all() else MIXED
     angle = 2 * np.pi * ((np.arange(points) + 0.5) / points - 0.5)

@@ -31,6 +31,7 @@ from gearlib.statics.power_flow import FlangePower, PowerFlow
 from gearlib.statics.steady_motion import (
     CONTRADICTION,
     REST,
+    UNDETERMINED,
     VALUE,
     Given,
     Motion,
@@ -46,7 +47,6 @@ from gearlib.statics.steady_motion import (
 Floats = NDArray[np.float64]
 SAME = 1e-6  # relative to the fastest speed: motions that differ by less are equal
 MOST_JUDGED = 100  # states of a linear train whose stability is worth a search for its steady state
-UNDETERMINED = 1e-8  # of a scaled free motion of about 1; such motions are accurate to about 1e-13
 
 
 def power_flow(

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_kernel
 from gearlib.errors import ArgumentError
+from gearlib.flatten.followers import column_place
 from gearlib.flatten.model import FlatModel
 from gearlib.flatten.time_means import off_mean
 from gearlib.language.declarations import Flow
 from gearlib.language.units import SECOND
 from gearlib.program.newton import Correction, newton
-from gearlib.statics.mesh_turn import Turn, apply, generic, mean, nonlinear_columns, repeating_columns, turn
+from gearlib.statics.mesh_turn import Periodic, Turn, apply, generic, mean, nonlinear_columns, periodic_columns, turn
 from gearlib.structure.sparse_elimination import Factors, factorise
 
 Floats = NDArray[np.float64]
@@ -30,6 +31,7 @@ CONTRADICTION = 1e-8  # relative residual of an equation that cannot be satisfie
 ROUNDING = 1e-13  # of a row's largest coefficient, in equations that are not linear
 YIELDS = 1e-20  # relative: smaller terms only make the torque that holds a speed an unknown of its equation
 REST = 1e-9  # rad/s or m/s: below it a train stands still, and its speeds are rounding
+UNDETERMINED = 1e-8  # of a scaled free motion of about 1; such motions are accurate to about 1e-13
 LONGEST = 20  # values that follow one from another without torques
 SPEED, VALUE = 1, 0
 
@@ -53,6 +55,7 @@ class MotionEquations:
     kinematic: NDArray[np.bool_]  # rows without torques
     owner: Callable[[int], str]  # path of the component that a row comes from
     sizes: Floats  # of the unknowns, see `unit_sizes`
+    turning: NDArray[np.bool_]  # variables over whose turn the equations are averaged
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +90,10 @@ class MatrixAssembly:
 
 
 def assemble(
-    model: FlatModel, parameters: Floats, given: Sequence[Given], a: Floats, b: Floats, discrete: Floats
-) -> MotionEquations:
-    """Equations of a steady motion, linearised about ``a + b t``.
+    model: FlatModel, parameters: Floats, given: Sequence[Given], a: Floats, b: Floats, discrete: Floats,
+    still: NDArray[np.bool_] | None = None,
+) -> MotionEquations:  # fmt: skip
+    """Equations of a steady motion, linearised about ``a + b t``, in which some variables are known to stand ``still``.
 
     Sinusoids of time count with their mean, other functions of time with their value at 0.
     """
@@ -99,14 +103,14 @@ def assemble(
     kinematic: list[NDArray[np.bool_]] = []
     linear: list[NDArray[np.bool_]] = []
     writers: list[tuple[int, Integers]] = []  # group, and the row in it of each line
-    repeating = repeating_columns(model, parameters, a, b, discrete)
-    over = turn(model, parameters, repeating, a, b, discrete)
+    periodic = periodic_columns(model, parameters, a, b, discrete, np.zeros(n, bool) if still is None else still)
+    over = turn(model, parameters, periodic, a, b, discrete)
     replaced = np.array([g.variable for g in given if g.order == VALUE], np.int64)
     for g, group in enumerate(model.groups):
         keep = np.arange(len(group))
         if group.template.binds:
             keep = np.flatnonzero(~np.isin(group.variables[:, group.template.locals.index("bound")], replaced))
-        value, torques = _group(model, entries, g, keep, parameters, a, b, discrete, repeating.get(g, {}), over)
+        value, torques = _group(model, entries, g, keep, parameters, a, b, discrete, periodic.get(g, {}), over)
         rest.append(value)
         kinematic += [~torques, np.ones(len(keep), bool)]
         linear.append(np.full(2 * len(keep), group.template.linear))
@@ -133,7 +137,11 @@ def assemble(
     matrix = entries.matrix(2 * n)
     units = np.concatenate([model.exponents, model.exponents - np.array(SECOND, float)])
     sizes = unit_sizes(matrix, units, np.concatenate(linear))
-    return MotionEquations(matrix, np.concatenate(rest), np.concatenate(kinematic), owner, sizes)
+    turning = np.zeros(n, bool)
+    for g, columns in periodic.items():
+        for c, column in columns.items():
+            turning[model.groups[g].variables[column.turns, column_place(model.groups[g].template, c)]] = True
+    return MotionEquations(matrix, np.concatenate(rest), np.concatenate(kinematic), owner, sizes, turning)
 
 
 def unit_sizes(matrix: Any, exponents: Floats, linear: NDArray[np.bool_]) -> Floats:
@@ -162,7 +170,7 @@ def unit_sizes(matrix: Any, exponents: Floats, linear: NDArray[np.bool_]) -> Flo
 
 def _group(
     model: FlatModel, entries: MatrixAssembly, g: int, keep: Integers, parameters: Floats, a: Floats, b: Floats, discrete: Floats,
-    repeating: Mapping[int, NDArray[np.bool_]], over: Turn | None,
+    periodic: Mapping[int, Periodic], over: Turn | None,
 ) -> tuple[Floats, NDArray[np.bool_]]:  # fmt: skip
     """Rows of one group: constant parts, then growing parts. Returns the residuals, and the mask of rows with torques."""
     group, n, count = model.groups[g], model.n_variables, len(keep)
@@ -170,28 +178,32 @@ def _group(
     torques, growth, rows = np.zeros(len(group), bool), np.zeros(len(group)), np.arange(count)
     own = {c: group.variables[:, template.locals.index(name)] for c, (name, _) in enumerate(template.columns)}
     angles = [c for c in nonlinear_columns(template) if model.potential[own[c]].any()]
-    turns = template.linear or (repeating and all(c in repeating for c in angles))
+    turns = template.linear or (periodic and all(c in periodic for c in angles))
     for c, (name, order) in enumerate(template.columns):
         j, v = template.locals.index(name), own[c]
         slope = mean(model, partial_kernel(template, c), g, group, parameters, a, b, discrete, over)
         p = np.where(np.isfinite(slope), slope * group.signs[:, j], 0.0)
         if not turns:
             p = np.where(model.potential[v] & (order == 0), 0.0, p)  # frozen at the angle
-        if c in repeating:
-            p = np.where(repeating[c], p, 0.0)  # periodic terms do not grow
+        grows = p
+        if c in periodic:
+            grows = np.where(periodic[c].grow, p, 0.0)  # periodic terms do not grow
+            p = np.where(periodic[c].turns, grows, p)
         if order < 2:
             entries.put(rows, v[keep] + order * n, p[keep])
         if order == 0:
-            if c in partial_kernel(template, c).columns and c not in repeating and not p.all():
+            if c in partial_kernel(template, c).columns and c not in periodic and not p.all():
                 deflected = a.copy()
                 deflected[v] = generic(a)[v]
                 elsewhere = (
                     apply(model, partial_kernel(template, c), g, group, parameters, deflected, b, discrete) * group.signs[:, j]
                 )
                 hardens = (p == 0) & np.isfinite(elsewhere) & ~model.potential[v]
-                p = np.where(hardens, elsewhere, p)  # a spring without stiffness at rest: its deflection may not grow, either
-            entries.put(rows + count, v[keep] + n, p[keep])
-            growth += p * b[v]
+                grows = p = np.where(
+                    hardens, elsewhere, p
+                )  # a spring without stiffness at rest: its deflection may not grow, either
+            entries.put(rows + count, v[keep] + n, grows[keep])
+            growth += grows * b[v]
             torques |= model.flow[v] & (p != 0)
             absent = (group.signs[:, j] == 0) & (slope != 0)
             if absent.any():
@@ -265,14 +277,36 @@ def speeds_near(model: FlatModel, parameters: Floats, given: Sequence[Given], ne
 
 
 def motion_from(model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floats) -> Motion:
-    """Newton's method for the unknowns, inside an iteration for the discrete state (such as the driving side of a lossy gear)."""
+    """Newton's method for the unknowns, inside an iteration for the discrete state (such as the driving side of a lossy gear).
+
+    Nothing is averaged over the turn of an angle that turns out to stand still, at a place that the equations determine, or of one that
+    must stand still, as that of a coupling whose mean torque over a turn is zero.
+    """
+    n = model.n_variables
+    still, begin = np.zeros(n, bool), x
+    while True:
+        motion, turning = _settled(model, parameters, given, x, still)
+        if (motion.residual > CONTRADICTION).any():
+            standing, x = turning & ~model.potential, begin
+        else:
+            known = (motion.undetermined.reshape(2, n) <= UNDETERMINED).all(axis=0)
+            standing, x = turning & known & (np.abs(motion.rates) <= REST), np.concatenate([motion.constants, motion.rates])
+        if not standing.any():
+            return motion
+        still |= standing
+
+
+def _settled(
+    model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floats, still: NDArray[np.bool_]
+) -> tuple[Motion, NDArray[np.bool_]]:
+    """The motion in which some variables stand ``still``, and those over whose turn its equations are averaged."""
     n = model.n_variables
     discrete = settled_discrete(model, parameters, x[:n], x[n:]) if x.any() else model.initial_discrete()
     last: Factors | None = None
 
     def equations(x: Floats) -> tuple[Floats, Correction]:
         nonlocal last
-        rows = assemble(model, parameters, given, x[:n], x[n:], discrete)
+        rows = assemble(model, parameters, given, x[:n], x[n:], discrete, still)
         last = _factors(rows, last)
         return rows.residual, last.solve
 
@@ -286,10 +320,11 @@ def motion_from(model: FlatModel, parameters: Floats, given: Sequence[Given], x:
         if (new == discrete).all():
             break
         discrete = new
-    rows = assemble(model, parameters, given, x[:n], x[n:], discrete)
+    rows = assemble(model, parameters, given, x[:n], x[n:], discrete, still)
     factors = _factors(rows, last)
     contradiction = factors.contradiction(rows.residual, x)
-    return Motion(x[:n], x[n:], factors.undetermined, contradiction, factors, rows.owner, discrete)
+    motion = Motion(x[:n], x[n:], factors.undetermined, contradiction, factors, rows.owner, discrete)
+    return motion, rows.turning
 
 
 def _factors(rows: MotionEquations, last: Factors | None) -> Factors:

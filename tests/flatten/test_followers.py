@@ -118,7 +118,8 @@ def test_what_follows_from_a_phase(kind: str) -> None:
         return [int(model.representative[model.variable(name)]) for name in names]
 
     moved = np.arange(model.n_variables) == model.variable("p")
-    found, turns = followers_of(model, model.parameters.defaults, moved)
+    known = followers_of(model, model.parameters.defaults, moved)
+    found, turns = known.order, known.turn
     assert [determined(model, f) for f in found] == of(expected)
     assert sorted(np.flatnonzero(turns)) == sorted(of(turning))
     for follower in found:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+from scipy.special import j0, j1
 
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ModelError
-from gearlib.statics.mesh_turn import nonlinear_columns, repeating_columns
+from gearlib.statics.mesh_turn import nonlinear_columns, periodic_columns
 
 Law = Callable[[Any, Any, Any], Any]  # of y = sin(phase), z = 1 + 2 w y and w
 
@@ -335,19 +338,139 @@ def test_what_repeats_in_every_turn_is_found() -> None:
     model = translation.structure.complete
     rng = np.random.default_rng(0)
     a, b = rng.normal(size=(2, model.n_variables)) + 50.0
-    repeating = repeating_columns(model, translation.parameter_values({}), a, b, model.initial_discrete())
+    nothing = np.zeros(model.n_variables, bool)
+    periodic = periodic_columns(model, translation.parameter_values({}), a, b, model.initial_discrete(), nothing)
     found: dict[str, bool | None] = dict.fromkeys(COURSES)
     angle = model.variable("body.phi")
-    for g, columns in repeating.items():
+    for g, columns in periodic.items():
         group = model.groups[g]
-        for c, grows in columns.items():
+        for c, column in columns.items():
             name, order = group.template.columns[c]
             assert order == 0
             assert (group.variables[:, group.template.locals.index(name)] == model.representative[angle]).all()
-            for i, each in enumerate(grows.tolist()):
+            assert column.turns.all()
+            for i, each in enumerate(column.grow.tolist()):
                 found[list(COURSES)[int(model.owner(g, i).removeprefix("each[").removesuffix("]"))]] = each
     assert found == {course: grows for course, (_, grows) in COURSES.items()}
     for group in model.groups:
         names = [group.template.columns[c][0] for c in nonlinear_columns(group.template)]
         assert all(name.endswith(("phi", "r")) for name in names)
         assert bool(names) == (not group.template.linear)
+
+
+class Sinusoidal(gl.Component):
+    """A load of 1 N.m times a function of what follows from a phase of three turns for each of the shaft, or from a number."""
+
+    flange = gp.Flange("shaft")
+    law = gl.Structural("constant")
+    alpha, phase, x = gl.Parameter("rad", default=0.5), gl.Variable("rad"), gl.Variable("rad")
+    n = gl.Parameter("N.m", default=1.0)
+
+    def equations(self) -> list[Any]:
+        followed, torque = {
+            "constant": (self.alpha, 3 + 2 * gl.sin(self.x)),
+            "bounded": (self.alpha * gl.sin(self.phase), gl.cos(self.x)),
+            "its square": (self.alpha * gl.sin(self.phase), gl.cos(self.x) ** 2),
+            "a ramp with a ripple": (self.phase + self.alpha * gl.sin(self.phase), gl.cos(self.x)),
+            "twice": (2 * self.phase, gl.cos(self.x) * gl.cos(self.phase) ** 2),
+            "the phase": (self.phase, 3 + 2 * gl.sin(self.x)),
+        }[self.law]
+        turns = gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi))
+        return [turns, gl.Eq(self.x, followed), gl.Eq(self.flange.tau, self.n * torque)]
+
+
+MEANS = {
+    "constant": 3 + 2 * math.sin(0.5), "bounded": j0(0.5), "its square": (1 + j0(1.0)) / 2, "a ramp with a ripple": -j1(0.5),
+    "twice": 0.25, "the phase": 3.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("law", MEANS)
+def test_what_follows_from_a_phase_or_a_number_does_not_turn_by_itself(law: str) -> None:
+    """Means over a turn as integrals of Bessel, of two such loads: the number of the second has the other sign."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body = gp.Torque(), gp.Inertia(J=1.0)
+            self.loads = [
+                Sinusoidal(law=law),
+                Sinusoidal(law=law, **({} if law in ("twice", "the phase") else {"alpha": -0.5})),
+            ]
+            return [gl.connect(self.drive.flange, self.body.flange_a, *(load.flange for load in self.loads))]
+
+    flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": 5.0})
+    other = {"constant": 3 - 2 * math.sin(0.5), "a ramp with a ripple": j1(0.5)}.get(law, MEANS[law])
+    assert flow["loads[0].flange"].torque == pytest.approx(MEANS[law], abs=1e-9)
+    assert flow["loads[1].flange"].torque == pytest.approx(other, abs=1e-9)
+    assert flow["drive.flange"].torque == pytest.approx(-MEANS[law] - other, abs=1e-9)
+
+
+class Leaning(gl.Component):
+    """A load that depends on its angle, as that of a pendulum."""
+
+    flange, n = gp.Flange("shaft"), gl.Parameter("N.m", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange.tau, self.n * (3 + 2 * gl.sin(self.flange.phi)))]
+
+
+@pytest.mark.parametrize("c", [math.inf, 100.0, 5.0])
+def test_an_angle_that_stands_still_is_not_averaged(c: float) -> None:
+    """At 0.3 rad on the ground, or behind a spring; beside another one on a shaft that turns."""
+
+    class Held(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.ground, self.leaning, self.drive = gp.Fixed(phi0=0.3), Leaning(), gp.Torque()
+            self.body, self.turned = gp.Inertia(J=1.0), Leaning()
+            links = [gl.connect(self.drive.flange, self.body.flange_a, self.turned.flange)]
+            if math.isinf(c):
+                return [*links, gl.connect(self.ground.flange, self.leaning.flange)]
+            self.spring = gp.Spring(c=c)
+            return [
+                *links, gl.connect(self.ground.flange, self.spring.flange_a),
+                gl.connect(self.spring.flange_b, self.leaning.flange),
+            ]  # fmt: skip
+
+    flow = gl.power_flow(gl.compile(Held()), speeds={"body.w": 5.0})
+    angle = 0.3 if math.isinf(c) else brentq(lambda phi: c * (phi - 0.3) + 3 + 2 * math.sin(phi), -2.0, 1.0, xtol=1e-14)
+    assert flow["leaning.flange"].torque == pytest.approx(3 + 2 * math.sin(angle), rel=1e-9)
+    assert flow["ground.flange"].torque == pytest.approx(-3 - 2 * math.sin(angle), rel=1e-9)
+    assert flow["turned.flange"].torque == pytest.approx(3.0, rel=1e-9)
+
+
+class Magnetic(gl.Component):
+    """A coupling whose torque is a sinusoid of its twist."""
+
+    a, b, twist = gp.Flange("one end"), gp.Flange("other end"), gl.Variable("rad", "twist")
+    most = gl.Parameter("N.m", "pull-out torque")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.twist, self.b.phi - self.a.phi),
+            gl.Eq(self.b.tau, self.most * gl.sin(self.twist)),
+            gl.Eq(self.a.tau, -self.b.tau),
+        ]
+
+
+@pytest.mark.parametrize("most", [10.0, 4.5, -5.0, 3.5])
+def test_a_twist_that_must_stand_still_holds_the_torque_up_to_that_of_pulling_out(most: float) -> None:
+    class Driven(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.motor, self.coupling = gp.Torque(), Magnetic(most=most)
+            self.load = gp.LinearSpeedDependentTorque(tau_nominal=-4.0, w_nominal=5.0)
+            self.body, self.other = gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+            return [
+                gl.connect(self.motor.flange, self.body.flange_a),
+                gl.connect(self.body.flange_b, self.coupling.a),
+                gl.connect(self.coupling.b, self.other.flange_a),
+                gl.connect(self.other.flange_b, self.load.flange),
+            ]
+
+    system = gl.compile(Driven())
+    if abs(most) < 4.0:
+        with pytest.raises(gl.GearlibError, match="no steady motion"):
+            gl.power_flow(system, speeds={"other.w": 5.0})
+        return
+    flow = gl.power_flow(system, speeds={"other.w": 5.0})
+    assert [flow[f"coupling.{end}"].torque for end in "ab"] == pytest.approx([4.0, -4.0], rel=1e-9)
+    assert flow["motor.flange"].power == pytest.approx(-20.0, rel=1e-9)

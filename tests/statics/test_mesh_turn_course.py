@@ -14,7 +14,7 @@ from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_k
 from gearlib.errors import InputWarning, ModelError
 from gearlib.flatten.model import FlatModel
 from gearlib.statics import mesh_turn
-from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, repeating_columns, steps_of, turn
+from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, periodic_columns, steps_of, turn
 
 COUNT = 32  # points of a turn
 
@@ -72,8 +72,9 @@ class Course:
         self.discrete = np.arange(1.0, 1.0 + len(model.initial_discrete())) % 2
         first = model.n_relations
         self.discrete[first : first + len(model.discretes)] = 11.0 + np.arange(len(model.discretes))
-        self.repeating = repeating_columns(model, numbers, self.a, self.b, self.discrete)
-        found = turn(model, numbers, self.repeating, self.a, self.b, self.discrete)
+        still = np.zeros(model.n_variables, bool)
+        periodic = periodic_columns(model, numbers, self.a, self.b, self.discrete, still)
+        found = turn(model, numbers, periodic, self.a, self.b, self.discrete)
         assert found is not None
         self.over: Turn = found
 

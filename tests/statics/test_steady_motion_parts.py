@@ -47,7 +47,7 @@ def test_rows_on_which_an_unknown_depends_are_those_that_hang_together() -> None
     matrix = sparse.csr_matrix(table)
     matrix.data[4] = 0.0  # in the third row, at the third unknown
     kinematic = np.array([True, True, True, False, True, True])
-    rows = MotionEquations(matrix, np.zeros(6), kinematic, str, np.ones(6))
+    rows = MotionEquations(matrix, np.zeros(6), kinematic, str, np.ones(6), np.zeros(3, bool))
     for wanted, chosen in (([0], [0, 1]), ([2], [0, 1]), ([3], [2]), ([4], [4]), ([5], [5]), ([1, 5], [0, 1, 5])):
         factors, found = steady_motion.connected(rows, np.array(wanted))
         assert found.tolist() == chosen, wanted
