@@ -171,7 +171,8 @@ def rates_of(group: EquationGroup) -> Integers:
 
 
 def column_place(template: Template, c: int) -> int:
-    return place_of(template, template.columns[c][0])
+    """Place of a column, or of one that only conditions hold (numbered behind the columns), among the locals."""
+    return place_of(template, (*template.columns, *template.relation_columns)[c][0])
 
 
 def place_of(template: Template, name: str) -> int:

@@ -119,8 +119,11 @@ def periodic_columns(
     for g, group in enumerate(model.groups):
         if group.template.linear:
             continue
+        template = group.template
+        compared = [len(template.columns) + k for k, (_, order) in enumerate(template.relation_columns) if order == 0]
         columns = {
-            c: _repeats(model, g, group, c, parameters, elsewhere, b, discrete) for c in nonlinear_columns(group.template)
+            c: _repeats(model, g, group, c, parameters, elsewhere, b, discrete)
+            for c in (*nonlinear_columns(template), *compared)
         }
         if repeating := {c: grows for c, grows in columns.items() if grows is not None}:
             grow[g] = repeating
@@ -156,20 +159,32 @@ def nonlinear_columns(template: Template) -> tuple[int, ...]:
 def _repeats(
     model: FlatModel, g: int, group: EquationGroup, c: int, parameters: Floats, a: Floats, b: Floats, discrete: Floats
 ) -> NDArray[np.bool_] | None:
-    """Which equations of a group grow in a turn of a column; None if the column does not repeat."""
-    name, _ = group.template.columns[c]
-    places, kernel = np.unique(group.variables[:, group.template.locals.index(name)]), residual_kernel(group.template)
-    values = []
-    for turned in (0.0, 2 * np.pi, -4.0, -4.0 + 2 * np.pi):
-        x = a.copy()
-        x[places] += turned
-        values.append(apply(model, kernel, g, group, parameters, x, b, discrete))
-    growth, varies = values[1] - values[0], float(np.abs(values[2] - values[0]).max())
-    if varies <= REPEATS * float(np.abs(values).max()) or np.abs(values[3] - values[2] - growth).max() > REPEATS * varies:
+    """Which equations of a group grow in a turn of a column; None if neither the equations nor their conditions repeat in it."""
+    template = group.template
+    places = np.unique(group.variables[:, column_place(template, c)])
+
+    def in_a_turn(kernel: Kernel) -> tuple[bool, NDArray[np.bool_] | None]:
+        """Whether a kernel varies, and which rows grow; None if it is not the same in another turn, or does nothing but grow."""
+        values = []
+        for turned in (0.0, 2 * np.pi, -4.0, -4.0 + 2 * np.pi, 1.0):
+            x = a.copy()
+            x[places] += turned
+            values.append(apply(model, kernel, g, group, parameters, x, b, discrete))
+        growth, varies = values[1] - values[0], float(np.abs(values[2] - values[0]).max())
+        if varies <= REPEATS * float(np.abs(values).max()):
+            return False, None
+        same = np.abs(values[3] - values[2] - growth).max() <= REPEATS * varies
+        ripple = np.abs(values[4] - values[0] - growth / (2 * np.pi)).max()  # none: the magnitude of a force far from zero
+        return True, np.asarray(np.abs(growth) > REPEATS * varies, bool) if same and ripple > REPEATS * varies else None
+
+    varies, grows = in_a_turn(residual_kernel(template))
+    if grows is not None:
+        turns = model.potential[places] | (b[places] != 0.0)
+        return grows if turns.all() or not grows.any() else None
+    if varies:
         return None
-    grows = np.asarray(np.abs(growth) > REPEATS * varies, bool)
-    turns = model.potential[places] | (b[places] != 0.0)
-    return grows if turns.all() or not grows.any() else None  # a force far from zero equals its magnitude
+    compared = (in_a_turn(relation_kernel(template, k))[1] for k in range(len(template.relations)))
+    return np.zeros(len(group), bool) if any(grows is not None and not grows.any() for grows in compared) else None
 
 
 def turn(
