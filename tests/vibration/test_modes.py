@@ -225,6 +225,51 @@ def test_potentials_other_than_angles_have_the_amplitudes_of_what_they_follow(co
     assert (found.kinetic[0].tolist(), found.potential[0].tolist()) == ([0.0, 100.0], [100.0, 0.0])
 
 
+class Pin(gl.Connector):
+    """Electric, to the ground."""
+
+    v, i = gl.Potential("V"), gl.Flow("A")
+
+
+class Generator(gl.Component):
+    """A rotor with a winding."""
+
+    flange, pin = gp.Flange("shaft"), Pin("winding")
+    J, k, R = gl.Parameter("kg.m2", default=2.0), gl.Parameter("V.s/rad", default=3.0), gl.Parameter("Ohm", default=1.0)
+    w = gl.Variable("rad/s")
+
+    def equations(self) -> list[gl.Eq]:
+        voltage = gl.Eq(self.pin.v, self.R * self.pin.i + self.k * self.w)
+        torque = gl.Eq(self.flange.tau, self.J * gl.der(self.w) - self.k * self.pin.i)
+        return [gl.Eq(self.w, gl.der(self.flange.phi)), torque, voltage]
+
+
+class Resistor(gl.Component):
+    pin, R = Pin("end"), gl.Parameter("Ohm", default=8.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.pin.v, self.R * self.pin.i)]
+
+
+def test_a_voltage_beside_a_current_is_given_to_a_generator() -> None:
+    """2 s**2 + 3**2 / (1 + 8) s + 50 = 0."""
+
+    class Loaded(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.ground, self.shaft, self.generator, self.load = gp.Fixed(), gp.Spring(c=50.0), Generator(), Resistor()
+            return [
+                gl.connect(self.ground.flange, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.generator.flange),
+                gl.connect(self.generator.pin, self.load.pin),
+            ]
+
+    found = gl.modes(gl.compile(Loaded()))
+    assert found.eigenvalues == pytest.approx([-0.25 + 1j * np.sqrt(25 - 0.0625)])
+    assert found.not_given == {}
+    assert found.components == ("shaft", "generator")
+    assert found.kinetic[0].tolist() == [0.0, 100.0]
+
+
 def test_deflections_are_differences_of_angles_and_integrals_of_relative_speeds(paper: gl.System) -> None:
     """Also of dampers to the ground, whose absolute angles no mode depends on; some parts alike have a state, others none."""
     found = gl.modes(paper)
