@@ -21,6 +21,7 @@ R. M. Foster, "A reactance theorem", Bell System Technical Journal 3 (1924) 259-
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -71,8 +72,8 @@ def families(structure: Structure, prepared: Prepared, slots: Floats, discrete: 
         ports = _ports(model, model.instances[number])
         if not ports:
             continue
-        given = _given(model, model.instances[number])
         present = dict.fromkeys(v for _, v, _, _ in entries)
+        given = _given(model, model.instances[number], present)
         unknown = [v for v in present if v not in given]
         known = list(dict.fromkeys([*(v for v in present if v in given), *(p for p, _, _ in ports)]))
         place = {v: j for j, v in enumerate([*unknown, *known])}
@@ -160,12 +161,21 @@ def _ports(model: FlatModel, instance: Instance) -> list[tuple[int, int, float]]
     return result
 
 
-def _given(model: FlatModel, instance: Instance) -> set[int]:
-    """Variables that a component does not determine: potentials of its connectors, and its inputs."""
+def _given(model: FlatModel, instance: Instance, present: Collection[int]) -> set[int]:
+    """Variables that a component does not determine: potentials of its connectors, and its inputs.
+
+    One that is no angle or position, such as a temperature, it does determine if the flow beside it occurs in no equation of its own.
+    """
+    named = [(name, d, instance.first_variable + k) for k, (name, d) in enumerate(instance.declared.variables.items())]
+    acting = {
+        name.rpartition(".")[0]
+        for name, d, v in named
+        if isinstance(d, Flow) and (int(model.representative[v]) if model.sign[v] else -1 - v) in present
+    }
     return {
-        int(model.representative[instance.first_variable + offset])
-        for offset, declared in enumerate(instance.declared.variables.values())
-        if isinstance(declared, (Potential, Input))
+        int(model.representative[v])
+        for name, d, v in named
+        if isinstance(d, Input) or (isinstance(d, Potential) and (d.unit in ("rad", "m") or name.rpartition(".")[0] in acting))
     }
 
 

@@ -195,17 +195,79 @@ class Brush(gl.Component):
         return [gl.Eq(self.w, gl.der(self.flange.phi)), gl.Eq(self.J * gl.der(self.w), self.flange.tau), warmth]
 
 
-def test_potentials_other_than_angles_have_the_amplitudes_of_what_they_follow() -> None:
+class Room(gl.Component):
+    """Takes heat from what is warmer."""
+
+    port, G, T = Warm("wall"), gl.Parameter("W/K", default=3.0), gl.Parameter("K", default=300.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.port.P, self.G * (self.port.T - self.T))]
+
+
+@pytest.mark.parametrize("cooled", [False, True])
+def test_potentials_other_than_angles_have_the_amplitudes_of_what_they_follow(cooled: bool) -> None:
     class Warmed(gl.Component):
         def assemble(self) -> list[Any]:
             self.ground, self.shaft, self.brush = gp.Fixed(), gp.Spring(c=50.0), Brush()
-            return [gl.connect(self.ground.flange, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.brush.flange)]
+            links = [gl.connect(self.ground.flange, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.brush.flange)]
+            if cooled:
+                self.room = Room()
+                links.append(gl.connect(self.brush.port, self.room.port))
+            return links
 
     found = gl.modes(gl.compile(Warmed()))
     assert found.omega == pytest.approx([5.0])
     warmth, w, phi = found.shape(0, "brush.port.T", "brush.w", "brush.flange.phi")
     assert warmth == pytest.approx(7 * w)
     assert w == pytest.approx(5j * phi)
+    assert found.not_given == {}  # warmth and heat are no energy of a motion
+    assert found.components == ("shaft", "brush")
+    assert (found.kinetic[0].tolist(), found.potential[0].tolist()) == ([0.0, 100.0], [100.0, 0.0])
+
+
+class Pin(gl.Connector):
+    """Electric, to the ground."""
+
+    v, i = gl.Potential("V"), gl.Flow("A")
+
+
+class Generator(gl.Component):
+    """A rotor with a winding."""
+
+    flange, pin = gp.Flange("shaft"), Pin("winding")
+    J, k, R = gl.Parameter("kg.m2", default=2.0), gl.Parameter("V.s/rad", default=3.0), gl.Parameter("Ohm", default=1.0)
+    w = gl.Variable("rad/s")
+
+    def equations(self) -> list[gl.Eq]:
+        voltage = gl.Eq(self.pin.v, self.R * self.pin.i + self.k * self.w)
+        torque = gl.Eq(self.flange.tau, self.J * gl.der(self.w) - self.k * self.pin.i)
+        return [gl.Eq(self.w, gl.der(self.flange.phi)), torque, voltage]
+
+
+class Resistor(gl.Component):
+    pin, R = Pin("end"), gl.Parameter("Ohm", default=8.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.pin.v, self.R * self.pin.i)]
+
+
+def test_a_voltage_beside_a_current_is_given_to_a_generator() -> None:
+    """2 s**2 + 3**2 / (1 + 8) s + 50 = 0."""
+
+    class Loaded(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.ground, self.shaft, self.generator, self.load = gp.Fixed(), gp.Spring(c=50.0), Generator(), Resistor()
+            return [
+                gl.connect(self.ground.flange, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.generator.flange),
+                gl.connect(self.generator.pin, self.load.pin),
+            ]
+
+    found = gl.modes(gl.compile(Loaded()))
+    assert found.eigenvalues == pytest.approx([-0.25 + 1j * np.sqrt(25 - 0.0625)])
+    assert found.not_given == {}
+    assert found.components == ("shaft", "generator")
+    assert found.kinetic[0].tolist() == [0.0, 100.0]
 
 
 def test_deflections_are_differences_of_angles_and_integrals_of_relative_speeds(paper: gl.System) -> None:
