@@ -136,8 +136,8 @@ def balance(
         cuts = np.sort(np.concatenate([cuts, *quarters]))
     place = np.searchsorted(cuts, reported, side="right") - 1
     # a cut stands for the events beside it as well, such as one that a sample misses by rounding
-    first, last = (np.searchsorted(marks, cuts + x * NARROW * span, side) for x, side in ((-1, "left"), (1, "right")))
-    return powers.summed(reported, place, last > first, rtol)
+    before, until = np.searchsorted(marks, cuts - NARROW * span), np.searchsorted(marks, cuts + NARROW * span, side="right")
+    return powers.summed(reported, place, until > before, rtol)
 
 
 class _Powers:
