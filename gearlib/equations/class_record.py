@@ -116,6 +116,11 @@ def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassReco
     for t in everything:
         for local in t.locals:
             if _kind_of(local, component, declared) is None:
+                if (of := local.removeprefix("pre(").removesuffix(")")) != local and of in declared.variables:
+                    raise DeclarationError(
+                        f"{t.label}: {local} is for a gl.Discrete, and {of} changes continuously; in a gl.When, {of} itself is its value "
+                        "before the event"
+                    )
                 raise DeclarationError(f"{t.label}: '{local}' is not declared; {nearest(local, declared.variables)}")
     _refuse_void(templates)
     refuse_misfits(unit_errors(component, values_compared(component, equations)))

@@ -10,7 +10,9 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from gearlib.equations.kernel import Kernel
 from gearlib.equations.quasipolynomials import TIME, OutsideClassError, Signal, add, multiply, parse
+from gearlib.equations.template import memoised
 from gearlib.errors import ArgumentError
 from gearlib.language.expressions import SquareWave
 
@@ -55,6 +57,18 @@ def times_of_breakpoints(expression: Any, t0: float, t_end: float) -> Floats:
         return switch_times(expression, t0, t_end)
     except OutsideClassError as error:
         raise ArgumentError(f"cannot tell when {expression} switches between t = {t0:g} and {t_end:g} s: {error}") from None
+
+
+@memoised
+def has_known_zeros(kernel: Kernel) -> bool:
+    """Whether the zeros of a function of time and parameters follow from a formula, whatever the parameters are."""
+    values: dict[Any, Any] = {sympy.Symbol(f"x{c}", real=True): sympy.S.Zero for c in kernel.columns}
+    values |= {sympy.Symbol(f"p{p}", real=True): sympy.Float(1.5 + math.sin(3 * p * p)) for p in kernel.parameters}
+    try:
+        switch_times(kernel.expression.xreplace({sympy.Symbol("t", real=True): TIME} | values) > 0, 0.0, 1e-6)
+    except OutsideClassError:
+        return False
+    return True
 
 
 def switch_times(expression: Any, t0: float, t_end: float) -> Floats:
@@ -104,8 +118,10 @@ def _roots(pair: tuple[Any, Any], t0: float, t_end: float) -> list[float]:
         return _polynomial_roots([c.real for c in constant])
     if len(constant) == 1 and all(len(signal[rate]) == 1 for rate in rates):
         if len(rates) == 1 and rates[0].imag == 0:
+            level, rate = abs(constant[0].real), rates[0].real
             ratio = -constant[0].real / signal[rates[0]][0].real
-            return [math.log(ratio) / rates[0].real] if ratio > 0 else []
+            times = np.array([math.log(ratio) / rate] if ratio > 0 else [])
+            return _beyond_rounding(times, level * abs(rate), level * rate**2, 2.0 * level)
         if len(rates) == 2 and all(rate.real == 0 for rate in rates):
             return _sinusoid_roots(constant[0].real, signal, t0, t_end)
     raise OutsideClassError(f"the zeros of {pair[0]} - ({pair[1]}) are not known in closed form")
@@ -145,7 +161,16 @@ def _polynomial_roots(c: list[float]) -> list[float]:
         with np.errstate(divide="ignore", invalid="ignore"):  # the slope is zero at a double root
             steps = polynomial(real) / slopes(real)
         real = real - np.where(np.abs(steps) <= 1e-3 * np.abs(real), steps, 0.0)
-    return [float(root) for root in real]
+    size = np.polynomial.Polynomial(np.abs(c))(np.abs(real))
+    return _beyond_rounding(real, np.abs(slopes(real)), np.abs(slopes.deriv()(real)), size)
+
+
+def _beyond_rounding(times: Floats, slope: Any, bend: Any, size: Any) -> list[float]:
+    """Zeros, moved to where terms of some size that almost cancel tell the sign: a condition is evaluated just after (`right_hand`)."""
+    noise = 2.0**-50 * size
+    late = (noise > 1e-13 * slope * np.maximum(np.abs(times), 1e-3)) & (8.0 * noise * bend < slope**2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return list(map(float, np.where(late, times + noise / np.asarray(slope), times)))
 
 
 def _sinusoid_roots(constant: float, signal: Signal, t0: float, t_end: float) -> list[float]:
@@ -162,4 +187,4 @@ def _sinusoid_roots(constant: float, signal: Signal, t0: float, t_end: float) ->
         math.floor(omega * t0 / math.tau), math.ceil(omega * t_end / math.tau) + 1
     )  # angle - phase: within one turn
     times = np.concatenate([(math.tau * turns + sign * angle - phase) / omega for sign in (1, -1)])
-    return list(map(float, times))
+    return _beyond_rounding(times, amplitude * omega * math.sin(angle), amplitude * omega**2, abs(constant) + amplitude)

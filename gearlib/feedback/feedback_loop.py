@@ -157,7 +157,7 @@ def refine(marks: Floats, path: Any, features: Complexes, step: float) -> Floats
         s = path(middles)
         length = np.abs(path(marks[1:]) - path(marks[:-1]))
         distance = np.abs(s[:, None] - features[None, :]) - length[:, None] / 2
-        turn = (length[:, None] / np.maximum(distance, 1e-9 * length[:, None] + 1e-300)).sum(axis=1)
+        turn = (length[:, None] / np.maximum(distance, 1e-9 * length[:, None])).sum(axis=1)
         wide = (turn > step) & (length > 1e-9 * np.abs(s))
         if not wide.any() or len(marks) > 400_000:
             break

@@ -198,7 +198,7 @@ def roots(omega: Floats, values: Floats, f: Callable[[float], float]) -> list[fl
             value = f(x)
         return value if np.isfinite(value) else 0.0  # ends the search at the pole
 
-    places = np.flatnonzero((values[1:] * values[:-1] < 0) & np.isfinite(values[1:]) & np.isfinite(values[:-1]))
+    places = np.flatnonzero(values[1:] * values[:-1] < 0)
     found = []
     for a, b in zip(omega[places], omega[places + 1], strict=True):
         low, high = finite(a), finite(b)

@@ -149,7 +149,7 @@ def quadratic(term: Term, numbers: Mapping[str, float]) -> Floats | None:
 
     unit = np.eye(count)
     alone = [value(unit[i]) for i in range(count)]
-    F = np.diag(alone) if count else np.zeros((0, 0))
+    F = np.diag(alone)
     for i in range(count):
         for j in range(i):
             F[i, j] = F[j, i] = (value(unit[i] + unit[j]) - alone[i] - alone[j]) / 2

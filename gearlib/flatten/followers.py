@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.equations.kernel import Kernel, partial_kernel
-from gearlib.equations.template import Template, memoised
+from gearlib.equations.template import Column, Template, memoised
 from gearlib.flatten.model import EquationGroup, FlatModel, alphabetical
 from gearlib.flatten.time_means import ripples
 from gearlib.language.expressions import time
@@ -31,24 +31,24 @@ def products_in_time(model: FlatModel, parameters: Floats) -> list[str]:
     open_[[determined(model, f) for f in followers_of(model, parameters, open_, swing)[0]]] = True
     found: dict[str, None] = {}
     count = np.bincount(np.concatenate([group.variables.ravel() for group in model.groups]), minlength=len(open_))
-    alone = (count == 1) & ~model.flow & ~model.potential  # what one equation holds, as a loss that nothing depends on
+    alone = (count == 1) & ~model.flow & ~model.potential & (model.sign != 0)  # such as a loss that nothing depends on
     for group in model.groups:
         for name, _, others in nonlinear_terms(group.template):
             own = group.variables[:, place_of(group.template, name)]
-            beside = group.variables[:, [place_of(group.template, other) for other in sorted(others)]]
+            beside = group.variables[:, [place_of(group.template, other) for other, _ in sorted(others)]]
             for i in np.flatnonzero(open_[own] & open_[beside].any(axis=1) & ~alone[group.variables].any(axis=1)).tolist():
                 found[model.name(int(own[i]))] = None
     return sorted(found, key=alphabetical)
 
 
 @memoised
-def nonlinear_terms(template: Template) -> tuple[tuple[str, int, frozenset[str]], ...]:
-    """What an equation holds that is not linear: a variable, its order, and the variables that its coefficient or condition depends on."""
+def nonlinear_terms(template: Template) -> tuple[tuple[str, int, frozenset[Column]], ...]:
+    """What an equation holds that is not linear: a variable, its order, and the columns that its coefficient or condition depends on."""
     if template.linear:
         return ()
-    pairs = [(name, order, names_of(partial_kernel(template, c))) for c, (name, order) in enumerate(template.columns)]
-    pairs += [(name, order, {name}) for name, order in template.relation_columns if not order]
-    return tuple((name, order, frozenset(others)) for name, order, others in pairs)
+    pairs = [(*column, columns_of(partial_kernel(template, c))) for c, column in enumerate(template.columns)]
+    pairs += [(*column, frozenset({column})) for column in template.relation_columns]
+    return tuple(pairs)
 
 
 def followers_of(
@@ -69,9 +69,10 @@ def followers_of(
     deflections, turns = differentiated & ~rates, moved.copy()
     never = model.flow if swing is not None else model.flow | model.potential
     found: list[Follower] = []
-    reached, constant = moved.copy(), np.zeros(n, bool)
+    taken: set[tuple[int, int]] = set()  # an equation determines one variable
+    reached, constant = moved.copy(), model.sign == 0
     while True:
-        steady = turns | model.potential
+        steady = turns | constant | model.potential
         sure: dict[int, Follower] = {}
         likely: dict[int, Follower] = {}
         still = np.zeros(n, bool)
@@ -84,20 +85,21 @@ def followers_of(
                 changes = group.variables[:, [k for k, order in places if order and (k != j or not own)]]
                 others = group.variables[:, [k for k, order in places if not order and (k != j or own)]]
                 varying = (reached & ~turns)[changes].any(axis=1) | (swing or {}).get(g, False)
-                open_ = ~(reached | constant | never)[v] & (group.signs[:, j] != 0)
+                open_ = ~(reached | constant | never)[v]
                 follows = open_ & (reached[others].any(axis=1) | varying) & (steady | reached)[changes].all(axis=1)
                 alone = (reached | constant)[others].all(axis=1) & (slopes_of(group, c, parameters) != 0)
-                at = {int(v[i]): (g, c, int(i)) for i in np.flatnonzero(follows)}
+                at = {int(v[i]): (g, c, int(i)) for i in np.flatnonzero(follows) if (g, int(i)) not in taken}
                 sure |= {x: f for x, f in at.items() if alone[f[2]] and (not own or swing is not None)}
                 still[v[open_ & alone & ~follows & steady[changes].all(axis=1) & (not own and not template.timed)]] = True
                 if c == _given(template):
-                    free = ~((differentiated if changes.size else deflections) & ~reached)[others].any(axis=1)
+                    free = ~((differentiated if changes.size else deflections) & ~(reached | constant))[others].any(axis=1)
                     free &= ~differentiated[v] & ~model.potential[v]
                     likely |= {x: f for x, f in at.items() if free[f[2]]}
-        if not sure and still.any():
+        if not sure and (still > constant).any():
             constant |= still
         elif fresh := sure or likely:
             found += fresh.values()
+            taken |= {(g, i) for g, _, i in fresh.values()}
             reached[list(fresh)] = True
             linear = {x: f for x, f in fresh.items() if model.groups[f[0]].template.linear and swing is None}
             turns[[x for x, f in linear.items() if (turns | constant)[others_of(model, f)].all()]] = True
@@ -160,11 +162,9 @@ def place_of(template: Template, name: str) -> int:
     return template.locals.index(name)
 
 
-def names_of(kernel: Kernel) -> set[str]:
-    """The locals that a kernel depends on, other than through derivatives."""
+def columns_of(kernel: Kernel) -> frozenset[Column]:
+    """The columns that a kernel depends on, including through its conditions."""
     template = kernel.template
     columns = [*template.columns, *template.relation_columns]
-    names = {columns[c][0] for c in kernel.columns if columns[c][1] == 0}
-    if any(c < len(template.relations) for c in kernel.relations):
-        names |= {name for name, _ in template.relation_columns}
-    return names
+    compared = template.relation_columns if any(c < len(template.relations) for c in kernel.relations) else ()
+    return frozenset([*(columns[c] for c in kernel.columns), *compared])

@@ -30,9 +30,8 @@ def joined_signals(component: Component, path: str) -> Iterator[tuple[Component,
         graph.add_edges_from(pairwise(signals))
     place = {signal: k for k, signal in enumerate(graph)}
     owner = path or type(component).__name__
-    for members in sorted(
-        (sorted(s, key=place.__getitem__) for s in nx.connected_components(graph)), key=lambda s: place[s[0]]
-    ):
+    for joined in nx.connected_components(graph):
+        members = sorted(joined, key=place.__getitem__)
         drives = {signal: _drives(component, owner, signal.name) for signal in members}
         sources = [signal for signal in members if drives[signal]]
         if len(sources) > 1:

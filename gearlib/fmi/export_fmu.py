@@ -50,7 +50,7 @@ def export_fmu(
         raise ArgumentError(f"stop_time is {stop_time:g}; expected a positive number of seconds")
     if not 1e-13 <= rtol <= 0.1:
         raise ArgumentError(f"rtol is {rtol:g}; expected a number from 1e-13 to 0.1")
-    exported = exported_model(translation, parameters, inputs, outputs)
+    exported = exported_model(translation, parameters, inputs, outputs, stop_time)
     source = model_source(exported)
     identifier = re.sub(r"\W", "_", target.stem, flags=re.ASCII) or "model"
     identifier = f"_{identifier}" if identifier[0].isdigit() else identifier

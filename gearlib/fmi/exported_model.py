@@ -254,7 +254,9 @@ def used_parameters(program: Program) -> set[int]:
     return found
 
 
-def exported_model(translation: Translation, parameters: Any, inputs: Any, outputs: Any) -> ExportedModel:
+def exported_model(
+    translation: Translation, parameters: Any, inputs: Any, outputs: Any, stop_time: float = 1.0
+) -> ExportedModel:
     """Determine what goes into an FMU.
 
     Parameters
@@ -266,6 +268,8 @@ def exported_model(translation: Translation, parameters: Any, inputs: Any, outpu
         Unbound inputs that the importing tool provides, or their start values; by default all.
     outputs : None or sequence of str
         By default those that the model was compiled for, or its states.
+    stop_time : float
+        s; jumps before it are refused as in a run.
 
     Raises
     ------
@@ -289,7 +293,7 @@ def exported_model(translation: Translation, parameters: Any, inputs: Any, outpu
     for name in parameters or ():
         if translation.model.parameters.index[name] in found.dependent:
             raise ArgumentError(f"{name} follows from other parameters, and does so in the FMU: give those, not {name}")
-    _refuse(found)
+    _refuse(found, stop_time)
     return found
 
 
@@ -318,7 +322,7 @@ def _inputs(translation: Translation, inputs: Any) -> tuple[tuple[int, ...], Flo
     return tuple(known.index(name) for name in names), starts
 
 
-def _refuse(found: ExportedModel) -> None:
+def _refuse(found: ExportedModel, stop_time: float) -> None:
     """Raise an error for anything that an FMU cannot contain."""
     scene, name = found.scene, found.translation.name
     for step in (*scene.program.steps, *found.observed.steps):
@@ -328,7 +332,7 @@ def _refuse(found: ExportedModel) -> None:
                 "of the rigid connections elastic"
             )
     if scene.structure.switching:
-        refuse_jumps(scene.structure, found.observed, found.numbers, 0.0, 1.0)
+        refuse_jumps(scene.structure, found.observed, found.numbers, 0.0, stop_time)
     if jumps := jumps_below(scene.structure, found.observed, found.numbers):
         model = scene.model
         owners = dict.fromkeys(model.owner(*model.places[jump.equation]) for jump in jumps)

@@ -123,7 +123,7 @@ def connect(*ports: Port) -> Connection:
     if len(ports) < 2:
         raise ConnectionError(f"connect() needs two connectors, got {len(ports)}")
     first = ports[0]
-    for other in ports[1:]:
+    for other in ports:
         if type(other.connector) is not type(first.connector):
             raise ConnectionError(
                 f"cannot connect {_port_path(first)} ({type(first.connector).__name__}) to {_port_path(other)} "

@@ -116,6 +116,12 @@ def unit_errors(component: Component, pairs: Iterable[Pair]) -> list[str]:
     return list(errors)
 
 
+def is_in(component: Component, value: Any, unit: str) -> bool:
+    """Whether an equation of a component may say that a value is a variable in some unit."""
+    wanted = dimension(unit)
+    return wanted is None or not unit_errors(component, [(value, wanted, "")])
+
+
 def values_compared(component: Component, equations: Iterable[Eq | When]) -> Iterator[Pair]:
     """Both sides of all equations, including actions; conditions; and derivative aliases."""
     for equation in equations:

@@ -336,8 +336,8 @@ class _ClassBuilder:
         count = e.constant(node.dimensions[0], "a whole number")
         if not isinstance(count, int) or isinstance(count, bool) or count < 0:
             raise ModelicaError(f"{node.at}: the size of '{name}' is {count}; expected a whole number")
-        parts = [PartMaker(e, self.classes.class_of, k).made(member.type, modifications, node.at) for k in range(count)]
-        setattr(component, name, parts)
+        makers = (PartMaker(e, self.classes.class_of, k, count) for k in range(count))
+        setattr(component, name, [maker.made(member.type, modifications, node.at) for maker in makers])
 
 
 def _reference(node: SyntaxNode, name: str) -> ReferenceNode:
@@ -417,8 +417,13 @@ def _names_in(node: SyntaxNode | None) -> set[str]:
 def _given_nodes(modifications: Any) -> Iterator[GivenNode]:
     """The values that an enclosing class passes to nested parts."""
     for m in modifications:
-        if isinstance(m.value, GivenNode):
-            yield m.value
+        stack = [m.value]
+        while stack:
+            item = stack.pop()
+            if isinstance(item, GivenNode):
+                yield item
+            elif isinstance(item, ArrayNode):
+                stack += item.items
         yield from _given_nodes(m.inner)
         if isinstance(m.redeclared, ComponentNode):
             yield from _given_nodes(m.redeclared.modifications)

@@ -215,5 +215,5 @@ def _joined(inner: Modification, outer: Modification) -> Modification:
     within = merged(by_name(inner.inner), by_name(outer.inner))
     return replace(
         outer, value=inner.value if outer.value is None else outer.value, inner=tuple(within.values()), redeclared=inner.redeclared,
-        each=outer.each or inner.each,
+        each=outer.each or (outer.value is None and inner.each),
     )  # fmt: skip

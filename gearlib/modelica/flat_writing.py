@@ -15,6 +15,7 @@ from gearlib.flatten.signals import joined_signals
 from gearlib.language.component import Component, equations_of, evaluated_in, given_to
 from gearlib.language.declarations import NO_VALUE, Flow, Input, Variable, declared_by
 from gearlib.language.delayed import Delayed
+from gearlib.language.dimensions import is_in
 from gearlib.language.expressions import time, value_of
 from gearlib.language.interior import connections_of, parts_of
 from gearlib.language.sampled import Sampled
@@ -118,7 +119,11 @@ class FlatText:
         if isinstance(v, Input) and value is None:
             given = given_to(part).values.get(name)
             if given is not None:
-                value = self.text(given, self._above(prefix))
+                above = self._above(prefix)
+                value = self.text(given, above)
+                number = not isinstance(given, Tabulated) and is_in(self.members[above], given, "1")
+                if number and not is_in(self.members[above], given, v.unit):
+                    value = f"1.0*({value})"  # a pure number is in the declared unit: an equation has to say so
             elif v.default is not NO_VALUE and v.default is not None:
                 value = self.text(evaluated_in(part, v.default), prefix)
             else:

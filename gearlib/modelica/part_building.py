@@ -50,11 +50,12 @@ class PartValues:
 
 @dataclass(frozen=True)
 class PartMaker:
-    """Makes the instances of one declared part; ``number`` is the index in an array of parts, counted from 0."""
+    """Makes the instances of one declared part; ``number`` is the index in an array of ``size`` parts, counted from 0."""
 
     evaluation: Evaluation
     class_of: ClassOf
     number: int | None = None
+    size: int | None = None
 
     def made(self, kind: ElementType, modifications: Modifications, at: TextPlace) -> Component:
         """An instance of a library class, or of a class of the text."""
@@ -68,8 +69,8 @@ class PartMaker:
     def _value(self, m: Modification, of: Callable[[SyntaxNode], Any]) -> Any:
         found = of(given_value(m))
         if self.number is not None and not m.each and isinstance(found, tuple):
-            if not self.number < len(found):
-                raise ModelicaError(f"{m.at}: {len(found)} values; the array has more elements")
+            if len(found) != self.size:
+                raise ModelicaError(f"{m.at}: {len(found)} values; the array has {self.size} elements")
             return found[self.number]
         return found
 
@@ -124,6 +125,22 @@ class PartMaker:
             valid = [n for base in kind.__mro__ for n, d in vars(base).items() if isinstance(d, Declaration)]
             raise ModelicaError(f"{m.at}: {kind.__name__} has no '{name}' that can be modified; {nearest(local, valid)}")
 
+    def _variable(
+        self, path: str, declared: Declaration | None, m: Modification, given: PartValues, before: Modifications
+    ) -> Modifications:
+        """Attributes of a variable, and what of them is left to its class, which has those of ``before``: whether its start is fixed."""
+        inner, left = dict(by_name(m.inner)), {}
+        if isinstance(declared, Variable) and m.value is None:
+            if "fixed" in inner:
+                fixed = self._attribute(inner["fixed"])
+                if not (fixed and "start" in inner):
+                    left = {m.name[0]: replace(m, inner=(replace(inner.pop("fixed"), value=TruthNode(m.at, fixed)),))}
+            elif "start" in inner and "fixed" in before and isinstance(before["fixed"].value, TruthNode):
+                inner["fixed"] = before["fixed"]
+            m = replace(m, inner=tuple(inner.values()))
+        self.attributes(path, declared, m, given)
+        return left
+
     def attributes(self, path: str, declared: Declaration | None, m: Modification, given: PartValues) -> None:
         """``start``, ``fixed``, ``nominal`` and ``stateSelect`` of a variable, or of the variables of a connector."""
         inner = by_name(m.inner)
@@ -131,20 +148,22 @@ class PartMaker:
             raise ModelicaError(f"{m.at}: '{path}' is a variable of a part; an equation gives its value")
         if isinstance(declared, Connector):
             for name, further in inner.items():
-                self.attributes(f"{path}.{name}", declared.variables.get(name), further, given)
+                if name not in declared.variables:
+                    raise ModelicaError(f"{m.at}: '{path}' has no '{name}'; {nearest(name, declared.variables)}")
+                self.attributes(f"{path}.{name}", declared.variables[name], further, given)
             return
         check_attributes(inner)
         fixed = "fixed" in inner and self._attribute(inner["fixed"])
+        if fixed and isinstance(declared, Derivative):
+            raise ModelicaError(f"{m.at}: '{path}' is a derivative, whose start value cannot be fixed; use InitializeFlange")
         if "start" in inner:
             value = self._value(inner["start"], self._evaluation(True).number)
             if fixed or isinstance(declared, Discrete):
                 given.start[path] = value
             elif not isinstance(declared, Derivative):
                 given.guess[path] = value
-        elif fixed and not isinstance(declared, Discrete):
-            given.start[path] = declared.guess if isinstance(declared, Variable) else 0.0
-        if fixed and isinstance(declared, Derivative):
-            raise ModelicaError(f"{m.at}: '{path}' is a derivative, whose start value cannot be fixed; use InitializeFlange")
+        elif fixed and isinstance(declared, Variable):
+            given.start[path] = declared.guess
         for name, further in inner.items():
             if name == "nominal":
                 given.nominal[path] = self._attribute(further)
@@ -196,7 +215,8 @@ class PartMaker:
                     of = self.evaluation.constant if here == "structural" else self._evaluation(here == "parameter").number
                     given.values[name] = self._value(m, of)
             elif here == "part":
-                if further := self._within((*path, name), kind, by_name(m.inner), given):
+                alike = replace(self, number=None) if m.each else self  # an array is one of the part's own
+                if further := alike._within((*path, name), kind, by_name(m.inner), given):
                     kept[name] = replace(m, inner=tuple(further.values()))
             else:
                 declared: Declaration = Discrete() if here == "discrete" else Variable()
@@ -204,18 +224,22 @@ class PartMaker:
                     declared = kind.counterpart.component()
                 elif kind.scope is not None:
                     declared = connector_class(kind.scope)()
-                self.attributes(".".join((*path, name)), declared, m, given)
+                kept |= self._variable(".".join((*path, name)), declared, m, given, element.modifications)
         return kept
 
     def _of_base(
         self, path: tuple[str, ...], scope: ClassScope, name: str, m: Modification, given: PartValues, kept: dict[str, Modification],
     ) -> None:  # fmt: skip
         content = content_of(scope, {})
-        for counterpart, _ in content.library_bases:
-            if not path:
-                self._library(counterpart, {name: m}, given)
+        for counterpart, before in content.library_bases:
+            local = counterpart.local(name)
+            declared = getattr(counterpart.component, local, None)
+            if path:
+                kept |= self._of_library(path, counterpart, {name: m}, given)
+            elif isinstance(declared, Variable) and m.value is None:
+                kept |= self._variable(local, declared, m, given, by_name(before[name].inner) if name in before else {})
             else:
-                kept.update(self._of_library(path, counterpart, {name: m}, given))
+                self._library(counterpart, {name: m}, given)
             return
         raise ModelicaError(f"{m.at}: {scope.name} has no element '{name}' to be modified; {nearest(name, content.elements)}")
 
@@ -228,22 +252,30 @@ class PartMaker:
             local = counterpart.given.get(name) or counterpart.local(name)
             declared = getattr(counterpart.component, local, None)
             if m.value is None and isinstance(declared, (Variable, Discrete, Connector)):
-                self.attributes(".".join((*path, local)), declared, m, given)
+                kept |= self._variable(".".join((*path, local)), declared, m, given, {})
             else:
                 structural = isinstance(declared, Structural) or name in counterpart.ignored or name == "stateSelect"
-                signal = isinstance(declared, Input)
+                signal = isinstance(declared, Input) or name in counterpart.arrays
                 kept[name] = self._given_within((*path, name), m, structural, given, signal) if m.value is not None else m
         return kept
 
     def _given_within(
         self, path: tuple[str, ...], m: Modification, structural: bool, given: PartValues, signal: bool
     ) -> Modification:
-        """A modification whose value is a parameter or an input of the enclosing class or, for a structural choice, the value itself."""
+        """A modification whose value is a parameter or an input of the enclosing class or, for a structural choice, the value itself.
+
+        An array is one of such values.
+        """
         if structural:
-            return replace(m, value=_literal(self._value(m, self.evaluation.constant), m), each=True)
-        hidden = "__".join(path)
-        given.values[hidden] = self._value(m, self._evaluation(not signal).number)
-        return replace(m, value=GivenNode(m.at, hidden, signal), each=True)
+            return replace(m, value=_literal(self._value(m, self.evaluation.constant), m))
+
+        def passed(name: str, value: Any) -> SyntaxNode:
+            if isinstance(value, tuple):
+                return ArrayNode(m.at, tuple(passed(f"{name}__{k}", v) for k, v in enumerate(value, 1)))
+            given.values[name] = value
+            return GivenNode(m.at, name, signal)
+
+        return replace(m, value=passed("__".join(path), self._value(m, self._evaluation(not signal).number)))
 
     def _closed(self, path: tuple[str, ...], m: Modification, given: PartValues) -> Modification:
         """A redeclaration whose values are parameters of the enclosing class."""

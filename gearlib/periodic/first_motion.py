@@ -273,7 +273,6 @@ def check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None:
                 f"from it, a ramp, or {frequency} counts in Hz and is not declared so"
             )
         )
-    size = np.maximum(size, 1e-9 * nominal * float((size / nominal).max()) + 1e-300)  # tolerance for rounding
     if (swing <= 1e-12 * size).all():
         raise ArgumentError(
             "nothing varies over the period: bind an input to a function of the phase, give frequency=..., or, where the phase of a "

@@ -278,8 +278,7 @@ def natural_units(slopes: Floats) -> Floats:
 
 def free_directions(driven: Driven, scale: Floats, turning: Floats) -> Floats:
     """Orthonormal directions of the scaled states in which the train may turn steadily, apart from those given as turning."""
-    nominal = np.maximum(driven.scene.nominal, 1e-300)
-    directions = growing(driven.scene, driven.numbers) * (nominal / scale)[:, None]
+    directions = growing(driven.scene, driven.numbers) * (driven.scene.nominal / scale)[:, None]
     if turning.shape[1] and directions.shape[1]:
         directions = directions @ kernel(turning.T @ directions)
     result: Floats = np.linalg.qr(directions)[0]

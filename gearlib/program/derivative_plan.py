@@ -291,10 +291,8 @@ def _of_batch(
     rows: _Rows, batch: Batch, to: Integers, use: NDArray[np.bool_], inside: NDArray[np.bool_] | None = None
 ) -> Products:
     """The chain rule for the rows of a batch that are in ``use``; slots ``inside`` a block are its own unknowns."""
-    slots, signs = batch.arguments.T, batch.argument_signs.T
-    if len(batch.active) < len(slots):
-        active = list(batch.active)
-        slots, signs = slots[active], signs[active]
+    active = list(batch.active)
+    slots, signs = batch.arguments.T[active], batch.argument_signs.T[active]
     moves = use & (signs != 0) & (rows.length[slots] > 0)
     if inside is not None:
         moves &= ~inside[slots]

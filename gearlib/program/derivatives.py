@@ -129,9 +129,7 @@ def entries(plan: DerivativePlan, at: At, weights: Floats | None = None) -> Floa
 def all_entries(plan: DerivativePlan, at: At, weights: Floats | None = None) -> Floats:
     """The entries of all slots on the way, shape (entries, times)."""
     numbers = np.zeros((plan.n_entries, len(at.t)))
-    if weights is not None and weights.ndim == 1:
-        weights = weights[:, None]
-    numbers[1 : 1 + len(plan.order)] = 1.0 if weights is None else weights[plan.order]
+    numbers[1 : 1 + len(plan.order)] = 1.0 if weights is None else np.atleast_2d(weights.T).T[plan.order]
     for step in plan.steps:
         if isinstance(step, Sums):
             numbers[step.to] = sums_of_products(step, factor_values(step, at), numbers)

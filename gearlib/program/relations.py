@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.equations.switch_times import has_known_zeros
 from gearlib.program.build import Builder, Found, Place, build, slot_table
 from gearlib.program.event_iteration import EventIteration, event_iteration
 from gearlib.program.program import Batch, Newton, Program
@@ -36,11 +37,11 @@ class Relations:
     discretes: tuple[Batch, ...]
     reinits: tuple[Batch, ...]
     used: Integers  # relations, sorted
-    on_time: NDArray[np.bool_]  # per used relation: compares nothing but time
+    on_time: NDArray[np.bool_]  # per used relation: compares nothing but time, and when it switches follows from a formula
 
     @cached_property
     def timed(self) -> Integers:
-        """The relations that compare nothing but time: their switching times are known beforehand."""
+        """The relations whose switching times are known beforehand."""
         return self.used[self.on_time]
 
     @cached_property
@@ -125,8 +126,11 @@ def update_rules(builder: Builder, program: Program, places: Sequence[Place], re
     for kernel, g, i, kind, target, sign in places:
         kinds[kind][kernel, g, 0].append((i, target, sign))
     batches = [tuple(builder.batch(kernel, g, k, rows) for (kernel, g, k), rows in kind.items()) for kind in kinds]
-    moving = {p[4] for p in places if p[3] == 0 and (builder.nodes(*p[:3]) or len(builder.discrete(*p[:3])))}
-    on_time = np.array([int(r) not in moving for r in relations], bool)
+    searched = {
+        p[4] for p in places
+        if p[3] == 0 and (builder.nodes(*p[:3]) or len(builder.discrete(*p[:3])) or not has_known_zeros(p[0]))
+    }  # fmt: skip
+    on_time = np.array([int(r) not in searched for r in relations], bool)
     return Relations(program, batches[0], batches[1], batches[2], relations, on_time)
 
 

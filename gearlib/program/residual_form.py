@@ -93,7 +93,7 @@ def index_reduced_form(
         Whether there is a discrete state.
     """
     builder, model = Builder(structure, (), states), structure.model
-    targets = dict.fromkeys([*((v, k + 1) for v, k in states), *outputs])
+    targets: dict[Node, None] = dict.fromkeys([*states, *outputs])
     used = model.n_relations + np.array(wanted, np.int64)
     while True:
         program = _residuals(structure, builder, states, targets)

@@ -133,7 +133,7 @@ def balanced(
             return model, tuple(last_names(model, closed).values())
         if balance.surplus == 0 and candidates is None and model.redundant:
             flows = [v for v in unknown if model.flow[v]]  # some occur in no equation: flows that circulate within a body
-            candidates = left_open(_flow_rows(model, parameters, known), last_first(model, flows, wanted))
+            candidates = left_open(flow_rows(model, parameters, known), last_first(model, flows, wanted))
         undetermined = set(balance.undetermined).difference(closed)
         free = [v for v in candidates or () if v in undetermined]
         left = model.redundant - len(closed)  # one flow for each redundant equation, and no more
@@ -222,8 +222,8 @@ def _definitions(model: FlatModel) -> frozenset[int]:
     )
 
 
-def _flow_rows(model: FlatModel, parameters: Floats, known: Floats) -> list[dict[int, float]]:
-    """Coefficients of the flows in each equation at rest. Inputs are not unknowns."""
+def flow_rows(model: FlatModel, parameters: Floats, known: Floats) -> list[dict[int, float]]:
+    """Coefficients of the flows in each equation at rest, any numbers for those that vary; inputs are no unknowns."""
     result: list[dict[int, float]] = []
     unknown = model.flow.copy()
     unknown[model.inputs] = False

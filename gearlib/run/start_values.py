@@ -335,11 +335,12 @@ def _satisfy(
     if len(bad):
         i = int(bad[0])
         name, digits = fixed[others[i][0]][1], _digits(found[i], wanted[i])
+        sign = int(structure.model.sign[structure.model.variable(name)])  # of the one that was named, against what is computed
         rest = [fixed[v][1] for v in fixed if v != others[i][0]]
         others_text = f"the other fixed values ({', '.join(rest[:6])}{', ...' if len(rest) > 6 else ''}) and " if rest else ""
         raise StartError(
-            f"start values contradict each other: {name} is fixed at {wanted[i]:{digits}}, but {others_text}the equations "
-            f"make it {found[i]:{digits}}; fix fewer, or give some of them as guess={{...}}"
+            f"start values contradict each other: {name} is fixed at {sign * wanted[i]:{digits}}, but {others_text}the "
+            f"equations make it {sign * found[i]:{digits}}; fix fewer, or give some of them as guess={{...}}"
             + _follows(structure, name, gradient[i])
         )
     if change is not None and free:  # found(x, p) = wanted(p) is to stay satisfied: x' solves the linearised equations

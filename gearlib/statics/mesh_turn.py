@@ -23,9 +23,9 @@ from gearlib.errors import ModelError
 from gearlib.flatten.followers import (
     Follower,
     column_place,
+    columns_of,
     determined,
     followers_of,
-    names_of,
     nonlinear_terms,
     others_of,
     place_of,
@@ -188,7 +188,8 @@ def turn(
         followers = [f for f in followers if f not in set(ready)]
     while behind := [f for f in followers if of_rates[others_of(model, f)].any() and not of_rates[determined(model, f)]]:
         of_rates[[determined(model, f) for f in behind]] = True
-    _refuse_unknown(model, over.place >= 0, (over.place >= 0) & ~turns, open_, of_rates)
+    moved = open_ | (over.place >= 0)
+    _refuse_unknown(model, moved, moved & ~turns, open_, of_rates)
     return over
 
 
@@ -246,8 +247,9 @@ def _refuse_unknown(
         template = group.template
         for name, order, others in nonlinear_terms(template):
             own = group.variables[:, place_of(template, name)]
-            beside = group.variables[:, [place_of(template, other) for other in sorted(others)]]
-            for i in np.flatnonzero((vary if order else open_)[own] & (moved | open_)[beside].any(axis=1)).tolist():
+            beside = [(vary if rate else moved)[group.variables[:, place_of(template, other)]] for other, rate in others]
+            among = np.array(beside, bool).reshape(-1, len(group)).any(axis=0)
+            for i in np.flatnonzero((vary if order else open_)[own] & among).tolist():
                 loop = "follows from equations that have to be solved together at each phase; solve them for it"
                 known = "follows from rates that vary with the phase" if of_rates[own[i]] else loop
                 why = f"{model.name(int(own[i]))} {'has a rate that varies with the phase' if order else known}"
@@ -256,7 +258,7 @@ def _refuse_unknown(
 
 def _depends(kernel: Kernel, group: EquationGroup, over: Turn) -> bool:
     """Whether phase-dependent variables affect a kernel, including through its conditions."""
-    return any(over.moves(group, name) for name in names_of(kernel))
+    return any(over.moves(group, name) for name, order in columns_of(kernel) if not order)
 
 
 def _through(

@@ -85,7 +85,7 @@ def lowest(A: Any, count: int, at_zero: int) -> Lowest | None:
             space = _Space(S, 1j * np.sqrt(window[0] * window[1]))
             space.grow(min(4 * window[2] + 60 + 60 * idle, S.shape[0] // 2))
             before = len(known.values)
-            known = _joined(known, *space.pairs())
+            known = joined(known, *space.pairs())
             idle = 0 if len(known.values) > before else idle + 1
         missing = missing_inside(S, radius, known.values, at_zero)
     return None
@@ -102,13 +102,13 @@ def _first(S: Any, size: float, count: int, at_zero: int) -> tuple[Lowest, float
         space.grow(dimension)
         known = Lowest(*space.pairs())
         if slow is not None:
-            known = _joined(known, slow.values, slow.vectors)
+            known = joined(known, slow.values, slow.vectors)
         radius = _radius(known.values, count)
         if radius:
             missing = missing_inside(S, radius, known.values, at_zero)
             if missing and slow is None:  # motions far slower than the others, such as a load that brakes the whole train
                 slow = _slower(S, size, float(np.abs(known.values).min()))
-                known = _joined(known, slow.values, slow.vectors)
+                known = joined(known, slow.values, slow.vectors)
                 missing = missing_inside(S, radius, known.values, at_zero)
             if missing == 0:
                 break
@@ -125,10 +125,10 @@ def _swept(S: Any, size: float, radius: float, known: Lowest) -> Lowest:
     for part in SWEEP:
         space = _Space(S, 1j * part * radius)
         space.grow(min(SWEEP_SIZE, S.shape[0] // 2))
-        known = _joined(known, *space.pairs())
+        known = joined(known, *space.pairs())
         slowest = min(slowest, float(np.abs(known.values).min(initial=slowest)))
     slow = _slower(S, size, slowest)
-    return _joined(known, slow.values, slow.vectors)
+    return joined(known, slow.values, slow.vectors)
 
 
 def _slower(S: Any, size: float, slowest: float) -> Lowest:
@@ -138,7 +138,7 @@ def _slower(S: Any, size: float, slowest: float) -> Lowest:
         if rate > NOTHING * size:
             space = _Space(S, rate)
             space.grow(48)
-            found = _joined(found, *space.pairs())
+            found = joined(found, *space.pairs())
     return found
 
 
@@ -197,8 +197,8 @@ def _where_missing(
     return low or high / 8, high, total - below
 
 
-def _joined(known: Lowest, values: Complexes, vectors: Complexes) -> Lowest:
-    """Merge known and new eigenpairs: repeated eigenvalues have independent vectors."""
+def joined(known: Lowest, values: Complexes, vectors: Complexes) -> Lowest:
+    """Known and new eigenpairs; of those with one eigenvalue (to 1e-6), only those with independent vectors."""
     new: list[int] = []
     for k, value in enumerate(values):
         near = np.flatnonzero(np.abs(known.values - value) < 1e-6 * abs(value))

@@ -52,6 +52,7 @@ Complexes = NDArray[np.complex128]
 MOST_DENSE = 500  # states up to which all eigenvalues are computed
 COLUMN = 33  # column at which energies are printed
 UNSURE = 1e-3  # of a mode's energy: shares with a larger error bound are not reported
+SLOW = 1e-3  # of the lowest frequency: at this one, what is inside of components follows a free motion
 AT_REST = 1e-9  # of a mode's largest amplitude: rounding
 NEGATIVE = 1e-6  # of a mode's energy: a more negative energy is not rounding
 
@@ -191,7 +192,8 @@ class Modes:
         kinetic, potential, off = (np.zeros((len(self), len(numbers))) for _ in range(3))
         for mode, value in enumerate(self.eigenvalues):
             amplitude = self.amplitudes(mode)
-            parts = [energies(family, amplitude, abs(self._s(mode))) for family in self._families]
+            omega = abs(self._s(mode)) * (1.0 if value else SLOW)
+            parts = [energies(family, amplitude, omega) for family in self._families]
             if parts:
                 kinetic[mode], potential[mode], off[mode] = (np.concatenate(kind) for kind in zip(*parts, strict=True))
                 potential[mode] *= bool(value)

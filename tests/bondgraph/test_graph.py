@@ -90,8 +90,13 @@ def test_wrong_numbers_at_run_time() -> None:
         ((5,), r"5 is not a bond; expected \(number, tail, head\)"),
         (((1, Se()),), r"is not a bond; expected \(number, tail, head\)"),
         ((("1", Se(), One("v")),), "is not a bond"),
+        (((1.0, Se(), One("v")),), "is not a bond"),
+        (([1, Se(), One("v")],), "is not a bond"),
+        (((1, Se(), One("v"), One("w")),), "is not a bond"),
+        (((True, Se(), One("v")),), "is not a bond"),
         (((1, "Se", One("v")),), "bond 1 ends on 'Se', which is not an element"),
         (((1, Se, One("v")),), r"which is not an element; make one: Se\(\.\.\.\)"),
+        (((1, Se(), int),), r"^bond graph: bond 1 ends on <class 'int'>, which is not an element$"),
     ],
 )
 def test_what_is_no_bond_is_refused(bonds: tuple[Any, ...], message: str) -> None:

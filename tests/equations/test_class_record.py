@@ -192,6 +192,8 @@ def test_equalities_with_opposite_signs_are_two() -> None:
         (lambda s: gl.Eq(s.x, "y"), r"Leaf\.equations\(\): x == 'y' is not an equation: the right side is 'y'"),
         (lambda s: gl.Eq(None, s.x), r"None == x is not an equation: the left side is None"),
         (lambda s: gl.Eq(s.x, s.flange.phi * gl.language.expressions.real_symbol("flange.omega")), r"'flange\.omega' is not declared"),
+        (lambda s: gl.Eq(s.x, gl.pre(s.y)), r"Leaf: x = pre\(y\): pre\(y\) is for a gl\.Discrete, and y changes continuously; in a"),
+        (lambda s: gl.Eq(s.x, gl.language.expressions.real_symbol("pre(w)")), r"'pre\(w\)' is not declared"),
     ],
 )  # fmt: skip
 def test_names_and_sides_are_checked(equation: Any, message: str) -> None:

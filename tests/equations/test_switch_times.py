@@ -14,6 +14,7 @@ from gearlib.equations.quasipolynomials import TIME, OutsideClassError
 from gearlib.equations.switch_times import distinct, instants, rounding, times_of_breakpoints
 from gearlib.errors import ArgumentError
 from gearlib.language.expressions import SquareWave
+from gearlib.program.event_iteration import right_hand
 
 t = TIME
 
@@ -160,6 +161,50 @@ def test_products_and_powers_switch_where_their_factors_do(power: int, root: flo
     waves = times_of_breakpoints((t - root) * sympy.sin(np.pi / root * t - 1) ** power > 0, 0.0, 2 * root)
     assert waves == pytest.approx([root / np.pi, root, root / np.pi + root], rel=1e-12)
     assert times_of_breakpoints((t - root) ** power + 1 > 0, root - 0.5, root + 0.5).tolist() == []
+
+
+@pytest.mark.parametrize("size", [1e-2, 1.0, 1e3])
+@pytest.mark.parametrize("apart", [0.3, 1e-2, 1e-3, 2e-4])
+def test_a_polynomial_has_changed_its_sign_just_after_its_roots(apart: float, size: float) -> None:
+    """There conditions are evaluated. Beside a complex pair or between other roots its terms almost cancel, and rounding hides its sign."""
+    for root in (size * np.random.default_rng(3).uniform(0.5, 1.5, 20)).tolist():
+        gap = apart * root
+        pair = np.polymul([1.0, -root], [1.0, -2 * (root + 0.3 * gap), (root + 0.3 * gap) ** 2 + gap**2])
+        three = np.poly([root, root + gap, root - 2 * gap])
+        for c, roots, signs in ((pair, [root], [1]), (three, [root - 2 * gap, root, root + gap], [1, -1, 1])):
+            numbers = c[::-1].tolist()
+            times = times_of_breakpoints(sum(a * t**k for k, a in enumerate(numbers)) > 0, 0.0, 3 * root)
+            assert times == pytest.approx(roots, rel=1e-13 + 3e-14 / apart**2)
+            after = [sum(a * s**k for k, a in enumerate(numbers)) for s in right_hand(times).tolist()]
+            assert np.sign(after).tolist() == signs
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("below", [1e-2, 1e-7, 1e-9, 1e-11])
+@pytest.mark.parametrize("rate", [1e-2, 1.0, 3e3])
+def test_a_sinusoid_has_changed_its_sign_just_after_it_passes_a_level_near_its_peak(
+    side: int, below: float, rate: float
+) -> None:
+    for phase in np.random.default_rng(4).uniform(-3.0, 3.0, 20).tolist():
+        level = side * (1.0 - below)
+        times = times_of_breakpoints(side * sympy.sin(rate * t + phase) > side * level, 0.0, 20.0 / rate)
+        turns = (rate * times + phase - side * np.pi / 2 + np.pi) % (2 * np.pi) - np.pi
+        assert np.abs(turns) == pytest.approx(np.arccos(1.0 - below), rel=1e-13 / below + 1e-9)
+        above = side * (np.sin(rate * right_hand(times) + phase) - level) > 0
+        assert above.tolist() == (turns < 0).tolist()
+        assert (np.diff(times) > 0).all()
+        assert (np.diff(turns > 0) != 0).all()
+
+
+@pytest.mark.parametrize("rate", [-3.0, -1e-4, -1e-7, 1e-8, 2.0])
+def test_an_exponential_has_passed_a_level_just_after(rate: float) -> None:
+    """Also one that hardly changes."""
+    for root in np.random.default_rng(6).uniform(0.1, 1.9, 20).tolist():
+        level = float(np.exp(rate * root))
+        (time,) = times_of_breakpoints(sympy.exp(rate * t) > level, 0.0, 2.0)
+        assert time == pytest.approx(root, rel=1e-13, abs=4e-15 / abs(rate))
+        assert np.sign(np.exp(rate * right_hand(np.array([time]))) - level).tolist() == [np.sign(rate)]
+    assert times_of_breakpoints(sympy.exp(rate * t) > -1.0, 0.0, 2.0).tolist() == []
 
 
 def test_both_sides_of_what_has_no_closed_form_are_named() -> None:

@@ -141,6 +141,7 @@ def test_extrema_that_keep_an_argument_in_its_domain_follow_it_within_a_step() -
     ):  # fmt: skip
         t = make(z, expression)
         assert len(t.relations) == relations
+        assert {relation_symbol(k) for k in range(relations)} <= t.residual.free_symbols  # or no event would be looked for
         known = {s for r in t.relations for s in r.g.free_symbols} | t.residual.free_symbols
         assert all(s in (x, y, z, p, q) or s.name.startswith("relation") for s in known)
         for held in (0, 1) if value is not None else ():

@@ -190,3 +190,13 @@ def test_a_loop_closed_with_a_factor_of_its_gain() -> None:
     for ask in (lambda: loop.closed(2.0), lambda: gl.root_locus_plot(model, gains=[0.0, 1.0, 2.0])):
         with pytest.raises(ArgumentError, match=said):
             ask()
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_zeros_in_any_unit_of_time(unit: float) -> None:
+    """Those at infinity are none, although rounding may bring them nearer."""
+    turned = np.linalg.qr(np.random.default_rng(2).normal(size=(4, 4)))[0]
+    plain = as_loop(control.tf([2.0, 5.0], np.poly([-1.0, -2.0, -3.0, -4.0])))
+    A, b, c = turned @ plain.A @ turned.T, turned @ plain.b, turned @ plain.c
+    found = Loop(unit * A, unit * b, c, 0.0, "u", "y").zeros
+    assert (found / unit).tolist() == [pytest.approx(-2.5, rel=1e-6)]

@@ -69,6 +69,7 @@ LOOP = control.tf([3.0], [1, 2, 1, 0])  # gain margin 2/3
 
 def test_nyquist() -> None:
     whole, near = gl.nyquist_plot(LOOP)
+    assert (whole.get_aspect(), near.get_aspect()) == (1.0, 1.0)
     assert "gain margin -3.52 dB" in texts(near)
     assert "real part of L" in texts(whole)
     marks = [line for line in near.lines if line.get_marker() == "s"]

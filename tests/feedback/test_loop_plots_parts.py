@@ -349,3 +349,10 @@ def test_phases_are_those_of_the_response_but_for_whole_turns(numerator: Any, de
     assert -270 <= angle[0] <= 90
     x, _ = data(gl.nichols_plot(model), "L(jω)")
     assert x == pytest.approx(angle.tolist())
+
+
+@pytest.mark.parametrize(("gain", "reach"), [(0.4, 0.4), (0.5, 1.1), (2.0, 2.0)])
+def test_a_nyquist_plot_shows_the_point_unless_the_curve_is_less_than_half_as_large(gain: float, reach: float) -> None:
+    """Of a loop that is a constant."""
+    whole, _ = gl.nyquist_plot(control.ss([[-1.0]], [[1.0]], [[0.0]], [[gain]]))
+    assert whole.get_ylim() == pytest.approx((-1.15 * reach, 1.15 * reach))

@@ -353,3 +353,29 @@ def test_a_curve_that_is_on_the_axis_but_for_rounding_crosses_it_at_its_ends_alo
     found = margins(loop)
     assert not found.real
     assert [(c.omega, c.gain_margin) for c in found.phase_crossings] == [(0.0, pytest.approx(2.0)), (INFINITE, 2.0)]
+
+
+@pytest.mark.parametrize("factor", [9.5, 10.5, -10.5])
+def test_a_start_is_negative_from_ten_roundings_on(factor: float) -> None:
+    lag = np.array([[-1.0]]), np.ones(1), np.ones(1)
+    rounding = float(Loop(*lag, -1.0, "u", "y").rounding(0.0))
+    loop = Loop(*lag, -1.0 - factor * rounding, "u", "y")
+    assert float(loop.response(0.0).real) / float(loop.rounding(0.0)) == pytest.approx(-factor, abs=0.02)
+    assert [c.omega for c in margins(loop).phase_crossings] == ([0.0] if factor > 10 else []) + [INFINITE]
+
+
+@pytest.mark.parametrize("at", range(5))
+def test_the_nearest_point_lies_between_its_neighbours(at: int) -> None:
+    """Of five frequencies, one of which is nearest to the peak: it is found between those beside it, but not beyond the ends."""
+
+    class Coarse(Loop):
+        def frequencies(self, *_: Any, **__: Any) -> Any:
+            return 2.9 * 2.0 ** (np.arange(5.0) - at)
+
+    resonance = as_loop(control.tf([0.5, 0.0], [1, 0.5, 9.0]), gain=-0.9)  # 1 + L is 1 - 0.9 at the resonance, 3 rad/s
+    coarse = Coarse(resonance.A, resonance.b, resonance.c, resonance.d, "u", "y")
+    sampled = abs(1 + complex(resonance.response(2.9j)))
+    found = margins(coarse)
+    inside = 0 < at < 4
+    assert found.modulus_margin == pytest.approx(0.1 if inside else sampled, rel=1e-9)
+    assert found.modulus_omega == pytest.approx(3.0 if inside else 2.9, rel=1e-6)

@@ -137,3 +137,10 @@ def test_a_table_has_each_pair_once_however_slow_it_is() -> None:
     rows = [" ".join(line.split()) for line in pole_table(of(-0.1 + 0.6j, -0.2 + 1e-3j, -0.5))[1:]]
     assert sorted(row.split()[0] for row in rows) == ["-0.1", "-0.2", "-0.5"]
     assert sum("+-" in row for row in rows) == 2
+
+
+def test_poles_of_a_system_that_rounding_blurs_are_told(chain: Any) -> None:
+    """A damping of almost no mass makes a pole so fast that the slow ones are known badly."""
+    system = chain(n=2, grounded=True)
+    with pytest.warns(gl.GearlibWarning, match=rf"^{system.name}: poles are known to .* rad/s, since the fastest one"):
+        stability(system, parameters={"d": 1e13})

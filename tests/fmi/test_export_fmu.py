@@ -348,6 +348,33 @@ def test_an_event_function_that_becomes_smaller_at_an_event_is_located_as_sharpl
     assert fmu.events == pytest.approx([0.5, 0.7], abs=1e-6)
 
 
+class Counting(gl.Component):
+    """x' is the number of instants so far."""
+
+    period = gl.Parameter("s", default=0.1)
+    x, n = gl.Variable("1", start=0.0), gl.Discrete("instants so far")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), self.n),
+            gl.When(gl.sample(self.period, self.period), gl.Eq(self.n, gl.pre(self.n) + 1)),
+        ]
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+@pytest.mark.parametrize(("period", "steps"), [(0.05, 100), (0.05, 20), (0.07, 100)])
+def test_instants_are_those_of_the_importing_tool_up_to_rounding(
+    version: str, period: float, steps: int, tmp_path: Path
+) -> None:
+    """Three times 0.05 s is a rounding later than 15 times 0.01 s."""
+    system = gl.compile(Counting(), outputs=["x", "n"])
+    fmu = Exported(system, system.export_fmu(tmp_path / "counting.fmu", version=version))
+    found = fmu.simulate("CoSimulation", 1.0, steps + 1, output=["x", "n"], start_values={"period": period})
+    instants = period * np.arange(1, int(1.0 / period + 1e-9) + 1)
+    np.testing.assert_array_equal(found["n"], [np.sum(instants < t + 1e-9) for t in found["time"]])
+    np.testing.assert_allclose(found["x"], [np.maximum(t - instants, 0.0).sum() for t in found["time"]], atol=1e-9)
+
+
 def test_inputs_follow_slopes_in_fmi_2(tmp_path: Path) -> None:
     """A torque that rises by 5 N.m/s on 2 kg.m2: the speed is 1.25 t^2 only if the input moves within the steps."""
     from fmpy.fmi2 import FMU2Slave

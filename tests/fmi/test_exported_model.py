@@ -9,7 +9,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import ArgumentError, GearlibWarning, NameLookupError
+from gearlib.errors import ArgumentError, GearlibWarning, ModelError, NameLookupError
 from gearlib.fmi import exported_model as module
 from gearlib.fmi.exported_model import ExportedModel, exported_model, used_parameters
 from tests.fmi.test_model_source import Timed
@@ -228,6 +228,28 @@ def test_an_impulse_that_an_fmu_does_not_have_is_told() -> None:
     with pytest.warns(GearlibWarning, match="^Cam: cam: an equation that has to be differentiated may jump or have a corner"):
         exported(Cam(law=ROUGH["corner"][0]))
     exported(Cam(law=SMOOTH["parabola"]))
+
+
+@pytest.mark.parametrize(("at", "stop_time"), [(0.5, 1.0), (2.0, 3.0), (2.0, 1.0)])
+def test_a_jump_within_the_simulated_time_is_refused_as_in_a_run(at: float, stop_time: float) -> None:
+    """A later one is told: a tool may simulate for longer."""
+
+    class Moved(gl.Component):
+        def assemble(self) -> list[Any]:
+            speed = gl.Piecewise((1.0, gl.time < at), (3.0, True))
+            self.motor, self.body = gp.Speed(w_ref=speed, exact=True), gp.Inertia(J=1.0)
+            return [gl.connect(self.motor.flange, self.body.flange_a)]
+
+    system = gl.compile(Moved(), ["body.a"])
+    said = f"^motor: motor.w_ref has a jump at t = {at:g} s, but must be differentiated there"
+    if at > stop_time:
+        with pytest.warns(GearlibWarning, match="^Moved: motor: an equation that has to be differentiated may jump"):
+            exported_model(system.translation, None, None, None, stop_time)
+        return
+    with pytest.raises(ModelError, match=said):
+        exported_model(system.translation, None, None, None, stop_time)
+    with pytest.raises(ModelError, match=said):
+        system.simulate(stop_time)["body.a"]
 
 
 def test_parameters_that_follow_are_not_given() -> None:

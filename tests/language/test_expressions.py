@@ -295,6 +295,12 @@ def test_square_waves_and_times_just_before(t: float) -> None:
     assert eval(scalar_source(before), {"x": 0.0}) == -2e-15
 
 
+@pytest.mark.parametrize("number", [SquareWave(x, 0.5, 1), JustBefore(x), gl.sample(0.5).lhs], ids=lambda e: type(e).__name__)
+def test_functions_of_time_are_real_so_that_the_root_of_a_square_is_a_magnitude(number: Any) -> None:
+    assert sympy.sqrt(number**2) == abs(number)
+    assert number.is_real
+
+
 def test_time_goes_by_at_the_rate_of_one() -> None:
     assert gl.der(gl.time) == 1
 

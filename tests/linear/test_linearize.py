@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -459,6 +460,9 @@ def test_an_output_that_needs_the_derivative_of_an_input_is_refused() -> None:
     said = r"^the outputs part\.y, part\.v need the derivative of the input part\.u, for which dx/dt"
     with pytest.raises(gl.GearlibError, match=said):
         system.linearize(inputs, ["part.y", "part.v"])
+    many = ["part.y", "part.x", "part.v", "part.other", "part.u", "der(part.y)", "der(part.x)"]
+    with pytest.raises(gl.GearlibError, match=rf"^the outputs {re.escape(', '.join(many[:6]))} need the derivative of"):
+        system.linearize(inputs, many)
     assert np.asarray(system.linearize(["part.other"], ["part.y", "part.v"]).B) == pytest.approx(1.0)
 
 

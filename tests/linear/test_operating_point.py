@@ -88,6 +88,26 @@ def test_a_steady_state_moves_as_its_closed_form_says(plant: Any) -> None:
         assert moved == pytest.approx([-3 / (2 * k**2), 0.0], abs=1e-9)
 
 
+class Swelling(gl.Component):
+    """A level with a loss that changes with time."""
+
+    a = gl.Parameter("1/s", default=2.0)
+    y = gl.Variable("1", start=0.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.y), 7.0 - (self.a + 3.0 * gl.cos(gl.time)) * self.y)]
+
+
+def test_a_steady_state_and_its_changes_are_those_of_time_0() -> None:
+    """7 / (a + 3), whatever the loss was before."""
+    translation = translation_of(gl.compile(Swelling()))
+    node = (translation.model.variable("y"), 0)
+    _, _, point = operating_point(translation, (node,), "steady")
+    assert point.states[node] == pytest.approx(7 / 5)
+    assert point.change is not None
+    assert point.change(["a"]).find_states()[node] == pytest.approx([-7 / 25])
+
+
 def test_a_moment_of_a_run_has_its_time_inputs_and_parameters(plant: Any) -> None:
     """y = 3 + 9 exp(-t), between samples, too; it moves with no parameter."""
     system = gl.compile(Plant())

@@ -256,6 +256,25 @@ def test_the_null_space_is_split_off_whatever_its_rank(seed: int) -> None:
     assert np.linalg.norm(matrix @ rows) == pytest.approx(np.linalg.norm(sizes[:rank]), abs=1e-5)
 
 
+@pytest.mark.parametrize("n", [2, 3, 5])
+def test_the_rank_is_that_of_the_singular_values_wherever_the_limit_lies(n: int) -> None:
+    """Also where neither an inverse nor a triangle tells it, whose entries are below the limit, and their sum above it."""
+    rng = np.random.default_rng(n)
+    drawn = [rng.normal(size=(n, n)) * 10.0 ** rng.uniform(-1, 1, n) for _ in range(40)]
+    for matrix in [np.triu(np.full((n, n), 0.9)), np.ones((n, n)), *drawn]:
+        sizes = np.linalg.svd(matrix, compute_uv=False)
+        for rank in range(n + 1):
+            above, below = np.append(np.append(2 * sizes[0], sizes), sizes[-1] / 2)[rank : rank + 2]
+            if above < max(1.001 * below, 1e-9 * sizes[0]):
+                continue
+            limit = float(np.sqrt(above * max(below, 1e-11 * sizes[0])))
+            rows, null = rows_and_null(matrix, limit)
+            assert (rows.shape, null.shape) == ((n, rank), (n, n - rank))
+            assert np.linalg.norm(matrix @ null) <= limit * np.sqrt(n)
+            both = np.hstack([rows, null])
+            assert both.T @ both == pytest.approx(np.eye(n), abs=1e-12)
+
+
 def test_the_staircase_leaves_a_block_triangular_matrix() -> None:
     matrix = similar([FREE, STILL, np.eye(3, k=1), swing(2.0, 1.0)])
     zero, others, chains, limit = deflate(matrix)

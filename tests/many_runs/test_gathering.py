@@ -122,3 +122,15 @@ def test_memory_is_that_of_all_runs(monkeypatch: pytest.MonkeyPatch, there: floa
         return
     with pytest.raises(GearlibError, match=r"^outputs of 50 runs take 4e-05 GB, and this machine has 3\.9e-05; keep less"):
         found.add(0, Row(values))
+
+
+@pytest.mark.parametrize(
+    ("each", "there", "said"), [(5312500, 1.125e9, ("2.12", "1.12")), (5937500, 1.375e9, ("2.38", "1.38"))]
+)
+def test_memory_is_told_in_gigabytes(monkeypatch: pytest.MonkeyPatch, each: int, there: float, said: tuple[str, str]) -> None:
+    """To three digits; of a half, which these are, the even one."""
+    monkeypatch.setattr(gathering, "physical_memory", lambda: there)
+    found = Gathering(Doubling(), "Model", as_samples({"x": np.arange(50.0)}), None)
+    with pytest.raises(GearlibError) as refused:
+        found.add(0, Row({"y": np.broadcast_to(0.0, each)}))
+    assert str(refused.value).startswith("outputs of 50 runs take {} GB, and this machine has {}; keep less".format(*said))

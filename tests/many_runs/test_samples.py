@@ -59,6 +59,11 @@ def test_arrays_and_frames_are_columns() -> None:
         (np.ones(3), ["a"], r"parameters has the shape \(3,\); expected an array of finite numbers of shape \(runs, 1\)"),
         (np.ones((0, 1)), ["a"], r"parameters has the shape \(0, 1\)"),
         (np.ones((2, 3)), ["a", "b"], r"shape \(2, 3\); expected .* \(runs, 2\), since there are 2 names"),
+        (
+            {"a": [1.0, gl.Table([0.0, 1.0], [2.0, 3.0]), "first", "second"]},
+            None,
+            r"parameters\['a'\] holds 'first'; expected a number",
+        ),
         ({"a": [[1.0, 2.0]]}, None, r"parameters\['a'\] is \[\[1\.0, 2\.0\]\]; expected a number, or a sequence"),
         ({f"p{k}": np.ones(k + 1) for k in range(9)}, None, r"got p0 1, .*p7 8; for all combinations"),
         ({"a": []}, None, "there is no run, the sequences are empty"),

@@ -43,6 +43,11 @@ package P
     Small s(k = 2 * j, body(w(start = j)));
     replaceable Components.Inertia some(J = 3) constrainedby Interfaces.PartialTwoFlanges;
   end Large;
+  model Row
+    Components.Inertia b[2](each J = 1);
+    Components.LossyGear g[2](each ratio = 1);
+    Sources.Move m;
+  end Row;
   model Lossy
     extends Components.Inertia(J = 6, w.start = 2);
     parameter Real loss = 1;
@@ -116,7 +121,7 @@ def given(text: str) -> dict[str, dict[str, Any]]:
          {"s": {"values": {"k": 3, "u": "time"}, "choices": {"n": 4, "on": False, "level": "high"}}, "s.body": {"values": {"J": "k"}}}),
         ("Small s(x(start = 5), pin(v(start = 6, nominal = 2)), flange(phi(start = 7, fixed = true)));",
          {"s": {"guess": {"x": 5, "pin.v": 6}, "start": {"flange.phi": 7}, "nominal": {"pin.v": 2.0}}, "s.body": {"values": {"J": "k"}}}),
-        ("Small s(d(start = 5), x(fixed = true));", {"s": {"start": {"d": 5, "x": 0.0}}, "s.body": {"values": {"J": "k"}}}),
+        ("Small s(d(start = 5), x(fixed = true));", {"s": {"start": {"d": 5}}, "s.body": {"values": {"J": "k"}}}),
         ("Small s(body(J = 5, w(start = 2, fixed = true)));",
          {"s": {"values": {"body__J": 5}, "start": {"body.w": 2}}, "s.body": {"values": {"J": "body__J"}}}),
         ("Small s(torque(tau = time));",
@@ -124,8 +129,9 @@ def given(text: str) -> dict[str, dict[str, Any]]:
         ("Large l(j = 2);",
          {"l": {"values": {"j": 2}}, "l.some": {"values": {"J": 3}}, **LARGE}),
         ("Large l(s(k = 4, body(J = 8, phi(fixed = true))));",
-         {"l": {"values": {"s__k": 4, "s__body__J": 8}, "start": {"s.body.phi": 0.0}},
-          "l.s": {"values": {"k": "s__k", "body__J": "s__body__J"}, "guess": {"body.w": "j"}}, "l.s.body": {"values": {"J": "body__J"}},
+         {"l": {"values": {"s__k": 4, "s__body__J": 8}},
+          "l.s": {"values": {"k": "s__k", "body__J": "s__body__J"}, "guess": {"body.w": "j"}},
+          "l.s.body": {"values": {"J": "body__J"}, "start": {"phi": 0.0}},
           "l.some": {"values": {"J": 3}}}),
         ("Large l(some(J = 5));", {"l": {"values": {"some__J": 5}}, "l.some": {"values": {"J": "some__J"}}, **LARGE}),
         ("Large l(redeclare Components.Disc some(deltaPhi = 5));",
@@ -136,6 +142,85 @@ def given(text: str) -> dict[str, dict[str, Any]]:
 def test_what_modifications_give_to_parts(text: str, expected: Any) -> None:
     """Names in quotes stand for parameters of the enclosing class."""
     assert given(text) == expected
+
+
+STARTED = """
+package P
+  import Modelica.Mechanics.Rotational.Components;
+  model A parameter Real k = 4; Real x(start = 3); equation der(x) = -k * x; end A;
+  model F parameter Real k = 4; Real x(start = 3, fixed = true); equation der(x) = -k * x; end F;
+  model K parameter Real k = 4; Real x(start = k); equation der(x) = -x; end K;
+  model N parameter Real k = 4; Real x; equation der(x) = -k * x; end N;
+  model Holds A a; end Holds;
+  model Sets A a(x(start = 5)); end Sets;
+  model Body Components.Inertia a(J = 1, w(start = 7)); end Body;
+  model Wheel extends Components.Inertia(J = 1, w(start = 7)); end Wheel;
+  model Started extends Components.Inertia(J = 1, w(start = 7, fixed = true)); end Started;
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "expected"),
+    [
+        ("A a(x(fixed = true));", "a.x", 3), ("extends A(x(fixed = true));", "x", 3), ("A a[2](each x(fixed = true));", "a[1].x", 3),
+        ("A a[2](x(fixed = {true, true}, start = {8, 9}));", "a[1].x", 9), ("A a(x(fixed = true, start = 8));", "a.x", 8),
+        ("K a(x(fixed = true));", "a.x", 4), ("K a(k = 6, x(fixed = true));", "a.x", 6), ("N a(x(fixed = true));", "a.x", 0),
+        ("Holds b(a(x(fixed = true)));", "b.a.x", 3), ("Sets b(a(x(fixed = true)));", "b.a.x", 5),
+        ("Sets b(a(x(fixed = true, start = 8)));", "b.a.x", 8), ("Body b(a(w(fixed = true)));", "b.a.w", 7),
+        ("Wheel b(w(fixed = true));", "b.w", 7), ("Wheel b(w(fixed = true, start = 8));", "b.w", 8),
+        ("F a(x(start = 8));", "a.x", 8), ("F a(x(nominal = 8));", "a.x", 3), ("Started b(w(start = 8));", "b.w", 8),
+        ("F a(x(fixed = false)); initial equation a.x = 6;", "a.x", 6), ("A a(x(fixed = false)); initial equation a.x = 6;", "a.x", 6),
+        ("F a(x(fixed = false, start = 8)); initial equation a.x = 6;", "a.x", 6),
+        ("Started b(w(fixed = false)); initial equation b.w = 6;", "b.w", 6),
+    ],
+)  # fmt: skip
+def test_a_part_starts_with_the_last_start_value_where_any_says_that_it_is_fixed(text: str, name: str, expected: float) -> None:
+    """The declaration gives what the modification leaves open."""
+    system = gl.compile(gl.read_modelica(f"{STARTED} model M {text} end M; end P;", "M")())
+    assert system.simulate(1e-3, samples=2)[name][0] == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("Row r(b(J = {3, 4}));", {"r.b[0]": 3, "r.b[1]": 4}),
+        ("Row r(b(each J = 3));", {"r.b[0]": 3, "r.b[1]": 3}),
+        ("Row r[3](each b(J = {3, 4}));", {f"r[{k}].b[{i}]": 3 + i for k in range(3) for i in range(2)}),
+        ("Row r[3](b(J = {{3, 4}, {5, 6}, {7, 8}}));", {f"r[{k}].b[{i}]": 3 + 2 * k + i for k in range(3) for i in range(2)}),
+        ("Row r[3](b(each J = 3));", {f"r[{k}].b[{i}]": 3 for k in range(3) for i in range(2)}),
+        ("model Rows Row r[2](b(each J = 2)); end Rows; Rows s(r(b(J = {{3, 4}, {5, 6}})));",
+         {f"s.r[{k}].b[{i}]": 3 + 2 * k + i for k in range(2) for i in range(2)}),
+        ("Large l[2](some(J = {5, p}));", {"l[0].some": 5, "l[1].some": 9}),
+    ],
+)  # fmt: skip
+def test_each_part_of_an_array_within_a_part_has_its_own_value(text: str, expected: dict[str, float]) -> None:
+    """However deep: an index for each array that is not within ``each``."""
+    found = parts(text)
+
+    def number(name: str) -> float:
+        """The value of a part's inertia: a number, or a parameter of the class around it."""
+        value, (above, _, _) = given_to(found[name]).values["J"], name.rpartition(".")
+        while isinstance(value, sympy.Symbol) and str(value) != "p":
+            value, (above, _, _) = given_to(found[above]).values[str(value)], above.rpartition(".")
+        return 9.0 if str(value) == "p" else float(value)
+
+    assert {name: number(name) for name in expected} == expected
+
+
+def test_tables_and_signals_of_an_array_within_a_part() -> None:
+    one, other = ((0, 0.9, 0.8, 0, 0),), ((0, 0.5, 0.4, 0, 0),)
+    tables = {"one": "[0, 0.9, 0.8, 0, 0]", "other": "[0, 0.5, 0.4, 0, 0]"}
+    for text, expected in (
+        ("each lossTable = {one}", (one, one)),
+        ("lossTable = {{{one}, {other}}}", (one, other)),
+    ):
+        found = parts(f"Row r(g({text.format(**tables)}));")
+        assert tuple(given_to(found[f"r.g[{k}]"]).choices["loss_table"] for k in range(2)) == expected
+    found = parts("Row r(m(u = {time, 1, 0}));")
+    assert given_to(found["r"]).values == {"m__u__1": gl.time, "m__u__2": 1, "m__u__3": 0}
+    assert {n: str(v) for n, v in given_to(found["r.m"]).values.items()} == {
+        "phi_ref": "m__u__1", "w_ref": "m__u__2", "a_ref": "m__u__3",
+    }  # fmt: skip
 
 
 GAINS = "Math.Gain c(k = 1, u = b.y); Math.Gain b(k = 2, u = a.y); Math.Gain a(k = 3, u = {}); Math.Gain d(k = 4, u = time);"
@@ -231,6 +316,8 @@ def test_values_stand_before_or_behind_a_redeclaration(used: str) -> None:
         ("Small s(x = 3);", "'x' is a variable of a part; an equation gives its value"),
         ("Small s(x(begin = 3));", "'begin' is not an attribute of a variable; "),
         ("Small s(body(I = 3));", "Inertia has no 'I' that can be modified; "),
+        ("Small s(pin(w(start = 3)));", "'pin' has no 'w'; "),
+        ("Components.Inertia i(flange_a(psi(fixed = true)));", "'flange_a' has no 'psi'; did you mean 'phi'?"),
         ("Components.Inertia i(I = 3);", "Inertia has no 'I' that can be modified; "),
         ("Components.Inertia i(w = 3);", "Inertia has no 'w' that can be modified; "),
         ("Components.Inertia i(a(start = 1, fixed = true));",
@@ -247,7 +334,10 @@ def test_values_stand_before_or_behind_a_redeclaration(used: str) -> None:
         ("Components.Inertia i(w(fixed = 1));", "'fixed' is 1; expected true or false"),
         ("Components.Inertia i(w(stateSelect = StateSelect.no));",
          "'stateSelect' is 'no'; expected one of never, avoid, default, prefer, always"),
-        ("Components.Fixed f[3](phi0 = {1, 2});", "2 values; the array has more elements"),
+        ("Components.Fixed f[3](phi0 = {1, 2});", "2 values; the array has 3 elements"),
+        ("Components.Fixed f[2](phi0 = {1, 2, 3});", "3 values; the array has 2 elements"),
+        ("Row r(b(J = {1, 2, 3}));", "3 values; the array has 2 elements"),
+        ("Row r[3](b(J = {1, 2}));", "2 values; the array has 3 elements"),
         ("Components.Fixed f[2, 2];", "arrays of components with several dimensions are not supported"),
         ("Components.Fixed f[1.5];", "the size of 'f' is 1.5; expected a whole number"),
         ("Components.Fixed f[-1];", "the size of 'f' is -1; expected a whole number"),

@@ -149,6 +149,23 @@ def test_expressions_keep_their_value(expression: Any, text: str | None) -> None
         assert found == pytest.approx(expected, rel=1e-12)
 
 
+class InDeclaredUnits(gl.Component):
+    """A pure number as a torque, and a torque from a table."""
+
+    size = gl.Parameter("1", default=2.0)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.wave, self.body = gp.Torque(tau=self.size * gl.sin(3 * gl.time)), gp.Inertia(J=self.size)
+        self.brake, self.push = gp.Torque(tau=-4 * self.body.w), gp.Torque(tau=gl.Table([0.0, 1.0], [1.0, 3.0]))
+        return [gl.connect(self.body.flange_a, *(t.flange for t in (self.wave, self.brake, self.push)))]
+
+
+def test_a_pure_number_is_in_the_declared_unit_when_it_is_written_as_an_equation() -> None:
+    again = gl.read_modelica(gl.to_modelica(InDeclaredUnits(), flat=True))
+    found, expected = gl.simulate(again(), 2.0, samples=5)["body_w"], gl.simulate(InDeclaredUnits(), 2.0, samples=5)["body.w"]
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+
+
 class Overtaken(gl.Component):
     """A freewheel that starts against its sense."""
 

@@ -166,14 +166,19 @@ def test_the_last_point_lies_at_the_border() -> None:
         assert found.iterations <= 4
 
 
-@pytest.mark.parametrize("kind", ["even", "uneven"])
-@pytest.mark.parametrize("length", [0.5, 0.35])
-def test_a_fold_is_found_between_two_points(kind: str, length: float) -> None:
-    """Of ``w = 1 - f(z)``, where f has its least value 0 at z = 0."""
-    f = {"even": np.square, "uneven": lambda z: np.exp(5 * z) - 1 - 5 * z}[kind]
-    rise = {"even": lambda z: 2 * z, "uneven": lambda z: 5 * (np.exp(5 * z) - 1)}[kind]
+@pytest.mark.parametrize(
+    ("kind", "z", "length"),
+    [("even", -0.04, 0.5), ("even", -0.04, 0.35), ("uneven", -0.04, 0.5), ("uneven", -0.04, 0.35), ("sharp", -0.4, 0.3)],
+)
+def test_a_fold_is_found_between_two_points(kind: str, z: float, length: float) -> None:
+    """Of ``w = 1 - f(z)``, where f has its least value 0 at z = 0; also of almost a corner, beside which tangents hardly change."""
+    f = {
+        "even": np.square, "uneven": lambda z: np.exp(5 * z) - 1 - 5 * z, "sharp": lambda z: np.hypot(z, 0.02) - 0.02,
+    }[kind]  # fmt: skip
+    rise = {
+        "even": lambda z: 2 * z, "uneven": lambda z: 5 * (np.exp(5 * z) - 1), "sharp": lambda z: z / np.hypot(z, 0.02),
+    }[kind]  # fmt: skip
     task = parts.Continuation(lambda z, w: (f(z) + w - 1, np.diag(rise(z)), np.ones(1)), 0.0, 2.0, 0)
-    z = -0.04
     raw = np.array([1.0, -rise(z) / 2])
     y = z, (1 - f(z)) / 2
     size = np.sqrt(task.inner(raw, raw, at(*y, largest=1.0)))
@@ -227,3 +232,15 @@ def test_steps_get_longer_where_they_converge_fast(iterations: int, factor: floa
     path = follow(steady, np.ones(1), 2.0, 4.0, step, 8)
     expected = np.minimum(step / 4 * factor ** np.arange(7), step)
     assert np.diff(path.w) / 2.0 == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(("root", "found"), [(-1e-9, False), (1e-9, True)])
+def test_a_point_just_below_zero_is_none(root: float, found: bool) -> None:
+    """Also where a last small correction led there."""
+
+    def at_rest(z: Floats, w: float) -> tuple[Floats, Floats, Floats]:
+        return np.array([w - root]), np.zeros((1, 1)), np.ones(1)
+
+    task = parts.Continuation(at_rest, 1.0, 2.0, 0)
+    guess, across = np.array([3.0, -1.0 + 2e-9]), np.array([1.0, 0.0])
+    assert (task.on_plane(guess, across, at(3.0, 0.0, tangent=(0.0, 1.0))) is not None) == found

@@ -169,6 +169,38 @@ def test_a_growing_phase_counts_by_its_growth_over_its_scale(turns: float, omega
         assert max(equations.error(equations.unknowns(c), omega)) < 1e-6
 
 
+class Rotor(gl.Component):
+    """A phase that grows with the speed of a body, which tends to two radians per second, and what the phase drives."""
+
+    p, w, v = gl.Variable("rad", state="prefer"), gl.Variable("rad/s"), gl.Variable("1")
+    tau = gl.Parameter("s", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.p), self.w),
+            gl.Eq(self.tau * gl.der(self.w), 2.0 - self.w),
+            gl.Eq(self.tau * gl.der(self.v), gl.cos(self.p) - self.v),
+        ]
+
+
+@pytest.mark.parametrize("speed", [2.0, 2.2])
+def test_the_growth_of_a_phase_is_that_of_the_speed(speed: float) -> None:
+    """Whatever their scales are: no error at this speed; at another one the mean is off by its difference."""
+    task = Forced(gl.compile(Rotor()).translation, None, {}, {}, HARMONICS, {"p": 1.0})
+    scene = task.scene(["v"])
+    p, w, v = (scene.state_names.index(name) for name in "pwv")
+    scale = np.empty(3)
+    scale[[p, w, v]] = 0.5, 7.0, 3.0
+    none = np.empty((3, 0))
+    free = Rigid(none, none.T, np.zeros(3), none, np.ones(3), none, none)
+    equations = HarmonicEquations(task.driven(scene), HARMONICS, 32, scale, free, False)
+    response = 1 / (1 + 2j)
+    c = np.zeros((2 * HARMONICS + 1, 3))
+    c[0, w], c[1, v], c[2, v] = speed, response.real, -response.imag
+    low, error = equations.error(equations.unknowns(c), 2.0)
+    assert (low < 1e-6) == (error < 1e-6) == (speed == 2.0)
+
+
 class Unheld(gl.Component):
     """A body that nothing holds."""
 

@@ -14,7 +14,7 @@ from gearlib.flatten.flatten import flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.reduce.coefficients import at_start
 from gearlib.reduce.reduction import analyse
-from gearlib.reduce.redundancy import flows_beside, last_first, last_names, redundant_rows, without
+from gearlib.reduce.redundancy import flow_rows, flows_beside, last_first, last_names, redundant_rows, without
 
 
 class Halving(gl.Component):
@@ -222,3 +222,53 @@ def test_flows_are_set_to_zero_from_the_last_name_on_but_no_partial_sums() -> No
     of = {n: int(model.representative[model.variable(f"body[{n}].flange_a.tau")]) for n in range(12)}
     assert last_first(model, flows, []) == [of[n] for n in reversed(range(12))]
     assert last_first(model, flows, [of[10], of[3]]) == [of[n] for n in (10, 3, 11, 9, 8, 7, 6, 5, 4, 2, 1, 0)]
+
+
+def test_flows_count_with_their_coefficients_where_these_are_known() -> None:
+    """With any other numbers where they vary, even if they vanish at rest; what only a sensor shows says nothing of them."""
+
+    class Swashed(gl.Component):
+        """A gear whose ratio is a variable, with a meter of its power, and a torque that is given."""
+
+        flange_a, flange_b = gp.Flange("fast"), gp.Flange("slow")
+        ratio, level, power, given = gl.Variable("1"), gl.Variable("1"), gl.Variable("W"), gl.Input("N.m")
+
+        def equations(self) -> list[gl.Eq]:
+            a, b = self.flange_a, self.flange_b
+            return [
+                gl.Eq(self.power, a.tau * gl.der(a.phi)), gl.Eq(gl.der(self.level), -self.level),
+                gl.Eq(self.ratio, gl.sin(self.level)), gl.Eq(gl.der(a.phi), self.ratio * gl.der(b.phi)),
+                gl.Eq(b.tau, self.given - self.ratio * a.tau),
+            ]  # fmt: skip
+
+    class Train(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.swash, self.one, self.two = gp.Torque(), [Swashed(), Swashed()], Halving(), Halving()
+            self.x, self.y, self.z, self.end = (gp.Inertia(J=1.0) for _ in range(4))
+            return [
+                gl.connect(self.drive.flange, self.x.flange_a, *(swash.flange_a for swash in self.swash)),
+                gl.connect(self.end.flange_a, self.swash[1].flange_b),
+                gl.connect(self.y.flange_a, self.swash[0].flange_b, self.one.flange_a, self.two.flange_a),
+                gl.connect(self.z.flange_a, self.one.flange_b, self.two.flange_b),
+            ]
+
+    model = flatten(Train())
+    parameters = model.parameters.defaults
+
+    def flow(name: str) -> tuple[int, int]:
+        v = model.variable(name)
+        return int(model.representative[v]), int(model.sign[v])
+
+    rows = [row for row in flow_rows(model, parameters, at_start(model, parameters)) if row]
+    of_gears = []
+    for name in ("one", "two", "swash[0]", "swash[1]"):
+        (a, one), (b, other) = flow(f"{name}.flange_a.tau"), flow(f"{name}.flange_b.tau")
+        (row,) = [row for row in rows if set(row) == {a, b}]
+        of_gears.append(row[a] * one / (row[b] * other))
+    assert of_gears[:2] == [2.0, 2.0]
+    assert np.isfinite(of_gears).all()
+    assert np.abs(of_gears).min() > 1e-3
+    given = {int(v) for v in model.inputs}
+    assert flow("drive.flange.tau")[0] in given
+    assert not given & {v for row in rows for v in row}
+    assert not [row for row in rows if set(row) in [{flow(f"swash[{k}].flange_a.tau")[0]} for k in (0, 1)]]

@@ -157,6 +157,15 @@ def test_swings_change_their_states_on_the_way(method: str, angle: float, speed:
     assert result.states.shape == (41, 2)
 
 
+@pytest.mark.parametrize("method", ["ida", "rk"])
+def test_the_statistics_are_those_of_all_parts(method: str) -> None:
+    """Most steps are taken after the first change of states: a run up to a later time has more of them, and both have parts."""
+    halfway, whole = (released(0.3, 9.0).simulate(t, samples=2, method=method, rtol=1e-9) for t in (2.0, 4.0))
+    assert 1 < halfway.stats["segments"] < whole.stats["segments"]
+    for count in ("steps", "rhs", "work"):
+        assert whole.stats[count] > 1.5 * halfway.stats[count] > 0
+
+
 def test_an_interrupt_after_a_change_of_states_is_told_by_the_whole_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gearlib.progress.APART", 0.0)  # every report is made, and none is far from the next
     monkeypatch.setattr("gearlib.solvers.drive.driver.STEPS_PER_CALL", 20)
@@ -169,7 +178,9 @@ def test_an_interrupt_after_a_change_of_states_is_told_by_the_whole_run(monkeypa
     with pytest.warns(gl.GearlibWarning, match=r"interrupted at t = 2\.\d+ s"):
         part = released(0.3, 9.0).simulate(4.0, progress=tell, on_interrupt="stop", **options)
     assert part.stats["segments"] >= 4
+    assert "interrupted" in part.stats
     assert part.time[-1] <= part.stats["interrupted"] < part.time[-1] + 0.1
+    assert part.request.times.tolist() == part.time.tolist()  # what it is repeated for ends there, too
 
 
 class Slider(gl.Component):

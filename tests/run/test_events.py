@@ -558,3 +558,26 @@ def test_what_is_zero_together_changes_its_side_once() -> None:
         for rtol in (1e-5, 1e-8):
             run = system.simulate(40.0, method="ida", rtol=rtol, **given)
             assert (run["n"][-1], run["m"][-1]) == (right["n"][-1], right["m"][-1])
+
+
+class TwoWaves(gl.Component):
+    """x grows while sin(5 t) > cos(3 t), from pi/16 to pi/4, 5 pi/16 to 9 pi/16, 13 pi/16 to 5 pi/4, ...; ``n`` counts."""
+
+    x, n = gl.Variable("s", start=0.0), gl.Discrete("how often it began")
+
+    def equations(self) -> list[Any]:
+        over = gl.sin(5 * gl.time) > gl.cos(3 * gl.time)
+        return [
+            gl.Eq(gl.der(self.x), gl.Piecewise((1, over), (0, True))),
+            gl.When(over, gl.Eq(self.n, gl.pre(self.n) + 1)),
+        ]
+
+
+@pytest.mark.parametrize("method", ["rk5", "rk8", "ida", "taylor", "auto"])
+def test_times_that_no_formula_gives_are_looked_for(method: str) -> None:
+    run = gl.simulate(TwoWaves(), 3.0, samples=4, method=method)
+    assert run["n"].tolist() == [0.0, 2.0, 2.0, 3.0]
+    assert run["x"][-1] == pytest.approx(3 * np.pi / 16 + 4 * np.pi / 16 + 3.0 - 13 * np.pi / 16, abs=1e-9)
+    assert np.unique(np.round([t for t, _ in run.events], 6)) == pytest.approx(
+        np.array([1, 4, 5, 9, 13]) * np.pi / 16, abs=1e-6
+    )

@@ -393,3 +393,56 @@ def test_a_start_at_which_equations_have_no_solution_is_refused() -> None:
         else:
             with pytest.raises(SolverError, match=r"y"):
                 scene.discrete(*given, start=guess)
+
+
+class Resets(gl.Component):
+    """x takes the value of y when w passes 1, at a rate that z decides; nothing depends on alone."""
+
+    w, x, y, z, alone = (gl.Variable("1") for _ in range(5))
+
+    def equations(self) -> list[Any]:
+        rate = gl.Piecewise((2.0, self.z > 0.5), (1.0, True))
+        return [
+            gl.Eq(gl.der(self.w), 1.0),
+            gl.Eq(gl.der(self.x), rate),
+            gl.Eq(gl.der(self.y), 3.0),
+            gl.Eq(gl.der(self.z), 1.0),
+            gl.Eq(gl.der(self.alone), 1.0),
+            gl.When(self.w > 1.0, gl.reinit(self.x, self.y)),
+        ]
+
+
+def test_states_that_decide_an_event_or_give_its_values_are_needed() -> None:
+    translation = gl.compile(Resets()).translation
+    model, structure = translation.model, translation.structure
+
+    def needed(*names: str) -> set[str]:
+        return {node_name(model, node) for node in needed_states(structure, [(model.variable(name), 0) for name in names])}
+
+    assert needed("x") == {"w", "x", "y", "z"}
+    assert needed("y") == {"y"}
+    assert needed("alone", "w") == {"alone", "w"}
+
+
+class Unsolvable(gl.Component):
+    """An unknown y whose square is below zero until x is positive; whether y is above 1 decides the rate."""
+
+    x, y = gl.Variable("1"), gl.Variable("1", start=None)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), gl.Piecewise((1.0, self.y > 1.0), (2.0, True))), gl.Eq(self.y**2, self.x + 0 * self.y)]
+
+
+def test_an_unknown_without_a_value_at_the_start_is_named() -> None:
+    translation = gl.compile(Unsolvable(guess={"y": 1.0}), outputs=["x"]).translation
+    scene, numbers = translation.scene, translation.scene.prepared(translation.parameter_values({}))
+
+    def flags(x: float) -> Any:
+        return scene.discrete(
+            numbers, np.zeros(1), np.array([[x]]), np.empty((0, 1)), start=np.full(scene.model.n_variables, 1.0)
+        )
+
+    assert flags(4.0)[0].tolist() == [1.0]
+    assert flags(0.25)[0].tolist() == [0.0]
+    with pytest.raises(SolverError):
+        flags(-1.0)

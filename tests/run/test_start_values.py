@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,19 @@ def test_fixed_angles_through_the_gear() -> None:
 def test_contradictions_are_named(motor: Any, load: Any, message: str) -> None:
     with pytest.raises(StartError, match=message):
         start(geared({"start": motor}, {"start": load}))
+
+
+@pytest.mark.parametrize(
+    ("name", "tau", "told"), [("torque.tau", 2.0, "2, .* make it 1"), ("torque.flange.tau", -2.0, "-2, .* make it -1")]
+)
+def test_a_contradiction_is_told_in_the_sign_of_the_variable_that_was_named(name: str, tau: float, told: str) -> None:
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.body = gp.Torque(tau=1.0), gp.Inertia(J=1.0)
+            return [c(self.torque.flange, self.body.flange_a)]
+
+    with pytest.raises(StartError, match=rf"{re.escape(name)} is fixed at {told}; fix fewer"):
+        gl.compile(Driven(), outputs=["torque.tau"]).simulate(1.0, start={name: tau})
 
 
 def test_two_names_of_one_variable() -> None:

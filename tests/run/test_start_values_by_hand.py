@@ -329,3 +329,22 @@ def test_what_follows_counts_as_zero_by_its_own_size(nominal: float, refused: bo
 @pytest.mark.parametrize(("y", "x"), [(4.0, 2.0), (-4.0, -4.0)])
 def test_a_condition_holds_at_the_start_that_is_found(y: float, x: float) -> None:
     assert of_bent(y=y)["x"] == pytest.approx(x, rel=1e-12)
+
+
+class Twice(gl.Component):
+    """Two multiples of one sum."""
+
+    a, b = gl.Variable("any", guess=1.0), gl.Variable("any", guess=2.0)
+    s, t = gl.Variable("any", start=9.0), gl.Variable("any", start=-27.0)
+
+    def equations(self) -> list[Any]:
+        rates = [gl.Eq(gl.der(self.a), -self.a), gl.Eq(gl.der(self.b), -self.b)]
+        return [*rates, gl.Eq(self.s, self.a + 2.0 * self.b), gl.Eq(self.t, -3.0 * self.a - 6.0 * self.b)]
+
+
+def test_what_is_fixed_twice_moves_one_state() -> None:
+    translation = gl.compile(Twice()).translation
+    found = start_values(translation.scene, translation.parameter_values({}), np.empty(0), 0.0, {})
+    values = dict(zip(translation.scene.state_names, found.states.tolist(), strict=True))
+    assert values == pytest.approx({"a": 1.0, "b": 4.0}, rel=1e-12)
+    assert found.free == ("a",)

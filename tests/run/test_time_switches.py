@@ -192,3 +192,25 @@ def test_its_time_has_no_derivative(method: str) -> None:
     found = gl.simulate(Flat(), 2.0, samples=3, method=method, sensitivities=["late"])
     assert found.sensitivity("w", "late") == pytest.approx([0.0, 0.0, -3.0])
     assert found.sensitivity("x", "late") == pytest.approx([0.0, 0.0, 0.0])
+
+
+class Cubic(gl.Component):
+    """x grows from where a polynomial of time is positive."""
+
+    a, b, c = (gl.Parameter("any", default=1.0) for _ in range(3))
+    x, z = gl.Variable("any", start=0.0), gl.Variable("any", start=1.0)
+
+    def equations(self) -> list[Any]:
+        t = gl.time
+        above = t**3 + self.a * t**2 + self.b * t + self.c > 0
+        return [gl.Eq(gl.der(self.x), gl.Piecewise((1.0, above), (0.0, True))), gl.Eq(gl.der(self.z), -(self.z**2))]
+
+
+@pytest.mark.parametrize("method", ["auto", "rk", "ida"])
+def test_a_polynomial_whose_terms_almost_cancel_switches(method: str) -> None:
+    """At 1.6 s, beside a complex pair of roots that is 4 ms away."""
+    system = gl.compile(Cubic())
+    for near in (1.599, 1.6, 1.6013):
+        _, *numbers = np.polymul([1.0, -1.6], [1.0, -2 * near, near**2 + 0.004**2]).tolist()
+        found = system.simulate(2.0, samples=2, method=method, parameters=dict(zip("abc", numbers, strict=True)))
+        assert found["x"][-1] == pytest.approx(0.4, abs=1e-8)

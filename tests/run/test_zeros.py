@@ -260,3 +260,22 @@ def test_a_constant_factor_in_equations_that_are_iterated() -> None:
     alone = gl.compile(First()).translation
     assert can_be_solved(alone.scene, alone.parameter_values({}))
     assert not can_be_solved(alone.scene, alone.parameter_values({"q": 3.0}))
+
+
+def test_a_constant_factor_in_what_decides_a_relation() -> None:
+    """The rate follows from the relation alone, this from equations that are iterated."""
+
+    class Decided(gl.Component):
+        k = gl.Parameter("any", default=3.0)
+        x, y, z = gl.Variable("any", start=1.0), gl.Variable("any"), gl.Variable("any")
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(gl.der(self.x), gl.Piecewise((1.0, self.z > 0.1), (2.0, True))),
+                gl.Eq(self.y + self.y**3 + self.z, self.x),
+                gl.Eq(self.k * self.z + self.y**2, self.x),
+            ]
+
+    translation = gl.compile(Decided(), outputs=["x"]).translation
+    assert can_be_solved(translation.scene, translation.parameter_values({}))
+    assert not can_be_solved(translation.scene, translation.parameter_values({"k": 0.0}))

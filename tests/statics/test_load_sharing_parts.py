@@ -130,6 +130,44 @@ def test_a_spring_without_stiffness_is_none_and_the_others_are_there(k: int) -> 
     assert {name for name in names if name.startswith("mesh")} == {f"mesh[{i}].q" for i in range(3) if i != k}
 
 
+class Root(gl.Component):
+    """A mesh whose deflection is the square root of its force: endlessly soft without any."""
+
+    flange_a, flange_b = gp.Flange("wheel"), gp.Flange("wheel")
+    q, F = gl.Variable("m", start=0.0), gl.Variable("N")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.q), 0.05 * gl.der(self.flange_a.phi) + 0.1 * gl.der(self.flange_b.phi)),
+            gl.Eq(self.q, 1e-5 * gl.sqrt(self.F)),
+            gl.Eq(self.flange_a.tau, 0.05 * self.F),
+            gl.Eq(self.flange_b.tau, 0.1 * self.F),
+        ]
+
+
+def test_a_spring_that_is_endlessly_soft_here_is_none() -> None:
+    class Softened(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.mesh, self.shaft, self.b = (
+                gp.Inertia(J=1.0),
+                Root(guess={"F": 9.0}),
+                gp.Spring(c=5e4),
+                gp.Inertia(J=1.0),
+            )
+            row = (self.a.flange_b, self.mesh.flange_a), (self.mesh.flange_b, self.shaft.flange_a)
+            return [gl.connect(*pair) for pair in (*row, (self.shaft.flange_b, self.b.flange_a))]
+
+    translation = gl.compile(Softened()).translation
+    model, numbers = translation.structure.complete, translation.parameter_values({})
+    motion: Any = replace(loaded(1).motion, rates=np.zeros(model.n_variables), discrete=model.initial_discrete())
+    force = int(model.representative[model.variable("mesh.F")])
+    for size, count in ((0.0, 1), (9.0, 2)):
+        constants = np.zeros(model.n_variables)
+        constants[force] = size * model.sign[model.variable("mesh.F")]
+        deflection, _ = load_sharing.elastic(model, numbers, replace(motion, constants=constants))
+        assert deflection.shape == (count, model.n_variables)
+
+
 @pytest.mark.parametrize(("count", "rigid"), [(1, 0), (3, 0), (9, 0), (2, 2)])
 def test_forces_that_balance_themselves_leave_all_equations_as_they_are(count: int, rigid: int) -> None:
     """As many as there are paths, less one."""

@@ -84,6 +84,114 @@ def test_torques_are_means_over_the_turn_wherever_it_begins(shaft: gl.System, ph
     assert flow["load[3].flange"].speed == W
 
 
+class Spare(gl.Component):
+    """``2 y = sin(phase) + 5 tau``, where tau is the torque at a flange that nothing is connected to; and a load of 4 y^2."""
+
+    flange, spare = gp.Flange("shaft"), gp.Flange("free end")
+    newton_metre = gl.Parameter("N.m", "unit of torque", default=1.0)
+    phase, y = gl.Variable("rad"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(self.spare.phi, self.flange.phi),
+            gl.Eq(2 * self.y, gl.sin(self.phase) + 5 * self.spare.tau / self.newton_metre),
+            gl.Eq(self.flange.tau, self.newton_metre * 4 * self.y**2),
+        ]
+
+
+def test_what_is_zero_everywhere_hides_nothing_that_follows_from_the_phase() -> None:
+    """The mean of (sin(phase) / 2)^2 is 1 / 8."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Spare()
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})
+    assert flow["load.flange"].torque == pytest.approx(0.5, rel=1e-9)
+
+
+class Lagging(gl.Component):
+    """``x = sin(phase) + 3 u``, where u has a rate of its own that brings it to 2; and a load of u x."""
+
+    flange = gp.Flange("shaft")
+    newton_metre, second = gl.Parameter("N.m", "unit of torque", default=1.0), gl.Parameter("s", default=1.0)
+    phase, x, u = gl.Variable("rad"), gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(self.x, gl.sin(self.phase) + 3 * self.u),
+            gl.Eq(self.second * gl.der(self.u), 2 - self.u),
+            gl.Eq(self.flange.tau, self.newton_metre * self.u * self.x),
+        ]
+
+
+def test_an_equation_that_is_written_for_one_variable_determines_no_other() -> None:
+    """The mean of 2 (sin(phase) + 6)."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Lagging()
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})
+    assert flow["load.flange"].torque == pytest.approx(12.0, rel=1e-9)
+
+
+RATES: dict[
+    str, tuple[Law, float | None]
+] = {  # of the rates of sin(phase), of the phase and of u, and the mean, if it is known
+    "linear": (lambda y, p, u: 2 + y + 3 * u, 2.0),
+    "condition": (lambda y, p, u: gl.Piecewise((1, y > 0), (4, True)), None),
+    "square": (lambda y, p, u: y**2, None),
+    "product with the rate of the phase": (lambda y, p, u: 2 + p * y, 2.0),
+    "condition on the rate of the phase": (lambda y, p, u: gl.Piecewise((1, p > 14.0), (4, True)), 1.0),
+    "square of the rate of the phase": (lambda y, p, u: p**2, 225.0),
+    "condition on the rate of a loop": (lambda y, p, u: gl.Piecewise((1, u > 0), (4, True)), None),
+}
+
+
+class Rated(gl.Component):
+    """``y = sin(phase)``, ``u = sin(phase) + v / 2`` and ``v = 0.4 u``; and a torque that depends on their rates."""
+
+    flange = gp.Flange("shaft")
+    law = gl.Structural("linear")
+    newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
+    phase = gl.Variable("rad")
+    y, u, v = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        rates = [self.second * gl.der(x) for x in (self.y, self.phase, self.u)]
+        return [
+            gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)),
+            gl.Eq(self.y, gl.sin(self.phase)),
+            gl.Eq(self.u, gl.sin(self.phase) + self.v / 2),
+            gl.Eq(self.v, 0.4 * self.u),
+            gl.Eq(self.flange.tau, self.newton_metre * RATES[self.law][0](*rates)),
+        ]
+
+
+@pytest.mark.parametrize("law", RATES)
+def test_rates_that_vary_with_the_phase_have_means_only(law: str) -> None:
+    """The phase has the constant rate 15 rad/s; rates that change sign within the turn are in no condition, square or product."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Rated(law=law)
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    system, expected = gl.compile(Driven()), RATES[law][1]
+    if expected is not None:
+        assert gl.power_flow(system, speeds={"body.w": W})["load.flange"].torque == pytest.approx(expected, abs=1e-9)
+        return
+    with pytest.raises(
+        ModelError, match=r"^Rated: flange\.tau = .*: its mean .* is not known, since load\.[yu] has a rate that varies"
+    ):
+        gl.power_flow(system, speeds={"body.w": W})
+
+
 class Coupled(gl.Component):
     """``u = sin(phase) + v / 2`` and ``v = 0.4 u``, so ``u = 1.25 sin(phase)``; and a torque that depends on them."""
 

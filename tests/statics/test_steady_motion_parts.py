@@ -132,6 +132,70 @@ def test_start_values_and_guesses_of_speeds_say_near_which_motion_to_look() -> N
     assert {(g.name, g.order) for g in found} == {("guess", 0)}
 
 
+def test_each_row_is_that_of_the_component_whose_variables_it_holds() -> None:
+    """Three of a kind each; below them stand torques that do not grow, then what is given."""
+
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body = [gp.Inertia(J=1.0) for _ in range(4)]
+            self.gear = [Product() for _ in range(3)]
+            ends = zip(self.body, self.gear, self.body[1:], strict=False)
+            return [
+                link
+                for a, gear, b in ends
+                for link in (gl.connect(a.flange_b, gear.flange_a), gl.connect(gear.flange_b, b.flange_a))
+            ]
+
+    translation = gl.compile(Row()).translation
+    model, n = translation.structure.complete, translation.structure.complete.n_variables
+    given = [Given("the speed", int(model.representative[model.variable("body[0].w")]), 0, 3.0)]
+    x = np.linspace(1.0, 2.0, n)
+    rows = steady_motion.assemble(model, translation.parameter_values({}), given, x, x, model.initial_discrete())
+    names = list(model.names())
+    held: dict[str, set[int]] = {}
+    for name in names:
+        held.setdefault(name.split(".")[0], set()).add(int(model.representative[model.variable(name)]))
+    owners: list[str] = []
+    for i in range(rows.matrix.shape[0]):
+        owners.append(rows.owner(i))
+        found = set((rows.matrix[i].indices[rows.matrix[i].data != 0.0] % n).tolist())
+        assert owners[-1] in ("connection", "the speed") or found <= held[owners[-1]], (i, owners[-1])
+    assert owners[-1] == "the speed"
+    steady = int((model.flow & (model.representative == np.arange(n))).sum())
+    assert owners[-1 - steady : -1] == ["connection"] * steady
+    assert {*owners} == {*held, "connection", "the speed"}
+
+
+@pytest.mark.parametrize(
+    ("law", "start", "reached"),
+    [(lambda w: w**3 - 2 * w + 2, -1.5, -1.7692923542386314), (lambda w: (w - 1) * (w - 10), 9.0, 1.0)],
+    ids=["in a circle", "to another"],
+)  # fmt: skip
+def test_where_no_motion_is_reached_from_rest_the_start_values_are_where_to_begin(
+    law: Any, start: float, reached: float
+) -> None:
+    """From 0 Newton's method goes to 1 and back again; where it arrives, that is the motion, whatever the start value."""
+
+    class Load(gl.Component):
+        flange, w = gp.Flange("shaft"), gl.Variable("1")
+        second, torque = gl.Parameter("s", default=1.0), gl.Parameter("N.m", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            speed = gl.Eq(self.w, self.second * gl.der(self.flange.phi))
+            return [speed, gl.Eq(self.flange.tau, self.torque * law(self.w))]
+
+    class Loaded(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.load, self.body = Load(), gp.Inertia(J=1.0, start={"w": start})
+            return [gl.connect(self.body.flange_a, self.load.flange)]
+
+    translation = gl.compile(Loaded()).translation
+    model = translation.structure.complete
+    found = steady_motion.solve(model, translation.parameter_values({}), [])
+    assert found.constants[model.representative[model.variable("load.w")]] == pytest.approx(reached, rel=1e-12)
+    assert found.residual.max() < 1e-9
+
+
 def stub(residual: list[float], weights: dict[int, list[float]], owners: list[str]) -> Any:
     factors = SimpleNamespace(combined=lambda row: np.array(weights[row]))
     return SimpleNamespace(residual=np.array(residual), factors=factors, owner=lambda i: owners[i])

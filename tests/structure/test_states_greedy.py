@@ -66,6 +66,18 @@ def test_a_column_that_fills_in_goes_behind_its_equals(others: int, taken: str) 
     assert (chosen, len(left)) == ({p, {"x": x, "y": y}[taken]}, others - 1)
 
 
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize(("share", "left"), [(0.04, 2), (0.4, 1)])
+def test_a_short_row_is_no_pivot_if_its_coefficient_is_less_than_a_tenth_of_another_ones(
+    size: float, share: float, left: int
+) -> None:
+    """The second row is the first plus the third. Without the first, the lower one of the others is taken; without the third, the first."""
+    x, y, z = (0, 0), (1, 0), (2, 0)
+    coefficients = np.array([[1.0, 1.0, 1.0], [1.0 + share, 2.0, 1.0], [share, 1.0, 0.0]]) * size
+    rows = {(e, 0): dict(zip((x, y, z), row, strict=True)) for e, row in enumerate(coefficients.tolist())}
+    assert select_columns(rows, {x: (9.0,), y: (5.0,)}) == ({x, y}, [(left, 0)])
+
+
 @pytest.mark.parametrize(("larger", "taken"), [(1 + 2e-6, "ab"), (1 + 0.5e-6, "ac"), (-1 - 2e-6, "ab"), (0.5, "ac")])
 def test_where_coefficients_vary_another_one_has_to_be_larger(larger: float, taken: str) -> None:
     """Column a, which has one entry, comes before b, which has two; where b is larger in the row it is taken, and then a before c."""

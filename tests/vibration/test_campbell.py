@@ -239,6 +239,22 @@ def test_the_sense_of_rotation_does_not_matter(rotors: gl.System) -> None:
         gl.campbell(rotors, [-45.0, 45.0], {"mesh": 1.0})
 
 
+@pytest.mark.parametrize(
+    "speeds",
+    [[-45.0, -20.0, 45.0], [-45.0, 20.0, 45.0], [-0.5, 0.5], [-45.0, 1.0, 45.0], [-45.0, -1.0, 45.0], [-2.0, 0.1, 0.6]],
+)
+def test_speeds_of_both_senses_need_standstill_between_them(rotors: gl.System, speeds: list[float]) -> None:
+    with pytest.raises(ArgumentError, match=rf"^speeds go from {speeds[0]:g} to {speeds[-1]:g} rad/s without 0, where"):
+        gl.campbell(rotors, speeds, [1.0])
+    with_rest = gl.campbell(rotors, sorted([*speeds, 0.0]), [1.0])
+    assert with_rest.speeds.tolist() == sorted([*speeds, 0.0])
+
+
+@pytest.mark.parametrize("speeds", [[0.5, 2.0], [-2.0, -0.5], [0.0, 0.5], [-0.5, 0.0]])
+def test_speeds_of_one_sense_need_no_standstill(rotors: gl.System, speeds: list[float]) -> None:
+    assert gl.campbell(rotors, speeds, [1.0]).speeds.tolist() == speeds
+
+
 def test_a_curve_is_labelled_where_its_mode_begins_to_oscillate() -> None:
     """Also the first mode of all, with the number 0."""
     speeds, nan = np.array([10.0, 20.0, 30.0]), np.nan

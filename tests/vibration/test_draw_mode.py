@@ -46,7 +46,10 @@ def test_amplitudes_are_turned_to_be_real_with_the_largest_positive() -> None:
         assert np.imag(values) == pytest.approx(np.zeros(5), abs=1e-12)
         assert [(name, unit) for name, unit, _ in turned] == [(name, unit) for name, unit, _ in MIXED.motions]
     assert aligned([]) == []
-    assert aligned([("a", "rad", 0j)]) == [("a", "rad", 0j)]
+    for nothing in (np.complex128(0), 0j):
+        assert aligned([("a", "rad", nothing)]) == [("a", "rad", 0j)]
+    circle = [("a", "rad", np.complex128(1j)), ("b", "rad", np.complex128(1))]  # no phase is more real than another
+    assert aligned(circle) == circle
     ahead = [v for _, _, v in aligned([("a", "rad", 2 + 0j), ("b", "rad", 1j)])]
     assert ahead[1] / ahead[0] == pytest.approx(0.5j)
     assert max(map(abs, ahead)) == pytest.approx(1)
@@ -98,6 +101,12 @@ def test_bars_of_motion_and_energy() -> None:
         ax.figure.draw_without_rendering()
         assert ax.get_legend().get_window_extent().y1 <= ax.xaxis.label.get_window_extent().y0
         assert ax.get_legend().get_window_extent().y0 >= 0
+        legend, frame = ax.get_legend().get_window_extent(), ax.get_window_extent()
+        assert (legend.x0 + legend.x1) / 2 == pytest.approx((frame.x0 + frame.x1) / 2, abs=1)
+        assert not ax.get_legend().get_frame_on()
+        first, second = (text.get_window_extent() for text in ax.get_legend().get_texts())
+        assert (first.y0 + first.y1) / 2 == pytest.approx((second.y0 + second.y1) / 2, abs=2)
+        assert first.x1 < second.x0
 
 
 def test_what_is_a_quarter_period_late_is_marked() -> None:
@@ -116,6 +125,10 @@ def test_reasons_stand_in_the_place_of_shares_and_heights_grow_with_bars() -> No
     _, energy = draw_mode(picture(("a", "rad", 1 + 0j), not_given="nobody knows"))
     assert [text.get_text() for text in energy.texts] == ["not given:\nnobody knows"]
     assert energy.texts[0].get_position() == (0.5, 0.5)
+    assert energy.texts[0].get_wrap()
+    energy.figure.draw_without_rendering()
+    text, frame = energy.texts[0].get_window_extent(), energy.get_window_extent()  # in the middle of the axes
+    assert [text.x0 + text.x1, text.y0 + text.y1] == pytest.approx([frame.x0 + frame.x1, frame.y0 + frame.y1], abs=3)
     heights = [
         draw_mode(picture(*[(f"b{k}", "rad", 1 + 0j) for k in range(n)]))[0].figure.get_figheight() for n in (1, 4, 5, 9)
     ]
@@ -127,6 +140,9 @@ def test_reasons_stand_in_the_place_of_shares_and_heights_grow_with_bars() -> No
     assert draw_mode(MIXED, pair) is pair
     with pytest.raises(ArgumentError, match="expected 2 matplotlib Axes"):
         draw_mode(MIXED, pair[:1])
+    apart = [plt.subplots()[1] for _ in range(2)]
+    draw_mode(MIXED, apart)
+    assert [axes.figure.get_suptitle() for axes in apart] == [MIXED.title, ""]
 
 
 @pytest.mark.parametrize("degrees", [40.0, 180.0])

@@ -13,7 +13,7 @@ from scipy.linalg import block_diag
 from gearlib.linear.balancing import similarity
 from gearlib.vibration import lowest_eigenvalues
 from gearlib.vibration.eigenvalue_count import missing_inside
-from gearlib.vibration.lowest_eigenvalues import Lowest, lowest
+from gearlib.vibration.lowest_eigenvalues import Lowest, joined, lowest
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -118,8 +118,14 @@ def test_one_search_and_one_count_are_enough(
 
 @pytest.mark.parametrize(
     ("count", "w", "real", "slow"),
-    [(2, np.r_[1e-3, COMB], (), 2), (2, COMB, (-1e-4, -1e-6), 2), (8, np.r_[np.arange(1, 7) * 1e-3, COMB], (), 12)],
-    ids=["a swing", "decays", "six swings"],
+    [
+        (2, np.r_[1e-3, COMB], (), 2),
+        (2, COMB, (-1e-4, -1e-6), 2),
+        (8, np.r_[np.arange(1, 7) * 1e-3, COMB], (), 12),
+        (2, 1e-7 * np.r_[1e-3, COMB], (), 2),
+        (2, 1e7 * COMB, (-1e3, -10.0), 2),
+    ],
+    ids=["a swing", "decays", "six swings", "slow", "fast"],
 )
 def test_what_is_far_slower_than_the_rest_is_found_once_it_is_missed(
     count: int, w: Floats, real: Any, slow: int, counts: list[int | None]
@@ -154,6 +160,14 @@ def test_what_the_first_search_misses_is_found(
     assert len(found.values) <= 2 * most
 
 
+def test_rings_are_searched_in_which_some_are_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a search all over the disc finds nothing, since there is none."""
+    monkeypatch.setattr(lowest_eigenvalues, "FULL", 0)
+    monkeypatch.setattr(lowest_eigenvalues, "SWEEP", ())
+    A, values = swings(np.geomspace(1, 1e4, 40))
+    check(lowest(A, 5, 0), A, values, 5)
+
+
 @pytest.mark.parametrize(
     ("w", "real", "count"),
     [(np.full(40, 3.0), (), 3), (np.arange(1.0, 3.0), -np.arange(1.0, 60.0), 3), (np.arange(5.0, 7.0), (), 3)],
@@ -174,3 +188,22 @@ def test_small_matrices_are_not_searched_twice(monkeypatch: pytest.MonkeyPatch) 
     assert lowest(A, 3, 0) is None
     monkeypatch.setattr(lowest_eigenvalues, "FULL", 125)
     check(lowest(A, 3, 0), A, values, 3)
+
+
+@pytest.mark.parametrize("size", [1e-7, 1.0, 1e7])
+def test_what_is_found_again_is_joined_once(size: float) -> None:
+    """Of a repeated eigenvalue only what no known vector, and none of the new ones before, is made of."""
+    unit = np.eye(6, dtype=complex)
+    known = Lowest(size * np.array([2j, -3j, 1.5j]), unit[:, :3])
+    aside, behind = (unit[0] + unit[3]) / np.sqrt(2), (2 * unit[0] - 1j * unit[3]) / np.sqrt(5)
+    new = [
+        (2j, unit[0], False), (2j, aside, True), (2j, behind, False), (2j * (1 + 0.9e-6), aside, False), (2j, unit[4], True),
+        (2j * (1 + 1.1e-6), unit[0], True), (3j, unit[1], True), (1j, unit[2], True), (-2j, unit[0], True),
+        (-2.0, unit[4], True), (2j, unit[0] + 0.9e-3 * unit[5], False), (2j, unit[0] + 1.1e-3 * unit[5], True),
+    ]  # fmt: skip
+    values, vectors = size * np.array([value for value, _, _ in new]), np.column_stack([vector for _, vector, _ in new])
+    found = joined(known, values, vectors)
+    kept = [k for k, (_, _, fresh) in enumerate(new) if fresh]
+    assert found.values.tolist() == [*known.values, *values[kept]]
+    assert found.vectors == pytest.approx(np.hstack([known.vectors, vectors[:, kept]]))
+    assert len(joined(found, values, vectors).values) == len(found.values)

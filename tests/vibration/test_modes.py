@@ -133,6 +133,21 @@ def test_a_position_that_a_free_motion_changes_moves_with_it() -> None:
         assert position == pytest.approx(rate / 1j)
 
 
+def test_a_position_inside_a_gap_is_that_of_a_swing_as_slow_as_the_slowest_mode() -> None:
+    class Beside(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.open, self.ground, self.shaft, self.disc = OpenGap(), gp.Fixed(), gp.Spring(c=50.0), gp.Inertia(J=2.0)
+            return [gl.connect(self.ground.flange, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.disc.flange_a)]
+
+    found = gl.modes(gl.compile(Beside()))
+    assert found.omega == pytest.approx([0.0, 0.0, 5.0])
+    moved = [found.shape(mode, "der(open.gap.phi_rel)", "open.gap.phi_rel") for mode in range(2)]
+    assert max(abs(rate) for rate, _ in moved) > 0.5
+    assert [position for _, position in moved] == pytest.approx([rate / 5j for rate, _ in moved])
+    a, b, position = (found.shapes[found.states.index(f"open.{name}"), :2] for name in ("a.w", "b.w", "gap.phi_rel"))
+    assert position == pytest.approx((b - a) / 5j)
+
+
 class DrivenEnd(gl.Component):
     """A torque on the end of a spring without inertia: this end's speed follows the derivative of the torque."""
 
@@ -276,6 +291,76 @@ def test_shares_of_energy_are_from_0_to_100_percent_or_not_given() -> None:
         bodies = [found.components.index(name) for name in ("a", "b", "s")]
         for mine, theirs in ((found.kinetic, parts.kinetic), (found.potential, parts.potential)):
             assert mine[1, bodies] == pytest.approx(theirs[1, [parts.components.index(n) for n in ("a", "b", "s")]], abs=0.1)
+
+
+class Drum(gl.Component):
+    """A body that a damper drags along inside of a component."""
+
+    flange, w = gp.Flange("outside"), gl.Variable("rad/s", "inside")
+    J, d = gl.Parameter("kg.m2"), gl.Parameter("N.m.s/rad")
+
+    def equations(self) -> list[gl.Eq]:
+        drag = self.d * (gl.der(self.flange.phi) - self.w)
+        return [gl.Eq(self.flange.tau, drag), gl.Eq(self.J * gl.der(self.w), drag)]
+
+
+def test_what_damps_inside_is_named_whatever_the_sign_of_its_energies() -> None:
+    """The kinetic energy of this one seems to be positive, and the potential one negative; the other way round beside it."""
+
+    class Dragged(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.first, self.b, self.shaft = gp.Inertia(J=1.0), gp.Inertia(J=2.0), gp.Spring(c=100.0)
+            self.drum, self.end = Drum(J=0.5, d=3.0), gp.Spring(c=30.0)
+            return [
+                gl.connect(self.first.flange_b, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.b.flange_a, self.drum.flange, self.end.flange_a),
+            ]
+
+    found = gl.modes(gl.compile(Dragged()))
+    assert found.frequencies[1] > 0
+    assert list(found.not_given) == [1]
+    assert found.not_given[1].startswith("drum stores energy and damps inside")
+    shares = dict(zip(found.components, found.kinetic[0], strict=True))  # turning freely, it is dragged along
+    assert shares == pytest.approx({"first": 100 / 3.5, "b": 200 / 3.5, "drum": 50 / 3.5, "shaft": 0.0}, rel=1e-4)
+
+
+class Absorber(gl.Component):
+    """A body on a spring inside of a component."""
+
+    flange, w = gp.Flange("outside"), gl.Variable("rad/s", "inside")
+    J, c, twist = gl.Parameter("kg.m2"), gl.Parameter("N.m/rad"), gl.Variable("rad", start=0.0)
+
+    def equations(self) -> list[gl.Eq]:
+        torque = self.c * self.twist
+        twist = gl.Eq(gl.der(self.twist), gl.der(self.flange.phi) - self.w)
+        return [twist, gl.Eq(self.flange.tau, torque), gl.Eq(self.J * gl.der(self.w), torque)]
+
+
+@pytest.mark.parametrize("stiffness", [40.0, 4e4])
+def test_what_is_inside_follows_a_free_motion(stiffness: float) -> None:
+    """Its kinetic energy is that of its inertia, though it would swing back where it has a frequency below that of the shaft."""
+
+    class Absorbed(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.first, self.b, self.shaft = gp.Inertia(J=1.0), gp.Inertia(J=2.0), gp.Spring(c=100.0)
+            self.inner = Absorber(J=0.5, c=stiffness)
+            return [
+                gl.connect(self.first.flange_b, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.b.flange_a, self.inner.flange),
+            ]
+
+    found = gl.modes(gl.compile(Absorbed()))
+    assert (found.free, found.not_given) == (1, {})
+    shares = dict(zip(found.components, found.kinetic[0], strict=True))
+    assert shares == pytest.approx({"first": 100 / 3.5, "b": 200 / 3.5, "inner": 50 / 3.5, "shaft": 0.0}, rel=1e-4)
+    M, K = (
+        np.diag([1.0, 2.0, 0.5]),
+        np.array([[100.0, -100, 0], [-100, 100 + stiffness, -stiffness], [0, -stiffness, stiffness]]),
+    )
+    squares, shapes = eigh(K, M)
+    assert found.omega[1:] == pytest.approx(np.sqrt(squares[1:]))
+    for mode in (1, 2):
+        assert found.kinetic[mode, found.components.index("inner")] == pytest.approx(50 * shapes[2, mode] ** 2, abs=1e-5)
 
 
 @pytest.mark.parametrize("seed", range(6))

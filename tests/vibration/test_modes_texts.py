@@ -228,6 +228,29 @@ def test_a_mode_with_a_negative_energy_has_no_shares(size: float) -> None:
     assert slightly.not_given == {}, "less than rounding may be"
 
 
+@pytest.mark.parametrize("grounded", [False, True])
+def test_large_trains_whose_states_are_angles_have_their_free_motions(grounded: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Equal bodies on springs of 1 N.m/rad that have no deflection of their own: 2 sin(k pi / 2 n), and a free motion, or none."""
+
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.spring = (
+                [gp.Inertia(J=1.0) for _ in range(90)],
+                [Pushing(k=-1.0) for _ in range(90 - (not grounded))],
+            )
+            self.ground = gp.Fixed()
+            ends = [*(body.flange_b for body in self.body), self.ground.flange]
+            links = zip(self.spring, ends, [*(body.flange_a for body in self.body[1:]), self.ground.flange], strict=False)
+            return [link for s, a, b in links for link in (gl.connect(a, s.flange_a), gl.connect(s.flange_b, b))]
+
+    monkeypatch.setattr("gearlib.vibration.modes.MOST_DENSE", 50)
+    monkeypatch.setattr("gearlib.vibration.spectrum.MOST_FULL", 50)
+    found = gl.modes(gl.compile(Row()), 3)
+    assert found.free == (not grounded)
+    turns = (np.arange(1, 4) - 0.5) / 90.5 if grounded else np.arange(1, 4) / 90
+    assert found.omega[found.free :] == pytest.approx(2 * np.sin(np.pi * turns / 2), rel=1e-9)
+
+
 class Meter(gl.Component):
     """Revolutions per minute, an algebraic variable that follows from a speed."""
 
@@ -400,3 +423,24 @@ def test_the_two_largest_of_three_shares_are_named() -> None:
     kinetic = re.split(r"\s{2,}", str(found).splitlines()[3].strip())[3]
     assert kinetic in {"b 67 %, a 17 %", "b 67 %, c 17 %"}
     assert str(found).splitlines()[1].count("33 %") == 2
+
+
+@pytest.mark.parametrize("stiffness", [3.0, 3e12])
+def test_a_diagram_shows_the_amplitudes_of_shafts_over_the_largest_and_zero_at_rest(stiffness: float) -> None:
+    """However small the angles are beside the speeds; of the two flanges of a shaft one is enough."""
+
+    class Beside(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.pair, self.ground = TwoBodies(), gp.Fixed()
+            self.soft, self.disc = gp.Spring(c=stiffness / 100), gp.Inertia(J=1.0)
+            return [gl.connect(self.ground.flange, self.soft.flange_a), gl.connect(self.soft.flange_b, self.disc.flange_a)]
+
+    found = gl.modes(gl.compile(Beside()), parameters={"pair.shaft.c": stiffness})
+    assert found.omega == pytest.approx([0.0, np.sqrt(stiffness / 100), np.sqrt(stiffness * 4 / 3)])
+    for mode, turns in enumerate(([1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], [1.0, -1 / 3, 0.0, 0.0])):
+        scheme: Any = found.scheme(mode)
+        shown = scheme.results.turns
+        assert sorted(shown) == list(range(scheme.train.shafts))
+        values = sorted(shown.values(), key=lambda z: z.real)
+        assert values == pytest.approx(sorted(turns), abs=1e-12)
+        assert [value for value in values if abs(value) < 1e-6] == [0.0] * turns.count(0.0)

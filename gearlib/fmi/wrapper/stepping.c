@@ -160,16 +160,16 @@ static int go(Instance *m, double to, double *reached) {
     Record *r = &m->record;
     StepMemory part;
     int64_t n = 0;
-    double t = m->t, next;
+    double t = m->t, next, rounding = 1.8e-15 * fmax(fabs(to), 1e-3); /* as in next_time, which passes over what is no later */
     step_parts(m->step_memory, &part);
     while (n < STOPS) {
         next_time(t, m->x, &next, m->data, (int64_t *)model.index);
-        if (next >= NEVER || next > to) break;
-        part.stops[n++] = next - r->origin;
+        if (next >= NEVER || next > to + rounding) break;
+        part.stops[n++] = fmin(next, to) - r->origin;
         t = next;
     }
     r->n_timed = n;
-    *reached = n == STOPS ? t : to;
+    *reached = n == STOPS ? fmin(t, to) : to;
     if (n == 0 || part.stops[n - 1] < *reached - r->origin) part.stops[n++] = *reached - r->origin;
     r->n_stops = n;
     r->stop = 0;

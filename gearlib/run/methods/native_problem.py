@@ -36,12 +36,12 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
     """The problem that an integrator is given; ``jacobian``: whether it needs df/dx."""
     if (handed := run.handed) is not None:
         return _handed_problem(run, callbacks, handed)
-    scene, tangents = run.scene, run.tangents if run.scene.states else None
-    code = None
+    scene, tangents, code = run.scene, run.tangents, None
     if tangents is not None:
-        from gearlib.run.tangents.tangents import tangent_code
+        from gearlib.run.tangents.tangents import carried, tangent_code
 
-        code = tangent_code(scene, tangents.directions, jacobian)
+        if scene.states or carried(scene):
+            code = tangent_code(scene, tangents.directions, jacobian)
     native: NativeScene = code.native if code else scene.native_with_jacobian if jacobian else scene.native
     inputs = values(run.signals, run.times[:1])[:, 0]
     discrete = run.discrete
@@ -55,6 +55,8 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
         atol = None if run.atol is None else np.append(run.atol, tangents.spread(run.atol))
         nominal = np.append(scene.nominal, tangents.spread(scene.nominal))
         x0 = np.append(run.start.states, tangents.start)
+        if not scene.states:
+            x0, nominal, atol = np.ones(1), np.ones(1), None
         problem = _wired(run, callbacks, scene, native, data, x0, atol)
         problem = altered(problem, nominal=nominal, differential=np.ones(len(x0), bool))
         if problem.update is None:

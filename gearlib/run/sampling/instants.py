@@ -249,11 +249,11 @@ def given_before(
 
 
 def _acting(controllers: Sequence[Controller], t0: float, t1: float) -> dict[float, tuple[Controller, ...]]:
-    """The controllers that act at each sample instant; instants that differ by rounding are merged."""
+    """The controllers that act at each sample instant; instants that differ by rounding, also from an end of the run, are merged."""
     found: dict[float, tuple[Controller, ...]] = {}
-    last, same = -math.inf, rounding(t0, t1)
+    last, same = t0, rounding(t0, t1)
     for t, k in sorted((t, k) for k, controller in enumerate(controllers) for t in controller.instants(t0, t1)):
-        last = last if t - last <= same else t
+        last = last if t - last <= same else t1 if t1 - t <= same else t
         found[last] = (*found.get(last, ()), controllers[k])
     return found
 

@@ -182,7 +182,7 @@ class EventTangents:
                 changed, after = set(np.flatnonzero(held != before).tolist()), held.copy()
                 carried = code == 2 or not changed.isdisjoint(self.code.discrete)
                 effect = np.outer(self._rates(t, x, data, index) - f, spread)
-                if carried or (np.abs(effect) > SAME * self.run.rtol * np.abs(here).max(axis=0)).any():
+                if carried or (np.abs(effect) > SAME * self.run.rtol * np.abs(here).max(axis=0, initial=0.0)).any():
                     if carried or not changed <= delays.keys():
                         self._refuse_together(t, delays)
                     held[:] = before
@@ -204,7 +204,7 @@ class EventTangents:
 
     def _rates(self, t: float, x: Any, data: Any, index: Any) -> Floats:
         """Derivatives of the states."""
-        out = (ctypes.c_double * (self.n * (1 + self.count)))()
+        out = (ctypes.c_double * max(1, self.n * (1 + self.count)))()
         if self._rhs(t, x, out, data, index) != 0:
             raise SolverError(f"the right-hand side cannot be evaluated at an event, at t = {t:.9g} s")
         return np.array(out[: self.n])

@@ -48,6 +48,8 @@ def test_the_first_free_place_is_taken_and_otherwise_the_emptiest():
     assert placed([label, label], []) == [right, left]
     assert overlap((0, 0, 2, 2), (1, 1, 1, 5)) == 1.0
     assert overlap((0, 0, 2, 2), (3, 0, 4, 2)) == 0.0
+    assert overlap((0, 0, 4, 2), (0, 2.5, 4, 3)) == overlap((0, 0, 2, 4), (2.5, 0, 3, 4)) == 0.0
+    assert overlap((0, 0, 4, 2), (1, 2, 4, 3)) == overlap((0, 0, 2, 4), (2, 1, 3, 4)) == 3.0
 
 
 def test_labels_of_a_ladder_are_drawn_over_all_its_rails():

@@ -54,7 +54,8 @@ def test_radii_of_a_pair_are_its_own(icon: str, radii: tuple[float, ...], kind: 
 @pytest.mark.parametrize(
     ("radii", "kind", "sizes", "in_metres"),
     [((0.03, 0.09), "planetary", (0.03, 0.09), True), ((3.0,), "planetary", (1.0, 3.0), False), ((), "planetary", (1.0, 2.5), False),
-     ((-3.0,), "double_planetary", (1.0, 3.0), False), ((float("nan"), 0.09), "planetary", (1.0, 2.5), False)],
+     ((-3.0,), "double_planetary", (1.0, 3.0), False), ((-0.5,), "double_planetary", (1.0, 0.5), False),
+     ((0.5,), "planetary", (1.0, 0.5), False), ((float("nan"), 0.09), "planetary", (1.0, 2.5), False)],
 )  # fmt: skip
 def test_a_set_has_its_shafts_in_one_order_and_the_size_of_its_ratio(
     radii: tuple[float, ...], kind: str, sizes: tuple[float, ...], in_metres: bool

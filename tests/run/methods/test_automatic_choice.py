@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gearlib as gl
@@ -62,3 +63,26 @@ def test_counts_of_all_legs_are_added() -> None:
         assert whole.stats[count] is not None, count
         assert whole.stats[count] > begun.stats[count] > 0, count
     assert whole.stats["jac"] > 0
+
+
+class Stiff(gl.Component):
+    """A state that follows an input slowly, and one that follows it at once."""
+
+    u = gl.Input("1")
+    x, y = gl.Variable("1", start=0.0), gl.Variable("1", start=0.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), self.u - self.x**3), gl.Eq(gl.der(self.y), -1e5 * (self.y - gl.sin(self.x)))]
+
+
+def test_an_input_is_asked_in_counted_evaluations() -> None:
+    """Of both parts: most of them are those of the explicit method, before it hands over."""
+    asked: list[float] = []
+
+    def u(t: float) -> float:
+        asked.append(t)
+        return float(np.cos(t))
+
+    whole = gl.compile(Stiff()).simulate(1.0, samples=2, inputs={"u": u})
+    assert whole.stats["legs"] == 2
+    assert whole.stats["rhs"] >= len(asked) > 0.5 * whole.stats["rhs"]

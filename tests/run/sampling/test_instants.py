@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -139,6 +140,30 @@ def test_instants_that_differ_by_rounding_are_one() -> None:
     both = [t for name, t, *_ in order if name == "slow"]
     assert both == pytest.approx([0.0, 0.3, 0.6])
     assert set(both) < {t for name, t, *_ in order if name == "fast"}
+
+
+def test_an_instant_a_rounding_away_from_where_a_run_is_interrupted_is_one() -> None:
+    """Three times 0.05 s is a rounding later than 15 times 0.01 s: the function is called once, and nothing warns."""
+    called: list[float] = []
+
+    class Counted(gl.Component):
+        def assemble(self) -> list[Any]:
+            b = self.block = Block()
+            self.law = gl.Sampled(lambda t, v: called.append(t) or 1.0, 0.05, inputs=[b.x], outputs=[b.u])
+            return []
+
+    system, times = gl.compile(Counted(), outputs=["block.x"]), [k * 0.01 for k in range(1, 101)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        stepped = system.stepper(method="rk", inputs=QUIET)
+        for t in times:
+            stepped.advance(t)
+        assert called == pytest.approx(np.arange(21) / 20)
+        called.clear()
+        run = system.simulate(times[0], method="rk", inputs=QUIET)
+        for t in times[1:]:
+            run = system.simulate(t, start=run, method="rk")
+    assert called == pytest.approx(np.arange(21) / 20)
 
 
 def test_functions_are_told_that_a_run_begins(plant: gl.System) -> None:

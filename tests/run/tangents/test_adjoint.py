@@ -270,3 +270,16 @@ def test_halving_goes_on_where_it_helps(ratio: float, halvings: int) -> None:
     assert len(taken) == 1 + halvings
     if halvings == 7:
         assert found == f"the gradient still changes with the step at {16 * 2**7} steps; the motion may be chaotic, or stiff"
+
+
+def test_a_run_may_begin_with_a_discrete_variable_on_which_nothing_depends() -> None:
+    class Counting(gl.Component):
+        k = gl.Parameter("1/s", default=0.5)
+        x, n = gl.Variable("1", start=2.0), gl.Discrete()
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), -self.k * self.x), gl.When(gl.time > 0.5, gl.Eq(self.n, gl.pre(self.n) + 1))]
+
+    run = gl.compile(Counting(), outputs=["x"]).simulate(1.0, samples=2, start={"n": 3.0, "x": 4.0})
+    found = run.gradient({"x": [0.0, 1.0]}, ["k", "start(x)"])
+    assert found == pytest.approx({"k": -4.0 * np.exp(-0.5), "start(x)": np.exp(-0.5)}, rel=1e-7)

@@ -396,3 +396,47 @@ def test_events_at_one_time_of_which_either_could_do_first_are_refused() -> None
         SolverError, match=r"after t = 0\.7 s: held\[\d\]: Sampler: .* and held\[\d\]: .* change there together, and"
     ):
         system.simulate(1.0, sensitivities=["period"])
+
+
+class Held(gl.Component):
+    """No states: y follows from what an event has held; s is a sum of its squares and a mode."""
+
+    k, late = gl.Parameter("1", default=3.0), gl.Parameter("s", default=0.5)
+    y, z = gl.Variable("any"), gl.Variable("any")
+    h, s = gl.Discrete(), gl.Discrete()
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(self.y, 2.0 * self.h + self.k),
+            gl.Eq(self.z, gl.Piecewise((self.s, gl.time > 0.7), (0.0, True))),
+            gl.When(gl.time >= self.late, gl.Eq(self.h, self.k * gl.time)),
+            gl.When(gl.sample(0.3, 0.1), gl.Eq(self.s, gl.pre(self.s) + self.k**2)),
+        ]
+
+
+@pytest.mark.parametrize("method", ["auto", *METHODS])
+def test_of_what_is_held_without_states(method: str) -> None:
+    """``y = k + 2 k late`` from the event on; ``s = n k^2`` after n instants, at 0.1, 0.4, 0.7 and 1 s."""
+    run = gl.simulate(Held(), 1.0, samples=6, method=method, sensitivities=["k", "late"])
+    held = run.time > 0.5
+    assert run["y"] == pytest.approx(np.where(held, 6.0, 3.0))
+    assert run.sensitivity("y", "k") == pytest.approx(np.where(held, 2.0, 1.0))
+    assert run.sensitivity("y", "late") == pytest.approx(np.where(held, 6.0, 0.0))
+    assert run["z"] == pytest.approx([0.0, 0.0, 0.0, 0.0, 27.0, 36.0])
+    assert run.sensitivity("z", "k") == pytest.approx([0.0, 0.0, 0.0, 0.0, 18.0, 24.0])
+    assert run.sensitivity("z", "late").tolist() == [0.0] * 6
+
+
+def test_modes_without_states_need_no_times_of_events() -> None:
+    """A condition that passes zero without slope, at a time that has no derivative: nothing is held from there."""
+
+    class Mode(gl.Component):
+        p, k = gl.Parameter("s3", default=0.0), gl.Parameter("1", default=3.0)
+        y = gl.Variable("any")
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(self.y, self.k * gl.Piecewise((2.0, (gl.time - 0.5) ** 3 > self.p), (1.0, True)))]
+
+    run = gl.simulate(Mode(), 1.0, samples=4, sensitivities=["k", "p"])
+    assert run.sensitivity("y", "k") == pytest.approx([1.0, 1.0, 2.0, 2.0])
+    assert run.sensitivity("y", "p").tolist() == [0.0] * 4

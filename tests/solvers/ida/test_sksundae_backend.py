@@ -324,3 +324,31 @@ def test_the_first_exception_on_the_way_through_ida_comes_out(function: str) -> 
     setattr(run.stepper, function, failing)
     with pytest.raises(KeyError, match="call 0"):
         integrate(run)
+
+
+def test_the_state_with_the_largest_error_is_known_to_one_road_alone() -> None:
+    """A state that is named must be it."""
+    steppers = ida(), ida(native=False)
+    runs = [driver(stiff(), T, stepper, rtol=1e-6) for stepper in steppers]
+    assert [stepper.worst_state() for stepper in steppers] == [-1, -1]  # no step yet
+    for run in runs:
+        run.advance(5)
+    known, unknown = (stepper.worst_state() for stepper in steppers)
+    assert 0 <= known < 3
+    assert unknown == -1
+    for run in runs:
+        run.close()
+
+
+@pytest.mark.parametrize("longest", [0.002, math.inf])
+def test_a_run_that_goes_on_takes_steps_as_long_as_it_then_may(longest: float) -> None:
+    run = driver(problem(lambda t, x, dx, data: dx.__setitem__(0, -x[0]), [1.0]), [0.0, 1.0], ida(), rtol=1e-6)
+    while run.advance() == "more":
+        pass
+    before = run.record.steps
+    run.go_on(2.0, np.empty(0), longest)
+    while run.advance() == "more":
+        pass
+    assert run.x[0] == pytest.approx(np.exp(-2.0), rel=1e-4)
+    assert (run.record.steps - before >= 490) == (longest == 0.002)
+    run.close()
