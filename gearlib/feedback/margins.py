@@ -127,6 +127,8 @@ def margins(loop: Loop) -> Margins:
 
 def _gain_crossing(loop: Loop, omega: float) -> GainCrossing:
     angle = float(np.angle(-loop.response(1j * omega), deg=True))
+    if abs(np.deg2rad(angle)) <= loop.rounding(1j * omega):  # at -1: a lag, not almost a turn ahead of it
+        angle = 0.0
     return GainCrossing(omega, angle, float(np.deg2rad(angle % 360.0)) / omega)
 
 

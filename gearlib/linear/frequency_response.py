@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 AT_ONCE = 200_000  # complex matrix entries, over frequencies, that are solved in one batch (3.2 MB)
+NEAR = 1e9  # how much larger than the probe its solution is near a pole
+LOST = 1e-4  # of the terms of a response: an uncertainty by rounding up to that is borne
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +235,7 @@ def frequency_response(
     said = model.conditions if isinstance(model, LinearModel) else ()
     if not np.isfinite(values).all():
         w = grid[~np.isfinite(values).all(axis=(0, 1))][0]
-        raise ArgumentError(f"the model has a pole at {w:g} rad/s: the response there is infinite")
+        raise ArgumentError(f"the model has a pole at {w:g} rad/s: the response there is infinite, or lost in rounding")
     find = _changes(model, np.asarray(1j * grid)) if isinstance(model, LinearModel) and model.changes is not None else None
     return FrequencyResponse(grid, values, tuple(ins), tuple(outs), units or ("",) * len(outs), per, said, find)
 
@@ -256,13 +258,28 @@ def _dense(A: Floats, B: Floats, C: Floats, D: Floats, omega: Floats) -> Complex
         return np.repeat(D.astype(complex)[:, :, None], len(omega), axis=2)
     balanced, scale = balance(A)
     b, c = B / scale[:, None], C * scale
+    m, probe = B.shape[1], np.random.default_rng(0).uniform(0.5, 1.0, (n, 1))  # solved for as well: it is large near any pole
     result = np.empty((len(omega), len(C), B.shape[1]), complex)
     at_once = max(1, AT_ONCE // n**2)
     for begin in range(0, len(omega), at_once):
         w = omega[begin : begin + at_once, None, None]
-        x, regular = _solutions(np.asarray(1j * w * np.eye(n) - balanced, complex), b)
+        matrices = np.asarray(1j * w * np.eye(n) - balanced, complex)
+        x, regular = _solutions(matrices, np.hstack([b, probe]))
+        near = (np.abs(matrices) @ np.abs(x[:, :, m:])).max(axis=(1, 2)) > NEAR
+        x = x[:, :, :m]
+        for k in np.flatnonzero(near & regular).tolist():
+            regular[k] = not _lost(matrices[k], x[k], c, np.linalg.solve(matrices[k].T, c.T))
         result[begin : begin + at_once] = np.where(regular[:, None, None], c @ x + D, np.inf)
     return np.moveaxis(result, 0, 2)
+
+
+def _lost(matrix: Any, x: Complexes, c: Any, y: Complexes) -> bool:
+    """Whether rounding of a matrix decides ``c @ x``: by a mode that rings undamped there, but that nothing excites or shows.
+
+    ``y`` solves the transposed equations for the rows of ``c``.
+    """
+    change = np.finfo(float).eps * (np.abs(y.T) @ (abs(matrix) @ np.abs(x)))
+    return bool((change > LOST * (abs(c) @ np.abs(x))).any())
 
 
 def _solutions(matrices: Complexes, b: Floats) -> tuple[Complexes, NDArray[np.bool_]]:
@@ -287,8 +304,12 @@ def _sparse(model: Any, omega: Floats) -> Complexes:
     C, eye = sparse.csr_matrix(model.C), sparse.identity(A.shape[0], format="csc")
     result = np.empty((C.shape[0], B.shape[1], len(omega)), complex)
     for k, w in enumerate(omega):
+        matrix = (1j * w * eye - A).tocsc()
         try:
-            result[:, :, k] = C @ splu((1j * w * eye - A).tocsc()).solve(B.astype(complex)) + D
+            solved = splu(matrix)
+            x = solved.solve(B.astype(complex))
+            lost = _lost(matrix, x, C, solved.solve(C.toarray().T.astype(complex), "T"))
+            result[:, :, k] = np.inf if lost else C @ x + D
         except RuntimeError:
             result[:, :, k] = np.inf
     return result

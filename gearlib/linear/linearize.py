@@ -128,6 +128,7 @@ def linearize(
     slots, discrete = at.slots, at.discrete
     n, sign_out = len(states), np.array(signs, float)
     refuse_undetermined(at)
+    refuse_infinite([*(node_name(model, (v, k + 1)) for v, k in states), *outputs], at.derivatives)
     whole = signals.matrices(at.derivatives, n, sign_out)
     A, B, C, names = whole.A, whole.B, whole.C, tuple(node_name(model, s) for s in states)
     left = remaining(structure, prepared, point.t, slots, discrete, A, B)
@@ -211,6 +212,16 @@ def refuse_undetermined(at: LinearizedProgram) -> None:
         raise SolverError(
             f"there is no linear model at this point: {node_name(at.scene.model, wanted[int(bad[0])])} is not determined there, nothing "
             "says how fast it moves; give inertia to what nothing moves, or another point (at=...)"
+        )
+
+
+def refuse_infinite(names: Sequence[str], slopes: Any) -> None:
+    """Refuse rates and outputs, the rows of a matrix of derivatives, that have no slope."""
+    bad = np.flatnonzero(~np.isfinite(np.asarray(abs(slopes).sum(axis=1)).ravel()))
+    if len(bad):
+        raise SolverError(
+            f"there is no linear model at this point: the slope of {names[int(bad[0])]} is not finite there, as that of sqrt(x) where x "
+            "is 0; take a point beside it (at=...)"
         )
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 RPM = 30 / np.pi  # 1/min per rad/s
 FINEST, MANY, ALWAYS = 32, 2**22, 4  # points for each sample of a block, at most; of a block with that many points, at most
-ROUNDING = 1e-6
+ROUNDING = 1e-6  # of a revolution, of a sample's distance, of a number of points
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +155,7 @@ def order_spectrum(
         Less than one revolution, or a reference shaft that reverses.
     """
     time, angle, signal, _ = _prepared(result, name, reference, t_start, t_end)
-    revolutions = int((angle[-1] - angle[0]) / (2 * np.pi) * (1 + 1e-12))
+    revolutions = int((angle[-1] - angle[0]) / (2 * np.pi) + ROUNDING)
     if revolutions < 1:
         raise ArgumentError(
             f"{reference} turns {(angle[-1] - angle[0]) / (2 * np.pi):.3g} times in the interval; a spectrum needs one"
@@ -188,7 +188,7 @@ def order_waterfall(
         raise ArgumentError(f"overlap is {overlap}; expected a number from 0 to 0.95")
     time, angle, signal, sense = _prepared(result, name, reference, None, None)
     total = (angle[-1] - angle[0]) / (2 * np.pi)
-    starts = np.arange(0.0, total - revolutions + 1e-9, revolutions * (1 - overlap))
+    starts = np.arange(0.0, total - revolutions + ROUNDING, revolutions * (1 - overlap))
     if not len(starts):
         raise ArgumentError(f"{reference} turns {total:.3g} times in the run; a piece needs {revolutions}")
     orders, rows = _spectra(time, angle, signal, starts.tolist(), revolutions, max_order)
@@ -208,7 +208,8 @@ def _prepared(
     begin, end = (x if x is None else real(n, x, seconds) for n, x in (("t_start", t_start), ("t_end", t_end)))
     name, reference = one_name("name", name, "load.w"), one_name("reference", reference, "motor.phi")
     time, signal, motion = result.time, result[name], result[reference]
-    inside = (time >= (time[0] if begin is None else begin)) & (time <= (time[-1] if end is None else end))
+    near = ROUNDING * float(np.diff(time).max(initial=0.0))  # an end that misses a sample by rounding means that sample
+    inside = (time >= (time[0] if begin is None else begin - near)) & (time <= (time[-1] if end is None else end + near))
     inside &= np.append(
         np.diff(time) > 0, True
     )  # a file of another program repeats the time of an event: its last values count

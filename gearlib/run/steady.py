@@ -163,7 +163,9 @@ class Search:
         slopes = np.zeros((n, n))
         slopes[plan.rows[inner], plan.seeds[inner]] = found[inner]
         others = ~inner & (weights[plan.seeds] > 0)
-        terms = np.abs(slopes) @ np.abs(x) + np.bincount(plan.rows[others], np.abs(found[others]), n)
+        with np.errstate(invalid="ignore"):  # infinite slopes are refused below
+            terms = np.abs(slopes) @ np.abs(x)
+        terms += np.bincount(plan.rows[others], np.abs(found[others]), n)
         f, gradient = slots[program.output_slots] / self.scale, slopes * self.scale / self.scale[:, None]
         if not (np.isfinite(f).all() and np.isfinite(gradient).all()):
             worst = int(np.argmin(np.isfinite(f) & np.isfinite(gradient).all(axis=1)))

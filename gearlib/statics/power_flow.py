@@ -118,11 +118,12 @@ class PowerFlow:
 
     @cached_property
     def outer(self) -> tuple[str, ...]:
-        """Drives and loads: components that exchange power through one shaft only, or deliver it, such as a motor whose housing turns."""
-        shafts: dict[str, int] = {}
-        for branch in self._branches:
-            shafts[branch.component] = shafts.get(branch.component, 0) + 1
-        return tuple(c for c, count in shafts.items() if count == 1 or self.absorbed[c] < -NOTHING * self.largest)
+        """Drives and loads: components with one shaft that turns, or that deliver power, such as a motor whose housing turns."""
+        shafts: dict[str, set[int]] = {branch.component: set() for branch in self._branches}
+        for f in self.flanges:  # a gear whose output idles is no load, although power passes through one of its shafts only
+            if f.leaf and f.component in shafts and abs(f.speed) > NOTHING * self._scales[0]:
+                shafts[f.component].add(f.shaft)
+        return tuple(c for c, turn in shafts.items() if len(turn) == 1 or self.absorbed[c] < -NOTHING * self.largest)
 
     @property
     def input_power(self) -> float:

@@ -311,7 +311,7 @@ def speed_ratio(
     residual = rows.residual[chosen]
     x = -factors.solve(residual)
     x -= factors.solve(residual + factors.matrix @ x)
-    if factors.contradiction(residual + factors.matrix @ x, x).max(initial=0.0) > CONTRADICTION:
+    if driving in held or factors.contradiction(residual + factors.matrix @ x, x).max(initial=0.0) > CONTRADICTION:
         raise ArgumentError(f"{driving} cannot turn{' with ' + ', '.join(held) + ' held' if held else ''}")
     if sign == 0:
         raise ArgumentError(f"{driven} always stands still")

@@ -245,7 +245,8 @@ def _named(orders: Mapping[str, float] | Sequence[float]) -> dict[str, float]:
     found = reals("orders", orders, expected)
     if found.ndim != 1:
         raise ArgumentError(f"orders is {shown(orders)}; expected {expected}")
-    return {f"{order:g}": order for order in found.tolist()}
+    names = [f"{order:g}" for order in found.tolist()]  # with all digits where two would share a name
+    return {name if names.count(name) == 1 else repr(x): x for name, x in zip(names, found.tolist(), strict=True)}
 
 
 def _followed(runs: Sequence[Modes]) -> NDArray[np.int64]:

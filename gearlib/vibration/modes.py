@@ -26,7 +26,7 @@ from gearlib.linear.condition import conditions, described, frozen, matters_else
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
 from gearlib.linear.held_states import remaining
 from gearlib.linear.linear_model import full
-from gearlib.linear.linearize import refuse_undetermined
+from gearlib.linear.linearize import refuse_infinite, refuse_undetermined
 from gearlib.linear.linearized_program import LinearizedProgram
 from gearlib.linear.operating_point import fitting, operating_point
 from gearlib.linear.poles import warn_of_rounding
@@ -501,6 +501,7 @@ def modes(
     refuse_undetermined(linearized)
     slots, discrete, d = linearized.slots, linearized.discrete, linearized.derivatives
     A = whole = d[rates]
+    refuse_infinite([node_name(structure.model, (v, k + 1)) for v, k in states], A)
     n_variables = structure.model.n_variables
     orders = np.full(n_variables, -1)
     pick = np.zeros(n_variables, np.int64)

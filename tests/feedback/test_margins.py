@@ -117,6 +117,16 @@ def test_a_negative_phase_margin_takes_almost_a_turn_of_delay() -> None:
     assert crossing.delay_margin == pytest.approx(np.radians(360 + crossing.phase_margin) / crossing.omega, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("denominator", "w"), [([1, 0, 1], np.sqrt(2.0)), ([1, 0, 3], 2.0), ([1, 0, 0], 1.0), ([4, 0, 1], np.sqrt(0.5))]
+)
+def test_a_curve_through_minus_one_has_no_delay_to_spare(denominator: list[int], w: float) -> None:
+    """``1 / (a s^2 + b)`` is -1 where ``a w^2 = b + 1``, whichever side of the axis rounding puts it on."""
+    found = margins(as_loop(control.tf([1.0], denominator)))
+    assert [c.omega for c in found.gain_crossings if abs(c.phase_margin) < 90] == [pytest.approx(w)]
+    assert (found.phase_margin, found.delay_margin) == (0.0, 0.0)
+
+
 def test_the_distance_from_the_point_is_found_at_the_ends_too() -> None:
     """A lead is nearest to -1 at rest, a lag at infinite frequency."""
     lead, lag = (margins(as_loop(control.tf(numerator, [1, 10.0]))) for numerator in ([5.0, 1.0], [0.2, 30.0]))

@@ -73,6 +73,26 @@ def test_a_pole_on_the_way_is_named(at: list[float], most: int, monkeypatch: pyt
     assert frequency_response(swing, [1.0, 3.0]).values[0, 0] == pytest.approx([2 / 3, -2 / 5])
 
 
+@pytest.mark.parametrize("kind", [np.asarray, sparse.csr_matrix])
+@pytest.mark.parametrize(("k", "between"), [(400.0, 300.0), (401.0, 300.5), (1234.5, 77.7), (3.0, 7.0)])
+@pytest.mark.parametrize(
+    ("beside", "refused"), [(0.0, True), (1e-15, True), (-1e-15, True), (1e-13, True), (1e-8, False), (-1e-6, False)]
+)
+def test_what_rounding_decides_is_no_response(kind: Any, k: float, between: float, beside: float, refused: bool) -> None:
+    """Two equal bodies on equal springs, which forces in step do not swing against each other, as they would at that frequency."""
+    across = -k - between
+    A = np.array([[0, across, 0, between], [1, 0, 0, 0], [0, between, 0, across], [0, 0, 1, 0.0]])
+    pair = model(kind(A), np.array([[1.0], [0.0], [1.0], [0.0]]), np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 1)))
+    w = np.sqrt(k + 2 * between) * (1 + beside)
+    if refused:
+        with pytest.raises(ArgumentError, match="the response there is infinite, or lost in rounding"):
+            frequency_response(pair, [1.0, w])
+    else:
+        assert frequency_response(pair, [w]).values.item() == pytest.approx(1j * w / (k - w**2), rel=1e-5)
+    low = [1e-12, 1e-6]
+    assert frequency_response(pair, low).values[0, 0] == pytest.approx([1j * w / k for w in low], rel=1e-12)
+
+
 def test_a_pole_of_a_large_model_is_named() -> None:
     """Eighty-one decays, with 0 among them; a large one that is sparse feeds through, too."""
     n = 81

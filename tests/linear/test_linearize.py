@@ -12,6 +12,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import SolverError
 from gearparts.trains import zhou_cui_2022 as zc
 from tests.linear.random_trains import Train, draw, matrices, sensor_name
 
@@ -537,3 +538,34 @@ def test_outputs_switch_where_the_motion_does_not(x: float, slope: float) -> Non
     system = gl.compile(Sided())
     assert np.asarray(system.linearize([], ["y"], at={"x": x}).C).ravel().tolist() == [slope, 0.0]
     assert system.simulate(0.1, samples=2, start={"x": x})["y"][0] == pytest.approx(1.0 if x > 0.5 else -0.8)
+
+
+class Draining(gl.Component):
+    """A tank whose outflow grows with the root of its level, or with the level itself."""
+
+    h, q = gl.Variable("1", "level"), gl.Variable("1", "root of the level")
+    root, inflow = gl.Structural(True), gl.Input("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.q, gl.sqrt(self.h)), gl.Eq(gl.der(self.h), self.inflow - 2 * (self.q if self.root else self.h))]
+
+
+ANALYSES: dict[str, Callable[..., Any]] = {
+    "modes": gl.modes,
+    "stability": gl.stability,
+    "response": lambda tank, at: gl.frequency_response(tank, [1.0], ["inflow"], ["h"], at=at),
+}
+
+
+@pytest.mark.parametrize("analysis", ANALYSES)
+def test_an_infinite_slope_is_refused_by_name(analysis: str) -> None:
+    """The root of 0 has none; at 0.25 it rises by 1 / (2 sqrt(0.25)), and the level returns with -2 times that."""
+    tank, linear = gl.compile(Draining()), gl.compile(Draining(root=False))
+    assert tank.linearize(["inflow"], ["h"], at={"h": 0.25}).A.tolist() == [[-2.0]]
+    with pytest.raises(
+        SolverError, match=r"^there is no linear model at this point: the slope of der\(h\) is not finite there"
+    ):
+        ANALYSES[analysis](tank, at={"h": 0.0})
+    ANALYSES[analysis](linear, at={"h": 0.0})
+    with pytest.raises(SolverError, match=r"the slope of q is not finite there"):
+        linear.linearize(["inflow"], ["q"], at={"h": 0.0})

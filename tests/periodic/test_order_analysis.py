@@ -74,6 +74,26 @@ def test_an_interval_holds_both_its_ends() -> None:
         gl.order_spectrum(run, "signal", "angle", t_start=4.0, t_end=4.0 + 10 / 8)
 
 
+@pytest.mark.parametrize("turns", range(1, 9))
+def test_an_interval_that_misses_its_samples_by_rounding_holds_all_revolutions(turns: int) -> None:
+    """From 0.1 s in steps of a hundredth: a sum of decimal fractions may be less than the sample that it means."""
+    run = turning(9.0, 901, {7.5: 2.0})
+    for k in range(40):
+        begin = 3.0 + 0.01 * k
+        spectrum = gl.order_spectrum(run, "signal", "angle", t_start=begin, t_end=begin + turns)
+        assert spectrum.orders[1] == pytest.approx(1 / turns)
+
+
+@pytest.mark.parametrize("short", [0.0, 1e-12, 1e-9, 1e-7])
+def test_revolutions_are_whole_up_to_the_errors_of_a_run(short: float) -> None:
+    """The angle of a run with a tolerance of 1e-6 misses its end a little: six revolutions, not five, and as many blocks."""
+    run = turning(6.0 - short, 601, {4.5: 2.0})
+    spectrum = gl.order_spectrum(run, "signal", "angle")
+    assert spectrum.orders[1] == pytest.approx(1 / 6)
+    assert spectrum.at(4.5) == pytest.approx(2.0, rel=1e-4)
+    assert gl.order_waterfall(run, "signal", "angle", revolutions=2).amplitudes.shape[0] == 5
+
+
 def test_the_order_at_is_that_of_the_nearest_line_and_none_beyond_the_last() -> None:
     spectrum = gl.order_spectrum(turning(4.0, 4 * 32 + 1, {3.0: 1.0, 7.5: 2.0}), "signal", "angle", max_order=7.5)
     assert spectrum.orders[-1] == 7.5

@@ -359,3 +359,26 @@ def test_what_delivers_power_between_two_shafts_is_a_drive() -> None:
     assert flow.input_power == pytest.approx(expected)
     assert flow.output_power == pytest.approx(expected)
     assert (flow.efficiency, flow.losses) == (pytest.approx(1.0), {})
+
+
+class Idling(gl.Component):
+    """A lossy gear, driven on one side; the torque on its other side is given."""
+
+    def assemble(self) -> Any:
+        self.motor, self.load, self.gear = (
+            gp.Torque(),
+            gp.Torque(),
+            gp.LossyGear(ratio=2.0, loss_table=((0.0, 0.9, 0.8, 0.5, 0.5),)),
+        )
+        return [gl.connect(self.motor.flange, self.gear.flange_a), gl.connect(self.gear.flange_b, self.load.flange)]
+
+
+@pytest.mark.parametrize("tau", [0.0, -1e-9, -0.5])
+def test_a_gear_is_no_load_where_its_output_idles(tau: float) -> None:
+    """All that goes into it is lost, as it is beside a tiny load; at 5 rad/s the load takes 5 W for each N.m."""
+    flow = gl.power_flow(gl.compile(Idling()), {"gear.flange_a": 10.0}, {"load.tau": tau})
+    drawn = -10.0 * flow["motor.flange"].torque
+    assert drawn > 5.0
+    assert (flow.input_power, flow.output_power) == (pytest.approx(drawn), pytest.approx(-5.0 * tau))
+    assert flow.efficiency == pytest.approx(-5.0 * tau / drawn)
+    assert flow.losses == {"gear": pytest.approx(drawn + 5.0 * tau)}

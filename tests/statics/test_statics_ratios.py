@@ -59,6 +59,8 @@ def test_ratios_of_speeds(driving: str, driven: str, held: list[str], ratio: flo
         ("unit.sun", "unit.ring", [], "unit.ring does not follow from unit.sun alone; name the speeds that are held (held=[...])"),
         ("motor.w", "unit.ring", [], "unit.ring does not follow from motor.w alone; name the speeds that are held (held=[...])"),
         ("unit.sun", "unit.ring", ["unit.ring"], "unit.ring stands still while unit.sun turns: the ratio is infinite"),
+        ("unit.sun", "unit.carrier", ["unit.ring", "unit.sun"], "unit.sun cannot turn with unit.ring, unit.sun held"),
+        ("unit.sun", "unit.sun", ["unit.sun"], "unit.sun cannot turn with unit.sun held"),
         ("unit.sun", "unit.carrier", ["unit.ring", "unit.carrier"], "unit.sun cannot turn with unit.ring, unit.carrier held"),
         ("motor.w", "mass.v", ["mass.v"], "motor.w cannot turn with mass.v held"),
         ("wall.flange", "motor.w", [], "wall.flange cannot turn"),

@@ -180,6 +180,16 @@ def test_constant_frequencies_are_met_on_a_straight_line(rotors: gl.System) -> N
     assert [c.mode for c in few.crossings] == [1]
 
 
+def test_orders_of_almost_one_value_are_all_met(rotors: gl.System) -> None:
+    """Two meshes with 2.00000025 and 2.000000375 events per revolution keep their names apart; an order given twice is one."""
+    orders = [2.00000025, 2.000000375, 4.0, 4.0]
+    found = gl.campbell(rotors, [0.0, 30.0], orders, count=1)
+    assert found.orders == {"2.00000025": 2.00000025, "2.000000375": 2.000000375, "4.0": 4.0}
+    assert [c.speed for c in found.crossings] == pytest.approx(
+        [np.sqrt(250.0) / k for k in (4.0, 2.000000375, 2.00000025)], rel=1e-10
+    )
+
+
 def test_a_diagram_is_listed() -> None:
     speeds, hertz = np.array([0.0, 10 * np.pi]), np.array([[4.0, 30.0], [4.0, 30.0]])
     crossing = Crossing(8 * np.pi, "mesh", 3, 4.0, 0.0125)

@@ -118,15 +118,15 @@ def balance(
     step = -(-len(samples) // MOST_SAMPLES)
     reported = np.unique(np.append(samples[::step], samples[-1]))
     span = float(reported[-1] - reported[0])
-    marks = np.unique([t for t in events if reported[0] < t < reported[-1]])
-    cuts = np.unique(np.concatenate([reported, marks]))
+    marks = np.unique([t for t in events if reported[0] < t <= reported[-1] + NARROW * span])
+    cuts = np.unique(np.concatenate([reported, marks[marks < reported[-1]]]))
     cuts = cuts[np.append(True, np.diff(cuts) > NARROW * span)]
     cuts[-1] = reported[-1]
     tolerance = max(0.1 * rtol, 1e-11)
     for attempt in range(PASSES):
         middle, half = (cuts[1:] + cuts[:-1]) / 2, np.diff(cuts) / 2
         times = (middle[:, None] + half[:, None] * NODES).ravel()
-        found = run(times)
+        found = run(np.append(times, reported[-1]))
         powers = _Powers(parts, found, parameters, half, slowest)
         coarse = powers.error > tolerance * powers.throughput * np.maximum(half * 2 / span, 1e-3)
         coarse &= half > 1e-9 * span
@@ -135,11 +135,13 @@ def balance(
         quarters = [(middle + x * half)[coarse] for x in (-0.5, 0.0, 0.5)]
         cuts = np.sort(np.concatenate([cuts, *quarters]))
     place = np.searchsorted(cuts, reported, side="right") - 1
-    return powers.summed(reported, place, np.isin(cuts, marks), rtol)
+    # a cut stands for the events beside it as well, such as one that a sample misses by rounding
+    before, until = np.searchsorted(marks, cuts - NARROW * span), np.searchsorted(marks, cuts + NARROW * span, side="right")
+    return powers.summed(reported, place, until > before, rtol)
 
 
 class _Powers:
-    """Integrals of all powers over each panel, and stored energies at the panels' ends."""
+    """Integrals of all powers over each panel, and stored energies at the panels' ends and at the end of the run."""
 
     def __init__(
         self, parts: Sequence[Audited], found: Histories, parameters: dict[str, float], half: Floats, slowest: float
@@ -150,6 +152,7 @@ class _Powers:
         self.heat: dict[str, Floats] = {}
         self.supplied: dict[str, Floats] = {}
         self.ends: dict[str, Floats] = {}  # (2, panels)
+        self.last: dict[str, float] = {}  # behind an event at the end
         self.error, self.throughput, self.unresolved = np.zeros(len(half)), 0.0, 0.0
         known: dict[str, Floats | float] = dict(parameters)
 
@@ -159,10 +162,13 @@ class _Powers:
                     known[name] = found.time if name == "time" else found[name]
             with np.errstate(all="ignore"):
                 result = np.asarray(term.function(*(known[n] for n in term.names)), float)
-            return np.broadcast_to(result, found.time.shape).reshape(len(half), len(NODES))
+            return np.broadcast_to(result, found.time.shape)
+
+        def at_nodes(values: Floats) -> Floats:
+            return values[:-1].reshape(len(half), len(NODES))
 
         def integral(term: Term) -> Floats:
-            power = values(term) * half[:, None]
+            power = at_nodes(values(term)) * half[:, None]
             whole: Floats = power @ KRONROD
             self.error += np.abs(whole - power @ GAUSS)
             self.throughput += float(np.abs(power) @ KRONROD @ np.ones(len(half))) / 2
@@ -174,7 +180,7 @@ class _Powers:
                 given = [known[name] if k not in speeds else slowest * (k == slow) for k, name in enumerate(term.names)]
                 with np.errstate(all="ignore"):
                     power = np.broadcast_to(np.abs(term.function(*given)), found.time.shape)
-                total += float((power.reshape(len(half), len(NODES)) @ KRONROD) @ half) / 2
+                total += float((at_nodes(power) @ KRONROD) @ half) / 2
             return total
 
         for part in parts:
@@ -185,7 +191,8 @@ class _Powers:
                     if term is not None:
                         kept[part.path] = integral(term)
                 if part.stored is not None:
-                    self.ends[part.path] = ENDS @ values(part.stored).T
+                    energy = values(part.stored)
+                    self.ends[part.path], self.last[part.path] = ENDS @ at_nodes(energy).T, float(energy[-1])
             except NameLookupError:  # the equations do not determine a speed: the power is unknown
                 self.unknown.append(part.path)
 
@@ -220,8 +227,9 @@ class _Powers:
             left = self.heat.get(path, zero) - supplied - through
             if part.stored is not None:
                 start, end = self.ends[path]
-                stored[path] = np.append(start, end[-1])[place]
-                gap = np.concatenate([[0.0], start[1:] - end[:-1], [0.0]])  # jumps at the breakpoints
+                start = np.append(start, self.last[path] if at_event[-1] else end[-1])
+                stored[path] = start[place]
+                gap = np.append(0.0, start[1:] - end)  # jumps at the breakpoints
                 jump = np.cumsum(np.where(at_event, gap, 0.0))[place]
                 if np.abs(jump).max() > 1e-9 * np.abs(self.ends[path]).max():
                     jumps[path] = jump

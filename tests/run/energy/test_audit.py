@@ -151,7 +151,7 @@ def test_panels_are_cut_until_the_powers_are_resolved() -> None:
     assert sorted(runs) == runs
     runs.clear()
     audit(part("source", "-w", source=True), histories={"w": lambda t: t}, runs=runs)
-    assert runs == [4 * 15]
+    assert runs == [4 * 15 + 1]  # and the end
 
 
 def test_many_samples_are_thinned_out_and_the_last_one_kept() -> None:
@@ -168,7 +168,7 @@ def test_events_at_one_place_make_no_panel() -> None:
     events = [0.6, 0.6 + 1e-11, 0.6 + 2e-11]
     runs: list[int] = []
     found = audit(part("source", "-w", source=True), histories={"w": lambda t: t}, events=events, runs=runs)
-    assert runs == [5 * 15]
+    assert runs == [5 * 15 + 1]  # and the end
     assert found.work["source"] == pytest.approx(T**2 / 2)
     just_before = audit(part("source", "-w", source=True), histories={"w": lambda t: t}, events=[1.0 - 8e-11])
     assert just_before.work["source"] == pytest.approx(T**2 / 2)

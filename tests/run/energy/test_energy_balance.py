@@ -128,6 +128,22 @@ def test_impacts_are_jumps() -> None:
     assert np.abs(found.residual).max() < 1e-6
 
 
+@pytest.mark.parametrize("beside", [-1e-12, -2e-16, 0.0, 2e-16, 1e-12, 1e-9])
+@pytest.mark.parametrize("method", ["rk5", "ida"])
+def test_an_impact_at_a_sample_or_at_the_end_is_a_jump(method: str, beside: float) -> None:
+    """The run finds the impact at the root of 2/9.81 with a rounding of its own; its last sample has the energy behind the impact."""
+    impact = np.sqrt(2 / 9.81) * (1 + beside)
+    found = gl.simulate(Ball(), 0.6, times=[0.0, impact, 0.6], method=method).energy_balance()
+    assert found.stored["Ball"] == pytest.approx(2.0 * 9.81 * np.array([1.0, 0.64, 0.64]), rel=1e-6)
+    assert found.jumps["Ball"] == pytest.approx(2.0 * 9.81 * np.array([0.0, -0.36, -0.36]), rel=1e-6, abs=1e-9)
+    assert np.abs(found.residual).max() < 1e-6
+    run = gl.simulate(Ball(), impact, samples=2, method=method)
+    last, found = run["v"][-1] ** 2 + 2.0 * 9.81 * run["h"][-1], run.energy_balance()
+    assert found.stored["Ball"] == pytest.approx([2.0 * 9.81, last], rel=1e-9)
+    assert found.jumps.get("Ball", [0.0])[-1] == pytest.approx(last - 2.0 * 9.81, rel=1e-6, abs=1e-6)
+    assert np.abs(found.residual).max() < 1e-6
+
+
 def test_heat_that_goes_into_a_body_stays_in_the_model() -> None:
     class Warm(gl.Component):
         def assemble(self) -> Any:
