@@ -150,13 +150,14 @@ def campbell(
     at: Callable[[float], Any] | Any = None, parameters: Callable[[float], Mapping[str, float]] | Mapping[str, float] | None = None,
     progress: Any = False,
 ) -> Campbell:  # fmt: skip
-    """Campbell diagram of a system, with all crossings of orders and natural frequencies.
+    """Campbell diagram of a system, with the crossings of orders and natural frequencies.
 
     Parameters
     ----------
     system : System
     speeds : array
-        Speeds of the reference shaft, rad/s, increasing; with 0, if there are speeds of both signs.
+        Speeds of the reference shaft, rad/s, increasing; with 0, if there are speeds of both signs. Where frequencies depend on the
+        speed, two crossings between neighbouring speeds are not seen; take them close enough.
     orders : mapping of str to float, or sequence of float
         Events per revolution of the reference shaft: 1 for unbalance, the number of teeth for a mesh on that shaft, multiplied by the
         speed ratio for a mesh on another shaft. Signs do not matter, whether of ratios or of speeds.
