@@ -199,9 +199,8 @@ def _group(
                     apply(model, partial_kernel(template, c), g, group, parameters, deflected, b, discrete) * group.signs[:, j]
                 )
                 hardens = (p == 0) & np.isfinite(elsewhere) & ~model.potential[v]
-                grows = p = np.where(
-                    hardens, elsewhere, p
-                )  # a spring without stiffness at rest: its deflection may not grow, either
+                # a spring without stiffness at rest: its deflection may not grow, either
+                grows = p = np.where(hardens, elsewhere, p)
             entries.put(rows + count, v[keep] + n, grows[keep])
             growth += grows * b[v]
             torques |= model.flow[v] & (p != 0)

@@ -259,6 +259,7 @@ def test_extrema_written_as_branches(larger: bool, extreme: Any) -> None:
     for point in ((1, 2, 3), (3, 1, 2), (2, 3, 1), (1, 1, 0), (0, 1, 1), (-2, -2, -2)):
         assert written.subs(dict(zip((x, y, z), point, strict=True))) == (max(point) if larger else min(point))
     assert [piecewise(abs(x)).subs(x, v) for v in (-2, 0, 2)] == [2, 0, 2]
+    assert [piecewise(abs(sympy.sign(x))).subs(x, v) for v in (-2, 0, 2)] == [1, 0, 1]
     plain = x * y
     assert piecewise(plain) is plain
 
