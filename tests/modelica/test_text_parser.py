@@ -53,15 +53,14 @@ def test_depth_is_that_of_what_is_open(beside: int) -> None:
 @pytest.mark.parametrize("beside", [0, 2 * DEEPEST_TEXT])
 def test_classes_nest_as_deeply(beside: int) -> None:
     def text(levels: int) -> str:
-        inner = " ".join(f"model N{k} end N{k};" for k in range(beside))
+        others, inner = " ".join(f"model N{k} end N{k};" for k in range(beside)), ""
         for k in range(levels - 1):
             inner = f"package P{k} {inner} end P{k};"
-        return f"package Q {inner} end Q;"
+        return f"package Q {others} {inner} end Q;"
 
-    deepest = DEEPEST_TEXT - 1 if beside else DEEPEST_TEXT
-    assert parsed(text(deepest)).classes[0].name == "Q"
+    assert parsed(text(DEEPEST_TEXT)).classes[0].name == "Q"
     with pytest.raises(ModelicaError, match="nested too deeply"):
-        parsed(text(deepest + 1))
+        parsed(text(DEEPEST_TEXT + 1))
 
 
 # ---------------------------------------------------------------- expressions
