@@ -248,19 +248,24 @@ def test_what_does_not_fit_is_told(drive: gl.System, options: dict[str, Any], wh
 
 
 @pytest.mark.parametrize(
-    "table",
+    ("points", "values", "options"),
     [
-        gl.Table([0.0, 0.31, 0.31, 0.4, 1.0], [0.0, 4.0, 1.0, -2.0, 1.0]),  # with a jump
-        gl.Table([0.5, 0.501, 0.502], [0.0, 900.0, 0.0]),  # a short pulse
-        gl.Table([0.0, 0.02], [0.0, 5.0], interpolation="previous", outside="hold"),
-        gl.Table([0.0, 0.05, 0.2], [0.0, 5.0, 0.0], outside="periodic"),
+        ([0.0, 0.31, 0.31, 0.4, 1.0], [0.0, 4.0, 1.0, -2.0, 1.0], {}),  # with a jump
+        ([0.5, 0.501, 0.502], [0.0, 900.0, 0.0], {}),  # a short pulse
+        ([0.0, 0.02], [0.0, 5.0], {"interpolation": "previous", "outside": "hold"}),
+        ([0.0, 0.05, 0.2], [0.0, 5.0, 0.0], {"outside": "periodic"}),
     ],
 )
-def test_tables_are_stepped_through_from_corner_to_corner(drive: gl.System, table: gl.Table) -> None:
-    runs = drive.sweep({"J": J, "start(load.w)": -J}, 1.0, **{**OPTIONS, "inputs": {"torque.tau": table}}, lanes=8)
+@pytest.mark.parametrize("samples", [21, 2])
+def test_tables_are_stepped_through_from_corner_to_corner(
+    drive: gl.System, points: Any, values: Any, options: Any, samples: int
+) -> None:  # fmt: skip
+    table = gl.Table(points, values, **options)
+    options = {**OPTIONS, "inputs": {"torque.tau": table}, "samples": samples}
+    runs = drive.sweep({"J": J, "start(load.w)": -J}, 1.0, **options, lanes=8)
     for k in (0, 10):
         given = {"parameters": {"J": J[k]}, "start": {"load.w": -J[k]}}
-        exact = drive.simulate(1.0, samples=21, method="exact", inputs={"torque.tau": table}, **given)
+        exact = drive.simulate(1.0, samples=samples, method="exact", inputs={"torque.tau": table}, **given)
         for name in ("load.w", "shaft.tau"):
             assert np.abs(runs[name][k] - exact[name]).max() < 1e-6 * np.abs(exact[name]).max()
 
