@@ -189,18 +189,19 @@ def _group(
         if c in periodic:
             grows = np.where(periodic[c].grow, p, 0.0)  # periodic terms do not grow
             p = np.where(periodic[c].turns, grows, p)
+        if order == 0 and c in partial_kernel(template, c).columns and c not in periodic and not p.all():
+            deflected = a.copy()
+            for k in nonlinear_columns(template):  # all at once: the difference of two that grow may stay
+                deflected[own[k]] = np.where(model.potential[own[k]], a[own[k]], generic(a)[own[k]])
+            elsewhere = (
+                apply(model, partial_kernel(template, c), g, group, parameters, deflected, b, discrete) * group.signs[:, j]
+            )
+            hardens = (p == 0) & np.isfinite(elsewhere) & ~model.potential[v]
+            # a spring without stiffness at rest: it has some where it is deflected, and its deflection may not grow
+            grows = p = np.where(hardens, elsewhere, p)
         if order < 2:
             entries.put(rows, v[keep] + order * n, p[keep])
         if order == 0:
-            if c in partial_kernel(template, c).columns and c not in periodic and not p.all():
-                deflected = a.copy()
-                deflected[v] = generic(a)[v]
-                elsewhere = (
-                    apply(model, partial_kernel(template, c), g, group, parameters, deflected, b, discrete) * group.signs[:, j]
-                )
-                hardens = (p == 0) & np.isfinite(elsewhere) & ~model.potential[v]
-                # a spring without stiffness at rest: its deflection may not grow, either
-                grows = p = np.where(hardens, elsewhere, p)
             entries.put(rows + count, v[keep] + n, grows[keep])
             growth += grows * b[v]
             torques |= model.flow[v] & (p != 0)

@@ -273,6 +273,38 @@ class Cubic(gl.Component):
         return [rate, gl.Eq(b.tau, torque), gl.Eq(a.tau, -torque)]
 
 
+class CubicOfTurns(gl.Component):
+    """The same law of the difference of two angles that are counted from the start; both grow."""
+
+    flange_a, flange_b = gp.Flange("left"), gp.Flange("right")
+    k, x, y = gl.Parameter("N.m/rad3", default=40.0), gl.Variable("rad"), gl.Variable("rad")
+
+    def equations(self) -> list[gl.Eq]:
+        a, b = self.flange_a, self.flange_b
+        torque = self.k * (self.y - self.x) ** 3
+        rates = [gl.Eq(gl.der(self.x), gl.der(a.phi)), gl.Eq(gl.der(self.y), gl.der(b.phi))]
+        return [*rates, gl.Eq(b.tau, torque), gl.Eq(a.tau, -torque)]
+
+
+@pytest.mark.parametrize("kind", [Cubic, CubicOfTurns])
+@pytest.mark.parametrize("tau", [-8.0, 0.0, 0.002, 500.0])
+def test_a_spring_without_stiffness_at_rest_carries_a_load(kind: type[gl.Component], tau: float) -> None:
+    class Row(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.drive, self.load, self.soft = gp.Torque(), gp.ConstantTorque(tau_constant=-tau), kind()
+            self.a, self.b = gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+            return [
+                gl.connect(self.drive.flange, self.a.flange_a), gl.connect(self.a.flange_b, self.soft.flange_a),
+                gl.connect(self.soft.flange_b, self.b.flange_a), gl.connect(self.b.flange_b, self.load.flange),
+            ]  # fmt: skip
+
+    flow = gl.power_flow(gl.compile(Row()), speeds={"a.w": 3.0})
+    assert [flow[name].torque for name in ("drive.flange", "soft.flange_a", "soft.flange_b")] == pytest.approx(
+        [-tau, tau, -tau], rel=1e-9, abs=1e-12
+    )
+    assert flow["soft.flange_b"].speed == pytest.approx(3.0, rel=1e-9)
+
+
 def test_a_spring_that_carries_nothing_holds_its_ends_together_if_it_stiffens() -> None:
     class Row(gl.Component):
         def assemble(self) -> list[Any]:
