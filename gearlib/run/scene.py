@@ -132,7 +132,8 @@ class Scene:
         """Program of the variables that nonlinear equations determine, if it solves some of these by iteration."""
         structure, model = self.structure, self.model
         nonlinear = {g for g, group in enumerate(model.groups) if not group.template.linear}
-        nodes = [n for n in structure.solved_by if n[1] == 0 and model.places[structure.equation(n)[0]][0] in nonlinear]
+        determined = [n for n in structure.solved_by if n[1] == 0 and model.places[structure.equation(n)[0]][0] in nonlinear]
+        nodes = [n for n in determined if structure.computes(n)]
         if not set(needed_states(structure, nodes)) <= set(self.states):
             nodes = [n for n in nodes if set(needed_states(structure, [n])) <= set(self.states)]
         program = build(structure, nodes, self.states, dynamic=False) if nodes else None

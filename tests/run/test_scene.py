@@ -446,3 +446,46 @@ def test_an_unknown_without_a_value_at_the_start_is_named() -> None:
     assert flags(0.25)[0].tolist() == [0.0]
     with pytest.raises(SolverError):
         flags(-1.0)
+
+
+class Gauge(gl.Component):
+    """A spring with the rate of its twist, which is limited, and the power of a loss in it, on which nothing depends."""
+
+    a, b, c = gp.Flange("one end"), gp.Flange("other end"), gl.Parameter("N.m/rad", default=400.0)
+    d = gl.Parameter("N.m.s/rad", default=0.1)
+    twist, rate, lost = gl.Variable("rad"), gl.Variable("rad/s", min=-1e3), gl.Variable("W")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.twist, self.b.phi - self.a.phi),
+            gl.Eq(self.rate, gl.der(self.twist)),
+            gl.Eq(self.lost, self.d * self.rate**2),
+            gl.Eq(self.b.tau, self.c * self.twist),
+            gl.Eq(self.a.tau, -self.b.tau),
+        ]
+
+
+class Gauged(gl.Component):
+    """A body on the ground behind a spring, and a torque on another spring behind it."""
+
+    def assemble(self) -> list[gl.Connection]:
+        self.ground, self.first, self.gauge, self.torque = gp.Fixed(), gp.SpringDamper(c=100.0, d=5.0), Gauge(), gp.Torque()
+        self.body = gp.Inertia(J=1.0)
+        return [
+            gl.connect(self.ground.flange, self.first.flange_a),
+            gl.connect(self.first.flange_b, self.body.flange_a),
+            gl.connect(self.body.flange_b, self.gauge.a),
+            gl.connect(self.gauge.b, self.torque.flange),
+        ]
+
+
+@pytest.mark.parametrize("start", [None, "steady"])
+def test_what_needs_the_rate_of_an_input_is_left_out(start: Any) -> None:
+    """Nothing else depends on it: neither the search for a steady state, nor what is compared with a limit, asks for it."""
+    system = gl.compile(Gauged())
+    run = system.simulate(20.0, samples=2, inputs={"torque.tau": 8.0}, start=start)
+    assert run["first.phi_rel"][-1] == pytest.approx(0.08, rel=1e-6)
+    assert run["gauge.twist"] == pytest.approx([0.02, 0.02], rel=1e-12)
+    for name in ("gauge.rate", "gauge.lost"):
+        with pytest.raises(NameLookupError, match=rf"{name} needs the derivative of an input, so it is not computed"):
+            run[name]

@@ -112,8 +112,7 @@ def _bounded(scene: Scene) -> Iterator[tuple[int, float, Node]]:
     model = scene.model
     for v, least in model.bounded:
         node = (int(model.representative[v]), 0)
-        known = node in scene.structure.solved_by or node in scene.place_of or node[0] in scene.structure.given
-        if model.sign[v] and known and not scene.missing(node):
+        if model.sign[v] and scene.structure.computes(node) and not scene.missing(node):
             yield v, least, node
 
 
