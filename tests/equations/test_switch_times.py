@@ -151,6 +151,20 @@ def test_double_roots_are_where_they_are() -> None:
     assert times_of_breakpoints(t**3 - 0.5 * t**2 > 0, -1.0, 9.0).tolist() == [0.0, 0.5], "a slope of exactly zero"
 
 
+@pytest.mark.parametrize("power", [3, 5, 7])
+def test_where_several_roots_are_one_a_sum_switches_behind_its_rounding(power: int) -> None:
+    """Where the terms of an expanded power cancel, so that its sign is that of rounding closer by; beside a single root."""
+    rng = np.random.default_rng(power)
+    for root in rng.uniform(0.3, 1.5, 20).tolist():
+        expanded = sympy.expand((t - root) ** power * (3 - t))
+        times = times_of_breakpoints(expanded > 0, 0.0, 4.0)
+        (first,) = {x for x in times.tolist() if x < 2.5}
+        terms = sum(abs(float(a)) * root**k for k, a in enumerate(reversed(sympy.Poly(expanded, t).all_coeffs())))
+        assert root <= first <= root + 2 * (2.0**-46 * terms / (3 - root)) ** (1 / power)
+        assert times[-1] == pytest.approx(3.0, rel=1e-9)
+        assert expanded.subs(t, float(right_hand(np.array(first)))) > 0
+
+
 @pytest.mark.parametrize("root", [1.0, 0.37, 1234.5])
 @pytest.mark.parametrize("power", [2, 3, 5])
 def test_products_and_powers_switch_where_their_factors_do(power: int, root: float) -> None:

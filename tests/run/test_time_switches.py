@@ -234,3 +234,19 @@ def test_the_time_at_which_a_polynomial_switches_moves_with_its_coefficients(met
     given = dict(zip("abc", numbers, strict=True))
     found = gl.simulate(Cubic(), 2.0, samples=2, method=method, parameters=given, sensitivities=["c"])
     assert found.sensitivity("x", "c")[-1] == pytest.approx(1 / (1.09 * gap**2), rel=1e-4)
+
+
+class Rising(gl.Component):
+    """One while ``(t - 1)**3 > 0``, written out."""
+
+    x, s = gl.Variable("1", start=0.0), gl.Parameter("s", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        t = gl.time / self.s
+        return [gl.Eq(gl.der(self.x), gl.Piecewise((1, t**3 - 3 * t**2 + 3 * t > 1), (0, True)) / self.s)]
+
+
+@pytest.mark.parametrize("method", ["rk5", "ida", "taylor", "exact"])
+def test_a_condition_switches_where_three_of_its_roots_are_one(method: str) -> None:
+    run = gl.simulate(Rising(), 3.0, times=[0.0, 0.9, 3.0], method=method)
+    assert run["x"] == pytest.approx([0.0, 0.0, 2.0], abs=1e-4)
