@@ -28,11 +28,9 @@ MODULES = (
     *(f"statics/{name}" for name in ("closed_gaps", "load_sharing", "mesh_turn", "steady_motion")),
     *("drawing/arrangement", "drawing/layers", "drawing/scheme/routing", "linear/linearized_program"),
     *("vibration/eigenvalue_count", "vibration/lowest_eigenvalues"),
-    *(f"modelica/{name}" for name in ("class_building", "class_content", "class_writing", "element_types", "equation_reading")),
-    *(
-        f"modelica/{name}"
-        for name in ("evaluation", "flat_writing", "lexer", "part_building", "scopes", "syntax_tree", "text_parser")
-    ),
+    *(f"modelica/class_{name}" for name in ("building", "content", "writing")),
+    *(f"modelica/{name}" for name in ("element_types", "equation_reading", "evaluation", "flat_writing", "lexer")),
+    *(f"modelica/{name}" for name in ("part_building", "scopes", "syntax_tree", "text_parser")),
 )
 ENGINE = (*(f"gearlib/{name}/" for name in PACKAGES), *(f"gearlib/{name}.py" for name in MODULES))
 LOCAL, CENTRAL, END = "<4s5H3L2H", "<4s6H3L5H2L", "<4s4H2LH"  # records of a zip archive

@@ -146,6 +146,15 @@ def periodic_columns(
     return found
 
 
+def phases_of(model: FlatModel, periodic: Mapping[int, Mapping[int, Periodic]]) -> NDArray[np.bool_]:
+    """Variables over whose turns equations are averaged."""
+    found = np.zeros(model.n_variables, bool)
+    for g, columns in periodic.items():
+        for c, column in columns.items():
+            found[model.groups[g].variables[column.turns, column_place(model.groups[g].template, c)]] = True
+    return found
+
+
 @memoised
 def nonlinear_columns(template: Template) -> tuple[int, ...]:
     """Columns in which the equation is not linear, other than derivatives."""
@@ -192,13 +201,9 @@ def turn(
 ) -> Turn | None:
     """Variation of phase-dependent variables over a common period; each value has the same mean as in the motion."""
     n = model.n_variables
-    phases = [
-        model.groups[g].variables[column.turns, column_place(model.groups[g].template, c)]
-        for g, columns in periodic.items() for c, column in columns.items()
-    ]  # fmt: skip
-    if not phases:
+    seeds = np.flatnonzero(phases_of(model, periodic))
+    if not len(seeds):
         return None
-    seeds = np.unique(np.concatenate(phases))
     place = np.full(n, -1, np.int64)
     place[seeds] = np.arange(len(seeds))
     known = followers_of(model, parameters, place >= 0)

@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 
 from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_kernel
 from gearlib.errors import ArgumentError
-from gearlib.flatten.followers import column_place
 from gearlib.flatten.model import FlatModel
 from gearlib.flatten.time_means import off_mean
 from gearlib.language.declarations import Flow
 from gearlib.language.units import SECOND
 from gearlib.program.newton import Correction, newton
-from gearlib.statics.mesh_turn import Periodic, Turn, apply, generic, mean, nonlinear_columns, periodic_columns, turn
+from gearlib.statics.mesh_turn import Periodic, Turn, apply, generic, mean, nonlinear_columns, periodic_columns, phases_of, turn
 from gearlib.structure.sparse_elimination import Factors, factorise
 
 Floats = NDArray[np.float64]
@@ -137,11 +136,7 @@ def assemble(
     matrix = entries.matrix(2 * n)
     units = np.concatenate([model.exponents, model.exponents - np.array(SECOND, float)])
     sizes = unit_sizes(matrix, units, np.concatenate(linear))
-    turning = np.zeros(n, bool)
-    for g, columns in periodic.items():
-        for c, column in columns.items():
-            turning[model.groups[g].variables[column.turns, column_place(model.groups[g].template, c)]] = True
-    return MotionEquations(matrix, np.concatenate(rest), np.concatenate(kinematic), owner, sizes, turning)
+    return MotionEquations(matrix, np.concatenate(rest), np.concatenate(kinematic), owner, sizes, phases_of(model, periodic))
 
 
 def unit_sizes(matrix: Any, exponents: Floats, linear: NDArray[np.bool_]) -> Floats:
@@ -285,12 +280,12 @@ def motion_from(model: FlatModel, parameters: Floats, given: Sequence[Given], x:
     n = model.n_variables
     still, begin = np.zeros(n, bool), x
     while True:
-        motion, turning = _settled(model, parameters, given, x, still)
+        motion, averaged = _settled(model, parameters, given, x, still)
         if (motion.residual > CONTRADICTION).any():
-            standing, x = turning & ~model.potential, begin
+            standing, x = averaged & ~model.potential, begin
         else:
             known = (motion.undetermined.reshape(2, n) <= UNDETERMINED).all(axis=0)
-            standing, x = turning & known & (np.abs(motion.rates) <= REST), np.concatenate([motion.constants, motion.rates])
+            standing, x = averaged & known & (np.abs(motion.rates) <= REST), np.concatenate([motion.constants, motion.rates])
         if not standing.any():
             return motion
         still |= standing

@@ -15,6 +15,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ModelError
 from gearlib.statics.mesh_turn import PARTS, nonlinear_columns, periodic_columns
+from tests.statics.test_mesh_turn_course import driven
 
 Law = Callable[[Any, Any, Any], Any]  # of y = sin(phase), z = 1 + 2 w y and w
 
@@ -105,13 +106,7 @@ class Spare(gl.Component):
 
 def test_what_is_zero_everywhere_hides_nothing_that_follows_from_the_phase() -> None:
     """The mean of (sin(phase) / 2)^2 is 1 / 8."""
-
-    class Driven(gl.Component):
-        def assemble(self) -> list[Any]:
-            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Spare()
-            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
-
-    flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})
+    flow = gl.power_flow(driven(Spare()), speeds={"body.w": W})
     assert flow["load.flange"].torque == pytest.approx(0.5, rel=1e-9)
 
 
@@ -133,13 +128,7 @@ class Lagging(gl.Component):
 
 def test_an_equation_that_is_written_for_one_variable_determines_no_other() -> None:
     """The mean of 2 (sin(phase) + 6)."""
-
-    class Driven(gl.Component):
-        def assemble(self) -> list[Any]:
-            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Lagging()
-            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
-
-    flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": W})
+    flow = gl.power_flow(driven(Lagging()), speeds={"body.w": W})
     assert flow["load.flange"].torque == pytest.approx(12.0, rel=1e-9)
 
 

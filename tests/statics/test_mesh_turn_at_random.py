@@ -10,6 +10,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from tests.statics.test_mesh_turn_course import driven
 
 W, TURNS = 5.0, 3  # speed of the shaft, rad/s, and turns of the phase for each of it
 KINDS = ("sum", "waves", "square", "product", "constant", "zero", "opposite", "condition", "rate", "least", "with the speed")
@@ -80,16 +81,6 @@ class Lawful(gl.Component):
         return [found[i] for i in np.random.default_rng(self.seed + 999).permutation(len(found))]
 
 
-class Loaded(gl.Component):
-    """A shaft with such a load."""
-
-    seed = gl.Structural(0)
-
-    def assemble(self) -> list[gl.Connection]:
-        self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Lawful(seed=self.seed)
-        return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
-
-
 @pytest.mark.parametrize("seed", range(40))
 def test_the_mean_torque_is_that_of_its_course(seed: int) -> None:
     phase = 2 * np.pi * (np.arange(100_000) + 0.5) / 100_000
@@ -99,5 +90,5 @@ def test_the_mean_torque_is_that_of_its_course(seed: int) -> None:
         value = law.of(known[law.first + 1], known[law.second + 1], W, Numbers)
         known.append(np.broadcast_to(value, phase.shape))
     torque = np.broadcast_to(last.of(known[last.first + 1], known[last.second + 1], W, Numbers), phase.shape)
-    found = gl.power_flow(gl.compile(Loaded(seed=seed)), speeds={"body.w": W})["load.flange"].torque
+    found = gl.power_flow(driven(Lawful(seed=seed)), speeds={"body.w": W})["load.flange"].torque
     assert found == pytest.approx(torque.mean(), abs=3e-3 * (1 + np.abs(torque).max()))  # jumps are placed to 1/4096 of a turn
