@@ -34,6 +34,12 @@ def train() -> Any:
     return gl.compile(Train()).translation
 
 
+class Trains(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.part = [Train(), Train()]
+        return []
+
+
 @cache
 def bound() -> Any:
     return gl.compile(Bound()).translation
@@ -85,6 +91,15 @@ def test_what_is_bound_to_a_parameter_moves_along() -> None:
 def test_names_without_a_derivative(names: list[str], error: Any, said: str) -> None:
     with pytest.raises(error, match=said):
         asked(names)
+
+
+def test_a_choice_of_a_part_in_an_array() -> None:
+    translation = gl.compile(Trains()).translation
+    with pytest.raises(NameLookupError, match=r"'part\[1\].kind', a structural choice: .* no derivative"):
+        asked(["part[1].kind"], model=translation)
+    for absent in ("part[2].kind", "none.kind", "part[1].shaft.kind"):
+        with pytest.raises(NameLookupError, match=r"no parameter '.*' to differentiate with respect to"):
+            asked([absent], model=translation)
 
 
 def test_a_start_value_of_the_run_can_be_varied() -> None:
