@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import gearlib as gl
 from gearlib.run.afterwards.branch import Branch, follow, iterated_unknowns
@@ -87,6 +88,28 @@ def test_the_guess_chooses_the_branch() -> None:
 
     result = gl.compile(Other(), outputs=["z", "b"]).simulate(5.0, samples=2, rtol=1e-8)
     assert result["b"] == pytest.approx(followed(np.array([0.0, 5.0]), turns=1), rel=1e-6)
+
+
+class Faster(gl.Component):
+    """The same loop behind a transmission that turns three times as fast from a = 5 rad on, which nothing in the run depends on."""
+
+    a, c, b = gl.Variable("rad", start=0.0), gl.Variable("rad"), gl.Variable("rad", guess=0.0)
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.a), 3.0),
+            gl.Eq(self.c, gl.Piecewise((3 * self.a - 10, self.a > 5), (self.a, True))),
+            gl.Eq(gl.sin(self.b - self.c), 0.3 * gl.sin(self.b)),
+        ]
+
+
+@pytest.mark.parametrize("method", ["rk", "ida", "exact"])
+@pytest.mark.parametrize("samples", [2, 3, 11])
+def test_conditions_that_only_the_loop_needs(method: str, samples: int) -> None:
+    result = gl.compile(Faster(), outputs=["a"]).simulate(6.0, samples=samples, method=method, rtol=1e-9)
+    turned = [3 * t if t < 5 / 3 else 9 * t - 10 for t in result.time]
+    expected = [brentq(lambda b, c=c: b - c - np.arcsin(0.3 * np.sin(b)), c - 1, c + 1) for c in turned]
+    assert result["b"] == pytest.approx(expected, rel=1e-7)
 
 
 class FourBar(gl.Component):
