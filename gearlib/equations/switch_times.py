@@ -97,12 +97,12 @@ def past_rounding(difference: Any, roots: Floats, given: Mapping[Any, Any], late
     ``given`` has the numbers of the other symbols, also arrays of them, for each root. None is moved beyond what comes ``later``, nor
     where the sign is the same on both sides.
     """
-    if difference.is_Add and len(difference.args) == 2 and all(map(_plain, difference.args)):
-        return roots  # exact (Sterbenz)
+    if is_exact(difference):
+        return roots
     way, scale = np.zeros(len(roots)), np.maximum(np.abs(roots), 1e-3)
 
     def told(times: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-        number, error = _with_error(difference, {**given, TIME: times})
+        number, error = with_error(difference, {**given, TIME: times})
         return np.sign(number), np.abs(number) > 2.0**-51 * error
 
     with np.errstate(all="ignore"):
@@ -115,22 +115,36 @@ def past_rounding(difference: Any, roots: Floats, given: Mapping[Any, Any], late
     return np.where(seen & ~same & (roots + way < later), roots + way, roots)
 
 
+def is_exact(difference: Any) -> bool:
+    """Whether rounding does not hide the sign of a difference: that of two symbols or numbers (Sterbenz)."""
+    return bool(difference.is_Add and len(difference.args) == 2 and all(map(_plain, difference.args)))
+
+
 def _plain(term: Any) -> bool:
     """Whether a term is a symbol or a number, or the negative of a symbol."""
     return bool(term.is_Atom or (term.is_Mul and term.args[0] == -1 and term.args[1].is_Atom and len(term.args) == 2))
 
 
-_STEEP = (sympy.sinh, sympy.cosh)
+NO_ERROR = 0.0
+_SLOPES = {sympy.exp: sympy.exp, sympy.sinh: sympy.cosh, sympy.cosh: sympy.sinh}  # of the others: 1
 
 
-def _with_error(expression: Any, numbers: Mapping[Any, Any]) -> tuple[Any, Any]:
-    """Value of an expression, and a bound of its rounding error in units of 2**-53 (running error analysis)."""
+def _applied(function: Any, *values: Any) -> Any:
+    """A function of numbers or arrays, or of expressions."""
+    if any(isinstance(value, sympy.Basic) for value in values):
+        return function(*values)
+    symbols = sympy.symbols(f"a:{len(values)}", real=True)
+    return array_function(symbols, function(*symbols))(*values)
+
+
+def with_error(expression: Any, numbers: Mapping[Any, Any]) -> tuple[Any, Any]:
+    """Value of an expression, and a bound of its rounding error in units of 2**-53 (running error analysis); as ``numbers``, or symbols."""
     if expression in numbers:
-        return numbers[expression], 0.0
+        return numbers[expression], NO_ERROR
     if not expression.args:
         number = float(expression)
-        return number, 0.0 if expression.is_Integer or expression.is_Float else abs(number)
-    parts = [_with_error(part, numbers) for part in expression.args]
+        return number, NO_ERROR if expression.is_Integer or expression.is_Float else abs(number)
+    parts = [with_error(part, numbers) for part in expression.args]
     if expression.is_Add:
         number = sum(part for part, _ in parts)
         error = sum(e for _, e in parts) + (len(parts) - 2) * sum(abs(part) for part, _ in parts) + abs(number)
@@ -141,12 +155,17 @@ def _with_error(expression: Any, numbers: Mapping[Any, Any]) -> tuple[Any, Any]:
     elif expression.is_Pow:
         (base, e), (exponent, f) = parts
         number = base**exponent
-        error = abs(exponent * base ** (exponent - 1)) * e + abs(number * np.log(np.abs(base) + (base == 0))) * f + abs(number)
+        error = abs(number)
+        if e is not NO_ERROR:
+            error = error + abs(exponent * base ** (exponent - 1)) * e
+        if f is not NO_ERROR:
+            error = error + abs(number * _applied(sympy.log, abs(base))) * f
     else:
-        symbols = sympy.symbols(f"a:{len(parts)}", real=True)
-        number = array_function(symbols, expression.func(*symbols))(*(part for part, _ in parts))
-        slope = number if expression.func is sympy.exp else np.exp(np.abs(parts[0][0])) if expression.func in _STEEP else 1.0
-        error = abs(number) + abs(slope) * sum(e for _, e in parts)
+        values, slope = [part for part, _ in parts], 1.0
+        number = _applied(expression.func, *values)
+        if expression.func in _SLOPES:
+            slope = abs(_applied(_SLOPES[expression.func], *values))
+        error = abs(number) + slope * sum(e for _, e in parts)
     return number, error
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gearlib.equations.kernel import array_function
 from gearlib.equations.quasipolynomials import TIME
-from gearlib.equations.switch_times import distinct, past_rounding, times_of_breakpoints
+from gearlib.equations.switch_times import distinct, is_exact, past_rounding, times_of_breakpoints, with_error
 from gearlib.equations.time_rates import time_rates
 from gearlib.language.expressions import SquareWave, real_symbol
 from gearlib.program.program import Batch, Newton, Program
@@ -50,6 +50,11 @@ class Timed:
     def condition(self) -> Any:
         """That the function is above zero."""
         return sympy.Gt(self.expression.xreplace({_T: TIME}), 0, evaluate=False)
+
+    @property
+    def error(self) -> Any:
+        """Bound of the rounding error of the function, in units of 2**-53, in its symbols; None where it hides no sign."""
+        return None if is_exact(self.expression) else with_error(self.expression, {s: s for s in (_T, *self.symbols)})[1]
 
     @property
     def wave(self) -> tuple[Any, Any] | None:

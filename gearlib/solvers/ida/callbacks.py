@@ -544,7 +544,8 @@ def ida_step(address: int, stop: float) -> int32:
     fired, sides = int32s_at(s.fired), int32s_at(s.sides)
     if flag == IDA_ROOT_RETURN:
         ROOT_INFO(s.root_info, s.mem, s.fired)
-        if t - s.t <= s.slack:
+        s.from_zero = int(t - s.t <= s.slack)  # then it is no event if it changes nothing
+        if s.from_zero != 0:
             see_beyond_rounding(s, t)
         for k in range(s.n_roots):  # not a crossing: a function has come close to zero and turns away
             found = found or fired[k] != 0

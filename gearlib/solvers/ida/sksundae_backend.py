@@ -379,6 +379,7 @@ class SundaeIda(IdaStepper, PythonStepper):
         if step.status == _ROOT_RETURN:
             fired[:] = step.i_events[-1][: self.n_roots]
             found = bool(fired.any())
+            record.from_zero = int(t - record.t <= record.slack)  # no event if it changes nothing
         elif self.n_roots and record.stop == record.n_stops - 1 and record.reached >= stop - tiny:
             found = self._just_beyond(record.reached)
         if found:
