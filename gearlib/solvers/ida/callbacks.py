@@ -144,8 +144,11 @@ def jacobian_values(s: IdaRecord, t: float, y: int, dy: int) -> int:
     values = floats_at(s.values)
     if status < 0:
         return -1
-    if status > 0 or not all_finite(values, s.nnz):
+    if status > 0:
         return refuse(s, t, values, 0)
+    for k in range(s.nnz):
+        if not is_finite(values[k]):  # a vertical tangent, as of sqrt(x) at zero: Newton's iteration goes without it
+            values[k] = 0.0
     return 0
 
 

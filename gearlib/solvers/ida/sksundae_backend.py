@@ -179,7 +179,8 @@ class SundaeIda(IdaStepper, PythonStepper):
         status = self._jacobian(t, y, dy)
         if status < 0:
             raise FailedError(-6)
-        if status > 0 or not np.all(np.isfinite(self.values)):
+        self.values[~np.isfinite(self.values)] = 0.0  # a vertical tangent, as of sqrt(x) at zero
+        if status > 0:
             self._refuse(t, -1)
             self.values[:] = np.nan
 
