@@ -465,7 +465,10 @@ def ida_restart(address: int, changed: int, why: int) -> int32:
 
 @native
 def just_beyond(s: IdaRecord, t: float) -> bool:
-    """Whether an event function changes sign within rounding of the end of the run, as one that is meant to do so at the end does."""
+    """Whether an event function changes sign within rounding of the end of the run, as one that is meant to do so at the end does.
+
+    The states are then those just behind it, so that a run that goes on from here does not meet the event again.
+    """
     y, dy, ahead = floats_at(s.y), floats_at(s.dy), floats_at(s.probe)
     for i in range(s.n):
         ahead[i] = y[i] + s.slack * dy[i]
@@ -477,6 +480,8 @@ def just_beyond(s: IdaRecord, t: float) -> bool:
         if g[k] * sides[k] < 0.0:
             fired[k] = -sides[k]
             found = True
+    for i in range(s.n if found else 0):
+        y[i] = ahead[i]
     return found
 
 

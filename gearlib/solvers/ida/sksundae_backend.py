@@ -342,10 +342,12 @@ class SundaeIda(IdaStepper, PythonStepper):
 
     def _just_beyond(self, t: float) -> bool:
         slack, fired = self.record.slack, self.driver.fired
-        if self.root_values(t + slack, self._natural(self.y + slack * self.dy, self.dy), self.g) != 0:
+        ahead = self.y + slack * self.dy
+        if self.root_values(t + slack, self._natural(ahead, self.dy), self.g) != 0:
             return False
         self.g[self.g == 0.0] = NEGATIVE_ZERO
         fired[:] = np.where(self.g * self.sides < 0, -self.sides, 0)
+        self.y = ahead if fired.any() else self.y  # a run that goes on from here does not meet the event again
         return bool(fired.any())
 
     def step(self, stop: float) -> int:
