@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from itertools import combinations
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from gearlib.equations.kernel import Kernel
+from gearlib.equations.kernel import Kernel, array_function
 from gearlib.equations.quasipolynomials import TIME, OutsideClassError, Signal, add, multiply, parse
 from gearlib.equations.template import memoised
 from gearlib.errors import ArgumentError
@@ -22,7 +24,7 @@ MAX_SWITCHES = 100_000  # of one relation
 MOST_INSTANTS = 10_000_000  # of one sample
 
 
-def times_of_breakpoints(expression: Any, t0: float, t_end: float) -> Floats:
+def times_of_breakpoints(expression: Any, t0: float, t_end: float, given: Mapping[Any, float] = MappingProxyType({})) -> Floats:
     """The sorted times inside (t0, t_end) at which relations on time in an expression switch.
 
     Relations in Piecewise and Boolean expressions, and the arguments of Abs, sign, Heaviside, Max and Min are examined. Relations
@@ -32,14 +34,17 @@ def times_of_breakpoints(expression: Any, t0: float, t_end: float) -> Floats:
     Parameters
     ----------
     expression : sympy.Basic
-        Expression or condition with the parameters replaced by numbers.
+        Expression or condition.
     t0, t_end : float
         Interval (s), both ends excluded.
+    given : mapping
+        Numbers of the symbols other than time.
 
     Returns
     -------
     ndarray
-        Times (s); those that differ only by rounding are merged.
+        Times (s); those that differ only by rounding are merged. Where rounding hides the sign of a difference just after its zero,
+        the time at which it no longer does.
 
     Raises
     ------
@@ -54,7 +59,7 @@ def times_of_breakpoints(expression: Any, t0: float, t_end: float) -> Floats:
     array([0.5, 1. , 2. ])
     """
     try:
-        return switch_times(expression, t0, t_end)
+        return switch_times(expression, t0, t_end, given)
     except OutsideClassError as error:
         raise ArgumentError(f"cannot tell when {expression} switches between t = {t0:g} and {t_end:g} s: {error}") from None
 
@@ -71,12 +76,97 @@ def has_known_zeros(kernel: Kernel) -> bool:
     return True
 
 
-def switch_times(expression: Any, t0: float, t_end: float) -> Floats:
+def switch_times(expression: Any, t0: float, t_end: float, given: Mapping[Any, float] = MappingProxyType({})) -> Floats:
     """As `times_of_breakpoints`, but raises OutsideClassError."""
-    found: list[float] = []
-    for difference in _differences(expression):
-        found.extend(_roots(difference, t0, t_end))
-    return distinct(np.array(found), t0, t_end)
+    found: list[Floats] = []
+    numbers = {symbol: sympy.Float(number, 17) for symbol, number in given.items()}
+    for pair in _differences(expression, {TIME, *given}):
+        first, second = (side.xreplace(numbers) for side in pair)
+        if first.has(TIME) or second.has(TIME):
+            roots = np.unique(_roots((first, second), t0, t_end))
+            if not isinstance(first, SquareWave):
+                later = np.append(roots, math.inf)[np.searchsorted(roots, roots + rounding(t0, t_end), side="right")]
+                roots = past_rounding(sympy.Add(pair[0], -pair[1], evaluate=False), roots, given, later)
+            found.append(roots)
+    return distinct(np.concatenate([np.empty(0), *found]), t0, t_end)
+
+
+def past_rounding(difference: Any, roots: Floats, given: Mapping[Any, Any], later: Floats | float = math.inf) -> Floats:
+    """Zeros of a function of time, moved to where its sign is not hidden by rounding: conditions are evaluated just after (`right_hand`).
+
+    ``given`` has the numbers of the other symbols, also arrays of them, for each root. None is moved beyond what comes ``later``, nor
+    where the sign is the same on both sides.
+    """
+    if is_exact(difference):
+        return roots
+    way, scale = np.zeros(len(roots)), np.maximum(np.abs(roots), 1e-3)
+
+    def told(times: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        number, error = with_error(difference, {**given, TIME: times})
+        return np.sign(number), np.abs(number) > 2.0**-51 * error
+
+    with np.errstate(all="ignore"):
+        for k in range(48):
+            after, seen = told(roots + way + 1e-12 * scale)
+            if seen.all():
+                break
+            way = np.where(seen, way, 2.0 ** (k - 48) * scale)
+        same = told(roots - way - 1e-12 * scale)[0] == after
+    return np.where(seen & ~same & (roots + way < later), roots + way, roots)
+
+
+def is_exact(difference: Any) -> bool:
+    """Whether rounding does not hide the sign of a difference: that of two symbols or numbers (Sterbenz)."""
+    return bool(difference.is_Add and len(difference.args) == 2 and all(map(_plain, difference.args)))
+
+
+def _plain(term: Any) -> bool:
+    """Whether a term is a symbol or a number, or the negative of a symbol."""
+    return bool(term.is_Atom or (term.is_Mul and term.args[0] == -1 and term.args[1].is_Atom and len(term.args) == 2))
+
+
+NO_ERROR = 0.0
+_SLOPES = {sympy.exp: sympy.exp, sympy.sinh: sympy.cosh, sympy.cosh: sympy.sinh}  # of the others: 1
+
+
+def _applied(function: Any, *values: Any) -> Any:
+    """A function of numbers or arrays, or of expressions."""
+    if any(isinstance(value, sympy.Basic) for value in values):
+        return function(*values)
+    symbols = sympy.symbols(f"a:{len(values)}", real=True)
+    return array_function(symbols, function(*symbols))(*values)
+
+
+def with_error(expression: Any, numbers: Mapping[Any, Any]) -> tuple[Any, Any]:
+    """Value of an expression, and a bound of its rounding error in units of 2**-53 (running error analysis); as ``numbers``, or symbols."""
+    if expression in numbers:
+        return numbers[expression], NO_ERROR
+    if not expression.args:
+        number = float(expression)
+        return number, NO_ERROR if expression.is_Integer or expression.is_Float else abs(number)
+    parts = [with_error(part, numbers) for part in expression.args]
+    if expression.is_Add:
+        number = sum(part for part, _ in parts)
+        error = sum(e for _, e in parts) + (len(parts) - 2) * sum(abs(part) for part, _ in parts) + abs(number)
+    elif expression.is_Mul:
+        number, error = parts[0]
+        for factor, e in parts[1:]:
+            number, error = number * factor, abs(number) * e + abs(factor) * error + abs(number * factor)
+    elif expression.is_Pow:
+        (base, e), (exponent, f) = parts
+        number = base**exponent
+        error = abs(number)
+        if e is not NO_ERROR:
+            error = error + abs(exponent * base ** (exponent - 1)) * e
+        if f is not NO_ERROR:
+            error = error + abs(number * _applied(sympy.log, abs(base))) * f
+    else:
+        values, slope = [part for part, _ in parts], 1.0
+        number = _applied(expression.func, *values)
+        if expression.func in _SLOPES:
+            slope = abs(_applied(_SLOPES[expression.func], *values))
+        error = abs(number) + slope * sum(e for _, e in parts)
+    return number, error
 
 
 def distinct(times: Floats, t0: float, t_end: float) -> Floats:
@@ -91,8 +181,8 @@ def rounding(*times: float) -> float:
     return 8.0 * 2.0**-53 * max(abs(t) for t in times)
 
 
-def _differences(expression: Any) -> list[Any]:
-    """Expressions of time alone whose zeros are the switching times."""
+def _differences(expression: Any, known: set[Any]) -> list[Any]:
+    """Pairs of expressions of known symbols, time among them, whose meetings are the switching times."""
     pairs: list[tuple[Any, Any]] = []
     for node in sympy.preorder_traversal(expression):
         if getattr(node, "is_Relational", False):
@@ -101,7 +191,8 @@ def _differences(expression: Any) -> list[Any]:
             pairs.append((node.args[0], sympy.Integer(0)))
         elif isinstance(node, sympy.Max | sympy.Min):
             pairs.extend(combinations(node.args, 2))
-    return list(dict.fromkeys(pair for pair in pairs if pair[0].free_symbols | pair[1].free_symbols == {TIME}))
+    used = {pair: pair[0].free_symbols | pair[1].free_symbols for pair in pairs}
+    return [pair for pair, symbols in used.items() if TIME in symbols and symbols <= known]
 
 
 def _roots(pair: tuple[Any, Any], t0: float, t_end: float) -> list[float]:
@@ -118,10 +209,8 @@ def _roots(pair: tuple[Any, Any], t0: float, t_end: float) -> list[float]:
         return _polynomial_roots([c.real for c in constant])
     if len(constant) == 1 and all(len(signal[rate]) == 1 for rate in rates):
         if len(rates) == 1 and rates[0].imag == 0:
-            level, rate = abs(constant[0].real), rates[0].real
-            ratio = -constant[0].real / signal[rates[0]][0].real
-            times = np.array([math.log(ratio) / rate] if ratio > 0 else [])
-            return _beyond_rounding(times, level * abs(rate), level * rate**2, 2.0 * level)
+            rate, ratio = rates[0].real, -constant[0].real / signal[rates[0]][0].real
+            return [math.log(ratio) / rate] if ratio > 0 else []
         if len(rates) == 2 and all(rate.real == 0 for rate in rates):
             return _sinusoid_roots(constant[0].real, signal, t0, t_end)
     raise OutsideClassError(f"the zeros of {pair[0]} - ({pair[1]}) are not known in closed form")
@@ -162,9 +251,8 @@ def _polynomial_roots(c: list[float]) -> list[float]:
             steps = polynomial(real) / slopes(real)
         real = real - np.where(np.abs(steps) <= 1e-3 * np.abs(real), steps, 0.0)
     size = np.polynomial.Polynomial(np.abs(c))(np.abs(real))
-    simple = _beyond_rounding(real, np.abs(slopes(real)), np.abs(slopes.deriv()(real)), size)
     several = (_where_several_meet(polynomial, root, float(terms)) for root, terms in zip(real, size, strict=True))
-    return [t if meet is None else meet for t, meet in zip(simple, several, strict=True)]
+    return [t if meet is None else meet for t, meet in zip(real.tolist(), several, strict=True)]
 
 
 def _where_several_meet(polynomial: Any, root: float, size: float) -> float | None:
@@ -185,14 +273,6 @@ def _where_several_meet(polynomial: Any, root: float, size: float) -> float | No
     return None
 
 
-def _beyond_rounding(times: Floats, slope: Any, bend: Any, size: Any) -> list[float]:
-    """Zeros, moved to where terms of some size that almost cancel tell the sign: a condition is evaluated just after (`right_hand`)."""
-    noise = 2.0**-50 * size
-    late = (noise > 1e-13 * slope * np.maximum(np.abs(times), 1e-3)) & (8.0 * noise * bend < slope**2)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return list(map(float, np.where(late, times + noise / np.asarray(slope), times)))
-
-
 def _sinusoid_roots(constant: float, signal: Signal, t0: float, t_end: float) -> list[float]:
     """Zeros of constant + amplitude * cos(omega t + phase)."""
     rate = next(rate for rate in signal if rate.imag > 0)
@@ -206,5 +286,4 @@ def _sinusoid_roots(constant: float, signal: Signal, t0: float, t_end: float) ->
     turns = np.arange(
         math.floor(omega * t0 / math.tau), math.ceil(omega * t_end / math.tau) + 1
     )  # angle - phase: within one turn
-    times = np.concatenate([(math.tau * turns + sign * angle - phase) / omega for sign in (1, -1)])
-    return _beyond_rounding(times, amplitude * omega * math.sin(angle), amplitude * omega**2, abs(constant) + amplitude)
+    return [t for sign in (1, -1) for t in ((math.tau * turns + sign * angle - phase) / omega).tolist()]

@@ -204,12 +204,18 @@ def next_time_body(exported: ExportedModel) -> Body:
                 continue
             assert timed.terms is not None, "only those that follow a formula are here"
             a, b = (_filled(scalar_source(part), table) for part in timed.terms)
-            body.lines += [f"y = -({a}) / ({b})", "if y > later and y < values[0]:", "    values[0] = y"]
+            body.lines.append(f"y = -({a}) / ({b})")
+            if (error := timed.error) is not None:  # as `past_rounding`
+                hidden = _filled(scalar_source(error), table | {"t": "y"})
+                body.lines += [
+                    f"q = 2.0**-50 * ({hidden}) / abs({b})", "if q > 1e-13 * max(abs(y), 1e-3):", "    y += q",
+                ]  # fmt: skip
+            body.lines += ["if y > later and y < values[0]:", "    values[0] = y"]
     return body
 
 
 def _filled(text: str, table: dict[str, str]) -> str:
-    return re.sub(r"\bp\d+\b", lambda m: table[m[0]], text)
+    return re.sub(r"\b(p\d+|t)\b", lambda m: table.get(m[0], m[0]), text)
 
 
 def _rows(body: Body, text: str, letter: str, targets: Integers, arguments: Integers) -> None:

@@ -177,7 +177,7 @@ def _test(body: Body, phase: RelationsPhase, numbers: Integers | None) -> None:
     roots = np.zeros(len(phase.batch), np.int64)
     if phase.on_time:
         body.lines += ["now = t", "t = t + 1e-12 * max(abs(t), 1e-3)"]  # right-hand limit in time, as `right_hand` takes it
-    elif numbers is not None:
+    if phase.searched and numbers is not None:
         roots = np.searchsorted(numbers, phase.batch.targets)
         first = " and outer == 0" if compares_with_before(phase.batch) else ""
         above = ">" if relation_of(phase.batch)[0] else "<"

@@ -41,12 +41,14 @@ class RelationsPhase:
     ----------
     batch : Batch
     on_time : bool
-        Whether they compare nothing but time, and take their right-hand limit. The others are event functions: one whose root was
-        located takes the side that it crossed to.
+        Whether they compare nothing but time, and take their right-hand limit.
+    searched : bool
+        Whether they are event functions: one whose root was located takes the side that it crossed to.
     """
 
     batch: Batch
     on_time: bool
+    searched: bool
 
     @property
     def comparison(self) -> str:
@@ -77,23 +79,27 @@ class EventIteration:
     @cached_property
     def event_functions(self) -> tuple[RelationsPhase, ...]:
         """The phases whose relations need a root search."""
-        return tuple(p for p in self.passed if isinstance(p, RelationsPhase) and not p.on_time)
+        return tuple(p for p in self.passed if isinstance(p, RelationsPhase) and p.searched)
 
 
 def event_iteration(
-    relations: tuple[Batch, ...], discretes: tuple[Batch, ...], reinits: tuple[Batch, ...], on_time: Integers
+    relations: tuple[Batch, ...],
+    discretes: tuple[Batch, ...],
+    reinits: tuple[Batch, ...],
+    on_time: Integers,
+    searched: Integers,
 ) -> EventIteration:
-    """Event iteration for some batches; ``on_time`` marks the relations that compare nothing but time."""
+    """Event iteration for some batches, with the relations that compare nothing but time, and those that are event functions."""
     passed: list[UnknownsPhase | DiscretesPhase | RelationsPhase] = []
     if any(batch.arguments.size for batch in discretes):
         passed.append(UnknownsPhase())
     passed += map(DiscretesPhase, discretes)  # first, so that an element that has just become stuck is tried as locked
     passed.append(UnknownsPhase())
     for batch in relations:
-        timed = np.isin(batch.targets, on_time)
-        passed += [
-            RelationsPhase(batch.take(np.flatnonzero(timed == here)), here) for here in (False, True) if (timed == here).any()
-        ]
+        kinds = np.isin(batch.targets, on_time), np.isin(batch.targets, searched)
+        for kind in ((False, True), (True, True), (True, False)):
+            if (rows := np.flatnonzero((kinds[0] == kind[0]) & (kinds[1] == kind[1]))).size:
+                passed.append(RelationsPhase(batch.take(rows), *kind))
     return EventIteration(tuple(passed), reinits)
 
 

@@ -37,7 +37,8 @@ class Relations:
     discretes: tuple[Batch, ...]
     reinits: tuple[Batch, ...]
     used: Integers  # relations, sorted
-    on_time: NDArray[np.bool_]  # per used relation: compares nothing but time, and when it switches follows from a formula
+    of_time: NDArray[np.bool_]  # per used relation: compares nothing but time
+    on_time: NDArray[np.bool_]  # and when it switches follows from a formula
 
     @cached_property
     def timed(self) -> Integers:
@@ -52,7 +53,7 @@ class Relations:
     @cached_property
     def event_iteration(self) -> EventIteration:
         """How the discrete state is determined at an event."""
-        return event_iteration(self.batches, self.discretes, self.reinits, self.timed)
+        return event_iteration(self.batches, self.discretes, self.reinits, self.used[self.of_time], self.searched)
 
 
 def relations_of(structure: Structure, program: Program, wanted: Sequence[int] = ()) -> Relations:
@@ -126,12 +127,13 @@ def update_rules(builder: Builder, program: Program, places: Sequence[Place], re
     for kernel, g, i, kind, target, sign in places:
         kinds[kind][kernel, g, 0].append((i, target, sign))
     batches = [tuple(builder.batch(kernel, g, k, rows) for (kernel, g, k), rows in kind.items()) for kind in kinds]
-    searched = {
-        p[4] for p in places
-        if p[3] == 0 and (builder.nodes(*p[:3]) or len(builder.discrete(*p[:3])) or not has_known_zeros(p[0]))
-    }  # fmt: skip
-    on_time = np.array([int(r) not in searched for r in relations], bool)
-    return Relations(program, batches[0], batches[1], batches[2], relations, on_time)
+    compared = {p[4]: p for p in places if p[3] == 0}
+    others = {r for r, p in compared.items() if builder.nodes(*p[:3]) or len(builder.discrete(*p[:3]))}
+    of_time = np.array([int(r) not in others for r in relations], bool)
+    known = np.array([int(r) not in compared or has_known_zeros(compared[int(r)][0]) for r in relations[of_time]], bool)
+    on_time = of_time.copy()
+    on_time[of_time] = known
+    return Relations(program, batches[0], batches[1], batches[2], relations, of_time, on_time)
 
 
 def used_discrete(program: Program) -> Integers:

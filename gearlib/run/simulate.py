@@ -21,7 +21,7 @@ from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import integrate, method_of
 from gearlib.run.methods.run import Run
 from gearlib.run.refusals.accumulation import warn_of_accumulation
-from gearlib.run.refusals.limits import refuse_start, refuse_too_small
+from gearlib.run.refusals.limits import refuse_start, refuse_too_small, warn_of_unchecked
 from gearlib.run.request import Request, absolute_tolerance, check_form, check_options, output_times
 from gearlib.run.result import Result, SimulatedResult
 from gearlib.run.scene import Scene
@@ -139,6 +139,8 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
     if parts[-1][1].status == "interrupted":
         request = altered(request, times=times[times <= found[-1][0].time[-1]])  # and ends where this one did
     refuse_too_small([part for part, _, _ in found], request.rtol)
+    if scene.model.bounded:
+        warn_of_unchecked(scene.structure)
     return SimulatedResult(found, translation, request, run)
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gearlib.equations.kernel import array_function
 from gearlib.equations.quasipolynomials import TIME
-from gearlib.equations.switch_times import distinct, times_of_breakpoints
+from gearlib.equations.switch_times import distinct, is_exact, past_rounding, times_of_breakpoints, with_error
 from gearlib.equations.time_rates import time_rates
 from gearlib.language.expressions import SquareWave, real_symbol
 from gearlib.program.program import Batch, Newton, Program
@@ -46,6 +46,16 @@ class Timed:
         """a and b as functions of the parameters."""
         return None if self.terms is None else array_function(self.symbols, *self.terms)
 
+    @cached_property
+    def condition(self) -> Any:
+        """That the function is above zero."""
+        return sympy.Gt(self.expression.xreplace({_T: TIME}), 0, evaluate=False)
+
+    @property
+    def error(self) -> Any:
+        """Bound of the rounding error of the function, in units of 2**-53, in its symbols; None where it hides no sign."""
+        return None if is_exact(self.expression) else with_error(self.expression, {s: s for s in (_T, *self.symbols)})[1]
+
     @property
     def wave(self) -> tuple[Any, Any] | None:
         """Period and offset, for periodic switching."""
@@ -58,19 +68,18 @@ class Timed:
             return [
                 (t, int(number))
                 for number, row in zip(self.numbers, numbers, strict=True)
-                for t in times_of_breakpoints(self._with(row), t0, t_end).tolist()
+                for t in times_of_breakpoints(
+                    self.condition, t0, t_end, dict(zip(self.symbols, row.tolist(), strict=True))
+                ).tolist()
             ]
         with np.errstate(all="ignore"):
             a, b = self.line(*numbers.T)
             roots = np.broadcast_to(-np.asarray(a, float) / b, len(numbers))
         roots = np.where(np.isfinite(roots), roots, t0)  # g = a never switches
+        roots = past_rounding(self.condition.lhs, roots, dict(zip(self.symbols, numbers.T, strict=True)))
         return [
             (t, int(k)) for k, root in zip(self.numbers, roots, strict=True) for t in distinct(root[None], t0, t_end).tolist()
         ]
-
-    def _with(self, row: Floats) -> Any:
-        table = {s: sympy.Float(value, 17) for s, value in zip(self.symbols, row.tolist(), strict=True)}
-        return self.expression.xreplace({_T: TIME} | table) > 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
@@ -185,3 +186,38 @@ def test_start_values_of_one_variable_that_contradict_each_other(tmp_path: Path)
         one.messages
     )
     one.close()
+
+
+TIMES = {
+    "sine": lambda t, p, k: gl.sin(2 * gl.pi * t), "falling": lambda t, p, k: -gl.sin(2 * gl.pi * t),
+    "no formula": lambda t, p, k: gl.sin(2 * gl.pi * t + t**2), "growth": lambda t, p, k: gl.exp(t) - 1,
+    "late": lambda t, p, k: (t - 0.3 + p) * k - p * k,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", TIMES)
+def test_conditions_on_time_begin_and_switch_as_in_gearlib(kind: str, tmp_path: Path) -> None:
+    """Zero at the start, where they have their right-hand limit; or hidden by rounding, where they should switch."""
+
+    class Counted(gl.Component):
+        x, n = gl.Variable("1", start=0.0), gl.Discrete()
+        p, k, s = gl.Parameter("1", default=54321.987), gl.Parameter("1", default=3.1), gl.Parameter("s", default=1.0)
+
+        def equations(self) -> list[Any]:
+            on = TIMES[kind](gl.time / self.s, self.p, self.k) > 0
+            run = gl.Eq(gl.der(self.x), gl.Piecewise((1, on), (0, True)) / self.s)
+            return [run, gl.When(on, gl.Eq(self.n, gl.pre(self.n) + 1))]
+
+    system = gl.compile(Counted(), outputs=["x", "n"])
+    path = system.export_fmu(tmp_path / "counted.fmu", stop_time=1.2)
+    on = np.array([float(TIMES[kind](t, 0.0, 1.0)) > 0 for t in np.linspace(0.0, 1.2, 1001)[1:]])
+    begins = int(np.count_nonzero(np.diff(on.astype(int)) > 0))
+    for method in ("rk5", "ida", "taylor"):
+        run = system.simulate(1.2, samples=2, method=method)
+        assert run["n"][-1] == begins
+        assert run["x"][-1] == pytest.approx(1.2 * on.mean(), abs=2e-3)
+        assert 0.0 not in [t for t, _ in run.events]
+    for name in ("CoSimulation", "ModelExchange"):
+        found = fmpy.simulate_fmu(str(path), fmi_type=name, stop_time=1.2, output_interval=0.3, output=["x", "n"])
+        assert found["n"][-1] == begins
+        assert found["x"][-1] == pytest.approx(run["x"][-1], abs=1e-5)

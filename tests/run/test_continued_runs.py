@@ -236,3 +236,30 @@ def test_methods_and_samples_agree_about_the_events(rattle: gl.System, seed: int
         assert [t for t, _ in run.events] == pytest.approx([t for t, _ in runs[0].events], abs=2e-5)
         for name in SPEEDS:
             assert run[name][-1] == pytest.approx(runs[0][name][-1], abs=1e-5)
+
+
+class Crossings(gl.Component):
+    """Counts how often a vibration passes a level, upwards; each time it turns the drive round."""
+
+    x, v, s = gl.Variable("1", start=-0.4), gl.Variable("1", start=0.1), gl.Parameter("s", default=1.0)
+    level, d, n = gl.Parameter("1", default=0.1), gl.Discrete(start=0.5), gl.Discrete()
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(self.s * gl.der(self.x), self.v),
+            gl.Eq(self.s * gl.der(self.v), self.d - 9.0 * self.x - self.x**3),
+            gl.When(self.x > self.level, gl.Eq(self.d, -gl.pre(self.d)), gl.Eq(self.n, gl.pre(self.n) + 1)),
+        ]
+
+
+@pytest.mark.parametrize("method", ["rk5", "rk8", "ida", "taylor"])
+def test_an_event_at_the_end_of_a_run_is_not_met_again_by_the_next_one(method: str) -> None:
+    """Where the run stops a rounding before it, so that the states alone do not tell that it has been passed."""
+    system = gl.compile(Crossings(), outputs=["x", "d", "n"])
+    for level in np.random.default_rng(2).uniform(-0.3, 0.3, 12).tolist():
+        whole = system.simulate(5.0, samples=2, method=method, rtol=1e-9, parameters={"level": level})
+        for t in [t for t, _ in whole.events] or [1.0]:
+            first = system.simulate(t, samples=2, method=method, rtol=1e-9, parameters={"level": level})
+            then = system.simulate(5.0, samples=2, method=method, rtol=1e-9, start=first)
+            assert (then["n"][-1], then["d"][-1]) == (whole["n"][-1], whole["d"][-1]), (level, t)
+            assert then["x"][-1] == pytest.approx(whole["x"][-1], abs=1e-6)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import gearlib as gl
 import gearparts as gp
@@ -82,3 +84,31 @@ def test_a_linear_model_takes_no_start_value_of_a_discrete_variable(system: gl.S
     message = r"bearing\.mode is a discrete variable; .* start=\{'mode': \.\.\.\} of bearing"
     with pytest.raises(NameLookupError, match=message):
         system.linearize(at={"bearing.mode": 1.0})
+
+
+ROOTED = {  # slopes are infinite or not defined at x = y = 0
+    "square": lambda root, x, y: root(x), "tank": lambda root, x, y: 1 - root(x), "swollen": lambda root, x, y: 1 + root(x),
+    "product": lambda root, x, y: 1 + root(x * y),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", ["ode", "torn", "dae"])
+@pytest.mark.parametrize("kind", ROOTED)
+def test_rates_may_start_where_their_slope_is_not_finite(kind: str, form: Any) -> None:
+    """With IDA as with Runge-Kutta and SciPy."""
+
+    class Rooted(gl.Component):
+        x, y, s = gl.Variable("1", start=0.0), gl.Variable("1", start=0.0), gl.Parameter("s", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(self.s * gl.der(self.x), ROOTED[kind](gl.sqrt, self.x, self.y)), gl.Eq(self.s * gl.der(self.y), 1.0),
+            ]  # fmt: skip
+
+    t = np.linspace(0.0, 0.9, 4)
+    right = solve_ivp(
+        lambda t, x: ROOTED[kind](lambda z: np.sqrt(np.abs(z)), x, t), (0.0, 0.9), [0.0], "DOP853", t, rtol=1e-11, atol=1e-14
+    )
+    for asked in ({"method": "rk"}, {"method": "ida", "form": form}):
+        found = gl.simulate(Rooted(), 0.9, samples=4, rtol=1e-8, **asked)
+        assert found["x"] == pytest.approx(right.y[0], abs=2e-7)

@@ -250,3 +250,44 @@ class Rising(gl.Component):
 def test_a_condition_switches_where_three_of_its_roots_are_one(method: str) -> None:
     run = gl.simulate(Rising(), 3.0, times=[0.0, 0.9, 3.0], method=method)
     assert run["x"] == pytest.approx([0.0, 0.0, 2.0], abs=1e-4)
+
+
+HIDDEN = {
+    "line": lambda t, p, q, k, one: t - p + q, "sum": lambda t, p, q, k, one: (t - p) * k + q * k,
+    "parts": lambda t, p, q, k, one: (t + q) * k - p * k,
+    "squares": lambda t, p, q, k, one: (t + q) ** 2 - p**2, "exponentials": lambda t, p, q, k, one: k * gl.exp((t + q) / p) - k * gl.exp(1),
+    "cube": lambda t, p, q, k, one: (t - (p - q)) ** 3 + 1 - one, "scaled": lambda t, p, q, k, one: ((t + q - p) ** 3 + 1) * k - k,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", HIDDEN)
+def test_conditions_whose_terms_cancel_switch_once(kind: str) -> None:
+    """At t = p - q, or where rounding, of the size of q and amplified by a triple root, no longer hides the sign; also from there on."""
+
+    class Begins(gl.Component):
+        x, n = gl.Variable("1", start=0.0), gl.Discrete()
+        p, q, k, s, one = (
+            gl.Parameter("1", default=2.0),
+            gl.Parameter("1", default=1.0),
+            gl.Parameter("1", default=1.0),
+            gl.Parameter("s", default=1),
+            gl.Parameter("1", default=1.0),
+        )
+
+        def equations(self) -> list[Any]:
+            begun = HIDDEN[kind](gl.time / self.s, self.p, self.q, self.k, self.one) > 0
+            return [
+                gl.Eq(gl.der(self.x), gl.Piecewise((1, begun), (0, True)) / self.s),
+                gl.When(begun, gl.Eq(self.n, gl.pre(self.n) + 1)),
+            ]
+
+    system, rng = gl.compile(Begins()), np.random.default_rng(1)
+    for i in range(30):
+        q, begin, k = (1 + i, 1.0, 3.0) if i < 3 else (10 ** rng.uniform(0, 5), rng.uniform(0.2, 2.5), 10 ** rng.uniform(-4, 4))
+        p = q + begin
+        begin = p - q
+        late = (3e-14 * p) ** (1 / 3) if kind in ("cube", "scaled") else 1e-13 * p + 1e-12
+        for method, start in (("rk5", 0.0), ("ida", 0.0), ("rk5", begin)):
+            run = system.simulate(3.0, t_start=start, method=method, parameters={"p": p, "q": q, "k": k}, samples=2)
+            assert run["x"][-1] == pytest.approx(3 - begin, abs=3 * late), (p, q, k)
+            assert start or run["n"][-1] == 1.0

@@ -11,9 +11,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.errors import ArgumentError, SolverError, StartError
+from gearlib.errors import ArgumentError, GearlibWarning, SolverError, StartError, warn
 from gearlib.flatten.model import FlatModel
 from gearlib.program.interpret import Prepared, evaluate, prepare
+from gearlib.reduce.coefficients import some
+from gearlib.reduce.reduction import Structure
 from gearlib.run.scene import Scene, guess_of
 from gearlib.run.segment import Segment
 from gearlib.run.start_values import Start
@@ -48,6 +50,16 @@ def refuse_too_small(parts: Sequence[Segment], rtol: float) -> None:
                 raise (StartError if at_start else SolverError)(
                     f"{text} at t = {part.time[first]:g} s; {_fix(part.scene.model, v, least, at_start)}"
                 )
+
+
+def warn_of_unchecked(structure: Structure) -> None:
+    """Warn of variables whose minimum no run can check."""
+    model = structure.model
+    nodes = {v: (int(model.representative[v]), 0) for v, _ in model.bounded if model.sign[v]}
+    names = [model.name(v) for v, node in nodes.items() if node in structure.solved_by and not structure.computes(node)]
+    if names:
+        what = f"the minimum of {names[0]} is" if len(names) == 1 else f"the minima of {some(names, ', ')} are"
+        warn(f"{what} not checked: this needs the derivative of an input, which a run does not have", GearlibWarning)
 
 
 def refuse_start(scene: Scene, parameters: Floats, t: float, inputs: Floats, begin: Start) -> None:

@@ -35,7 +35,8 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 MOST_CUTS = 1_000_000  # pieces of a run, each an integration of its own
-MOST_PASSES = 60  # of the iteration for delayed signals at the start
+MOST_PASSES = 30  # of the iteration for delayed signals at the start
+EASY_PASSES = 3  # of these, without derivatives
 STEPS = 8  # least number of steps in a piece with delays: a pulse in a delayed signal must not be stepped over
 
 
@@ -189,22 +190,38 @@ def begun_with(begin: Callable[[tuple[Any, ...]], Start], run: Run, controllers:
     Raises
     ------
     StartError
-        A delayed signal at the start follows from itself, and the iteration does not converge.
+        A delayed signal at the start follows from itself, and it has no value that does, or infinitely many.
     """
     delays = [d for d in controllers if isinstance(d, Delay) and not isinstance(run.signals[d.gives[0]], Table)]
-    for _ in range(MOST_PASSES if delays else 1):
-        start = begin(run.signals)
-        run = replace(run, start=start, discrete=start.discrete)
-        signals, settled = list(run.signals), True
+
+    def tried(given: Floats) -> tuple[Run, Floats]:
+        """The run with some outputs of the delays, and the signals that they then take."""
+        signals = list(run.signals)
+        for delay, number in zip(delays, given.tolist(), strict=True):
+            signals[delay.gives[0]] = number
+        start = begin(tuple(signals))
+        found = replace(run, signals=tuple(signals), start=start, discrete=start.discrete)
+        taken = []
         for delay in delays:
             node, sign = run.scene.named(delay.reads[0])
-            u = float(sign * _segment(run, float(run.times[0])).history(node)[0]) if sign else 0.0
-            k = delay.gives[0]
-            settled = settled and abs(u - signals[k]) <= 1e-13 * max(abs(u), 1e-3)
-            signals[k] = u
-        if settled:
-            return run
-        run = replace(run, signals=tuple(signals))
+            taken.append(float(sign * _segment(found, float(run.times[0])).history(node)[0]) if sign else 0.0)
+        return found, np.array(taken)
+
+    given = np.array([run.signals[d.gives[0]] for d in delays], float)
+    slopes = np.zeros((len(delays), len(delays)))
+    for k in range(MOST_PASSES):
+        found, taken = tried(given)
+        gain = 1.0 + np.abs(slopes).sum(axis=1)
+        if (np.abs(taken - given) <= 1e-13 * gain * np.maximum(np.abs(taken), 1e-3)).all():
+            return found
+        if k >= EASY_PASSES:  # a loop through delays: Newton's method
+            sizes = 1e-3 * np.maximum(np.maximum(np.abs(given), np.abs(taken)), 1e-3)
+            beside = [tried(given + size * unit)[1] for size, unit in zip(sizes, np.eye(len(delays)), strict=True)]
+            slopes = (np.array(beside) - taken).T / sizes
+            if abs(np.linalg.det(np.eye(len(delays)) - slopes)) < 1e-9:
+                break
+            taken = given + np.linalg.solve(np.eye(len(delays)) - slopes, taken - given)
+        given = taken
     raise StartError(
         f"the signal of {', '.join(d.path for d in delays)} at the start follows from itself: the delay gives at first what it takes, and "
         "the value does not settle. Let it pass a block with a state, such as gearparts.blocks.FirstOrder"

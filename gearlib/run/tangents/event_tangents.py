@@ -17,6 +17,7 @@ import ctypes
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import permutations
 from typing import Any, NoReturn
 
 import numpy as np
@@ -39,6 +40,7 @@ from gearlib.solvers.problem import Problem
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 SAME = 100.0  # tolerances by which two events that are one may differ in how they move
+MOST_TOGETHER = 3  # events at one time, whose orders are tried
 MOST_PASSES = 100  # for the tangents of discrete variables that follow from each other
 
 
@@ -162,9 +164,8 @@ class EventTangents:
         numbers = np.ctypeslib.as_array(data, (self.size,))
         held = numbers[self.shared.relations :][: self.shared.n_discrete]
         states, before = everything[: self.n].copy(), held.copy()
-        crossed = self.relations.searched
-        if len(crossed):
-            crossed = crossed[np.ctypeslib.as_array(fired, (len(crossed),)) != 0]
+        count, begun = len(self.relations.searched), (everything.copy(), numbers.copy())
+        sides = np.sign(np.ctypeslib.as_array(fired, (count,))) if count else np.empty(0, np.int32)
         starting, self.started = not self.started, True
         first = starting and not any(since < t for since, _ in self.tangents.noted)
         f = np.zeros(self.n) if starting else self._rates(t, x, data, index)
@@ -175,7 +176,9 @@ class EventTangents:
         delay = np.zeros(self.count)
         if not starting:
             switched = self.relations.timed[held[self.relations.timed] != before[self.relations.timed]]
-            delays = self._delays(t, numbers, states, before, f, np.union1d(crossed, switched), here)
+            delays = self._delays(
+                t, numbers, states, before, f, np.union1d(self.relations.searched[sides != 0], switched), here
+            )
             delay = next(iter(delays.values()), delay)
             spread = np.ptp([*delays.values(), delay], axis=0)
             if (spread > SAME * self.run.rtol * np.abs(delay)).any():
@@ -184,23 +187,83 @@ class EventTangents:
                 effect = np.outer(self._rates(t, x, data, index) - f, spread)
                 if carried or (np.abs(effect) > SAME * self.run.rtol * np.abs(here).max(axis=0, initial=0.0)).any():
                     if carried or not changed <= delays.keys():
-                        self._refuse_together(t, delays)
+                        everything[self.n :] = self._in_any_order(t, (x, data, index), begun, sides, delays)
+                        return code
                     held[:] = before
                     for relation, own in delays.items():  # one after another
                         held[relation] = after[relation]
                         last, f = f, self._rates(t, x, data, index)
                         here += np.outer(last - f, own)
+        steps = self._first_steps(t, states) if first and (code == 2 or self.code.discrete) else None
+        everything[self.n :] = self._jumped(t, (x, data, index), code, f, here, delay, steps, starting).ravel()
+        return code
+
+    def _jumped(
+        self, t: float, native: Any, code: int, f: Floats, here: Floats, delay: Floats,
+        steps: list[tuple[Floats, Floats]] | None = None, starting: bool = False,
+    ) -> Floats:  # fmt: skip
+        """Tangents of the states after an event that has been handled, with the delay dt_e/dp and the rates before it."""
+        numbers = np.ctypeslib.as_array(native[1], (self.size,))
         moved = here + np.outer(f, delay)
         if code == 2 or self.code.discrete:
-            steps = self._first_steps(t, states) if first else self._noted_steps(t, numbers)
-            moved = self._stepped(t, numbers, moved, delay, steps, starting)
+            moved = self._stepped(t, numbers, moved, delay, self._noted_steps(t, numbers) if steps is None else steps, starting)
             if self.code.discrete:
                 self.tangents.note(t, self.discretes)
                 self.code.weigh(numbers, self.tangents.directions, self.discretes)
-        if not starting:
-            moved = moved - np.outer(self._rates(t, x, data, index), delay)
-        everything[self.n :] = moved.ravel()
-        return code
+        return moved if starting else moved - np.outer(self._rates(t, *native), delay)
+
+    def _in_any_order(
+        self,
+        t: float,
+        native: tuple[Any, Any, Any],
+        begun: tuple[Floats, Floats],
+        sides: NDArray[Any],
+        delays: dict[int, Floats],
+    ) -> Floats:
+        """Tangents after events at one time of which each moves by itself, if it does not matter which of them is first.
+
+        ``begun`` holds states and data before, ``sides`` where each event function crosses zero.
+        """
+        searched, timed = self.relations.searched, set(self.relations.timed.tolist())
+        groups: list[tuple[Floats, list[int]]] = []
+        for relation, delay in delays.items():
+            same = (g for d, g in groups if (np.abs(delay - d) <= SAME * self.run.rtol * np.abs(d)).all())
+            if (group := next(same, None)) is None:
+                groups.append((delay, group := []))
+            group.append(relation)
+        if len(groups) > MOST_TOGETHER or sum(not timed.isdisjoint(group) for _, group in groups) > 1:
+            self._refuse_together(t, delays)
+        x, data, index = native
+        everything = np.ctypeslib.as_array(x, (self.n * (1 + self.count),))
+        numbers = np.ctypeslib.as_array(data, (self.size,))
+        handled, discretes = (everything.copy(), numbers.copy()), self.discretes
+        held = slice(self.shared.relations, self.shared.relations + self.shared.n_discrete)
+        found: Floats | None = None
+        for order in permutations(group for _, group in groups):
+            everything[:], numbers[:], self.discretes = *begun, discretes
+            here, waiting = everything[self.n :].reshape(self.n, self.count).copy(), set(delays)
+            for relations in order:
+                waiting -= set(relations)
+                now = t - 4e-12 * max(abs(t), 1e-3) if waiting & timed else t  # conditions on time hold as they do just after
+                fired = (ctypes.c_int32 * max(1, len(sides)))(
+                    *(-s if k in waiting else s for k, s in zip(searched.tolist(), sides.tolist(), strict=True))
+                )
+                states, before, f = everything[: self.n].copy(), numbers[held].copy(), self._rates(now, *native)
+                code = int(self._update(now, x, fired, data, index))
+                if code < 0:
+                    self._refuse_together(t, delays)
+                own = self._delays(t, numbers, states, before, f, np.array(relations), here)
+                here = self._jumped(t, native, code, f, here, next(iter(own.values()), np.zeros(self.count)))
+            tangents = np.concatenate([here, self.discretes])
+            found = tangents if found is None else found
+            ends = (handled[0][: self.n], everything[: self.n]), (handled[1][held], numbers[held]), (found, tangents)
+            if not all(np.allclose(a, b, 1e-9 + self.run.rtol, 1e-10 * np.abs(b).max(initial=0.0)) for a, b in ends):
+                self._refuse_together(t, delays)
+        everything[:], numbers[:] = handled
+        if self.code.discrete:
+            self.code.weigh(numbers, self.tangents.directions, self.discretes)
+        assert found is not None, "there are several"
+        return found[: self.n].ravel()
 
     def _rates(self, t: float, x: Any, data: Any, index: Any) -> Floats:
         """Derivatives of the states."""

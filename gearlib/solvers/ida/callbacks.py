@@ -144,8 +144,11 @@ def jacobian_values(s: IdaRecord, t: float, y: int, dy: int) -> int:
     values = floats_at(s.values)
     if status < 0:
         return -1
-    if status > 0 or not all_finite(values, s.nnz):
+    if status > 0:
         return refuse(s, t, values, 0)
+    for k in range(s.nnz):
+        if not is_finite(values[k]):  # a vertical tangent, as of sqrt(x) at zero: Newton's iteration goes without it
+            values[k] = 0.0
     return 0
 
 
@@ -462,7 +465,10 @@ def ida_restart(address: int, changed: int, why: int) -> int32:
 
 @native
 def just_beyond(s: IdaRecord, t: float) -> bool:
-    """Whether an event function changes sign within rounding of the end of the run, as one that is meant to do so at the end does."""
+    """Whether an event function changes sign within rounding of the end of the run, as one that is meant to do so at the end does.
+
+    The states are then those just behind it, so that a run that goes on from here does not meet the event again.
+    """
     y, dy, ahead = floats_at(s.y), floats_at(s.dy), floats_at(s.probe)
     for i in range(s.n):
         ahead[i] = y[i] + s.slack * dy[i]
@@ -474,6 +480,8 @@ def just_beyond(s: IdaRecord, t: float) -> bool:
         if g[k] * sides[k] < 0.0:
             fired[k] = -sides[k]
             found = True
+    for i in range(s.n if found else 0):
+        y[i] = ahead[i]
     return found
 
 
@@ -544,7 +552,8 @@ def ida_step(address: int, stop: float) -> int32:
     fired, sides = int32s_at(s.fired), int32s_at(s.sides)
     if flag == IDA_ROOT_RETURN:
         ROOT_INFO(s.root_info, s.mem, s.fired)
-        if t - s.t <= s.slack:
+        s.from_zero = int(t - s.t <= s.slack)  # then it is no event if it changes nothing
+        if s.from_zero != 0:
             see_beyond_rounding(s, t)
         for k in range(s.n_roots):  # not a crossing: a function has come close to zero and turns away
             found = found or fired[k] != 0

@@ -179,7 +179,8 @@ class SundaeIda(IdaStepper, PythonStepper):
         status = self._jacobian(t, y, dy)
         if status < 0:
             raise FailedError(-6)
-        if status > 0 or not np.all(np.isfinite(self.values)):
+        self.values[~np.isfinite(self.values)] = 0.0  # a vertical tangent, as of sqrt(x) at zero
+        if status > 0:
             self._refuse(t, -1)
             self.values[:] = np.nan
 
@@ -341,10 +342,12 @@ class SundaeIda(IdaStepper, PythonStepper):
 
     def _just_beyond(self, t: float) -> bool:
         slack, fired = self.record.slack, self.driver.fired
-        if self.root_values(t + slack, self._natural(self.y + slack * self.dy, self.dy), self.g) != 0:
+        ahead = self.y + slack * self.dy
+        if self.root_values(t + slack, self._natural(ahead, self.dy), self.g) != 0:
             return False
         self.g[self.g == 0.0] = NEGATIVE_ZERO
         fired[:] = np.where(self.g * self.sides < 0, -self.sides, 0)
+        self.y = ahead if fired.any() else self.y  # a run that goes on from here does not meet the event again
         return bool(fired.any())
 
     def step(self, stop: float) -> int:
@@ -379,6 +382,7 @@ class SundaeIda(IdaStepper, PythonStepper):
         if step.status == _ROOT_RETURN:
             fired[:] = step.i_events[-1][: self.n_roots]
             found = bool(fired.any())
+            record.from_zero = int(t - record.t <= record.slack)  # no event if it changes nothing
         elif self.n_roots and record.stop == record.n_stops - 1 and record.reached >= stop - tiny:
             found = self._just_beyond(record.reached)
         if found:

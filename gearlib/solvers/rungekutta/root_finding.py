@@ -18,7 +18,7 @@ from gearlib.compiler.small_language import floats_at, int32s_at, native
 from gearlib.native.layout import MODEL
 from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.stages import dense_output, interpolate, last_stage
-from gearlib.solvers.rungekutta.vectors import add_slope
+from gearlib.solvers.rungekutta.vectors import add_slope, move
 
 __all__ = ["crossing", "flipped", "just_beyond", "look", "row", "slopes"]
 
@@ -214,13 +214,14 @@ def _search(s: LoopRecord, t: float, h: float, error: float) -> tuple[int, float
 def just_beyond(s: LoopRecord, t: float, dt: float) -> bool:
     """Whether an event function flips within ``dt`` after the end of the step, as one that is meant to do so at ``t`` does.
 
-    Row NEW of ``g`` is then evaluated there.
+    The states and row NEW of ``g`` are then those there, so that a run that goes on from here does not meet the event again.
     """
     add_slope(s.x_new, dt, last_stage(s), s.y, s.size)
     s.unknown = 0
     look(s, t + dt, s.y, HIGH)
     if s.unknown != 0 or not flipped(s, HIGH):
         return False
+    move(s.y, s.x_new, s.size)
     _copy(s, HIGH, NEW)
     return True
 

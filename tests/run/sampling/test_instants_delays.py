@@ -35,7 +35,7 @@ def loop() -> gl.System:
     return gl.compile(Loop())
 
 
-@pytest.mark.parametrize("k", [0.5, -0.5, 0.6, 0.0])
+@pytest.mark.parametrize("k", [0.5, -0.5, 0.6, 0.0, -1.0, 0.65, 2.0, -3.0])
 def test_a_start_that_follows_from_itself_settles(loop: gl.System, k: float) -> None:
     """The delay gives at first what it takes: y = k y + 3, which stays so."""
     found = loop.simulate(1.25, samples=6, parameters={"k": k}, method="rk")
@@ -43,13 +43,31 @@ def test_a_start_that_follows_from_itself_settles(loop: gl.System, k: float) -> 
     assert found["store.y"] == pytest.approx(3.0 / (1.0 - k) * found.time, rel=1e-6)
 
 
-@pytest.mark.parametrize("k", [-1.0, 0.65, 1.0, 2.0])
-def test_a_start_that_does_not_settle_is_refused(loop: gl.System, k: float) -> None:
-    """In sixty passes."""
+def test_a_start_without_a_value_is_refused(loop: gl.System) -> None:
+    """y = y + 3."""
     with pytest.raises(
         StartError, match=r"^the signal of late at the start follows from itself: the delay gives at first what it"
     ):
-        loop.simulate(1.0, samples=3, parameters={"k": k})
+        loop.simulate(1.0, samples=3, parameters={"k": 1.0})
+
+
+@pytest.mark.parametrize("lags", [True, False])
+@pytest.mark.parametrize("seed", range(6))
+def test_steady_states_and_starts_of_loops_through_several_delays(seed: int, lags: bool) -> None:
+    """u = A y + b, with a lag in each loop or none, whatever the gains are: u = y = inverse(1 - A) b."""
+    rng = np.random.default_rng(seed)
+    A, b = rng.uniform(-3, 3, (3, 3)), rng.uniform(-2, 2, 3)
+
+    class Net(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.late = [B.FixedDelay(delay_time=T) for T in (0.5, 0.7, 1.1)]
+            sums = [sum((A[i, j] * self.late[j].y for j in range(3)), b[i]) for i in range(3)]
+            self.sum = [B.FirstOrder(T=0.3, u=u) if lags else B.Gain(k=1.0, u=u) for u in sums]
+            return [gl.connect(x.y, late.u) for x, late in zip(self.sum, self.late, strict=True)]
+
+    run = gl.simulate(Net(), 0.4, samples=3, start="steady" if lags else None)
+    for k, right in enumerate(np.linalg.solve(np.eye(3) - A, b)):
+        assert run[f"late[{k}].y"] == pytest.approx(np.full(3, right), rel=1e-9)
 
 
 def echoes(t: Any, k: float, T: float, jumps: dict[float, float]) -> Any:

@@ -398,6 +398,42 @@ def test_events_at_one_time_of_which_either_could_do_first_are_refused() -> None
         system.simulate(1.0, sensitivities=["period"])
 
 
+class Ticks(gl.Component):
+    """x passes 1 at 1 / p, at an instant of a sampler that is fixed; the two act on each other, or do not."""
+
+    p, s = gl.Parameter("1/s", default=2.0), gl.Parameter("s", default=1.0)
+    x, y, z = gl.Variable("1", start=0.0), gl.Variable("1", start=0.5), gl.Variable("1", start=1.0)
+    held, n = gl.Discrete(), gl.Discrete()
+    kind = gl.Structural("counts")
+
+    def equations(self) -> list[Any]:
+        passed, kind, instant = self.x > 1.0, self.kind, gl.sample(0.25, 0.25)
+        acts = [gl.Eq(self.n, self.held if kind == "reads" else gl.pre(self.n) + 1)]
+        acts += [gl.reinit(self.y, 3 * self.y + self.p * self.s)] if kind == "moves" else []
+        acts += [gl.reinit(self.z, self.z + 1.0)] if kind == "changes" else []
+        fast = gl.Piecewise((2, gl.And(self.held > 1, self.held < 2)), (1, True)) if kind == "faster" else 1
+        return [
+            gl.Eq(gl.der(self.x), self.p * fast),
+            gl.Eq(gl.der(self.y), gl.Piecewise((self.n * self.p, passed), (self.y * self.p, True))),
+            gl.Eq(gl.der(self.z), -self.held * self.p),
+            gl.When(instant, gl.Eq(self.held, self.z + self.p * self.s)),
+            gl.When(passed, *acts),
+        ]
+
+
+@pytest.mark.parametrize("kind", ["counts", "moves"])
+@pytest.mark.parametrize("method", METHODS)
+def test_an_event_at_an_instant_has_tangents_where_their_order_is_no_matter(method: str, kind: str) -> None:
+    against_other_runs(gl.compile(Ticks(kind=kind)), ["p"], ["x", "y", "z"], 1.1, by=method, within=1e-5, samples=10)
+
+
+@pytest.mark.parametrize("kind", ["reads", "changes", "faster"])
+def test_an_event_at_an_instant_has_none_where_it_is(kind: str) -> None:
+    """Runs beside it, with 2 / s and a little more or less, differ by a jump, or in their slopes."""
+    with pytest.raises(SolverError, match=r"after t = 0\.5 s: .* change there together"):
+        gl.simulate(Ticks(kind=kind), 1.1, method="rk5", rtol=1e-10, sensitivities=["p"])
+
+
 class Held(gl.Component):
     """No states: y follows from what an event has held; s is a sum of its squares and a mode."""
 
