@@ -441,18 +441,21 @@ def _run_to_rest(search: Search, end: End, near: bool = False) -> End:
 
 
 def _left_to_motion(search: Search, x: Floats) -> bool:
-    """Whether a steady state is one of many side by side, and only the whole motion tells which of them it comes to."""
-    moved = np.abs(x - search.begin.states) > SETTLED * np.abs(x)
-    if (search.scene.program.is_linear and search.scene.relations is None) or not moved.any():
+    """Whether a steady state is one of many side by side, and only the whole motion tells which of them it comes to.
+
+    Of some it is told by what the rates keep from the start to the end, as a momentum.
+    """
+    start, events = search.begin.states, search.scene.relations is not None
+    if (search.scene.program.is_linear and not events) or (np.abs(x - start) <= SETTLED * np.abs(x)).all():
         return False
-    own = search if search.scene.relations is None else replace(search, held=sticking(search, x, search.discrete(x)[:, 0])[1])
+    own = replace(search, held=sticking(search, x, search.discrete(x)[:, 0])[1]) if events else search
     equations = _Equations(own, search.rates(x)[1])
     if not equations.open.size:
         return False
-    f, gradient = search.rates(search.begin.states)
-    left = np.column_stack([f, gradient])
-    lost = np.abs(equations.kept.T @ left) > SETTLED * (np.abs(equations.kept.T) @ np.abs(left))
-    return bool(search.scene.relations is not None or lost.any())
+    f, gradient = search.rates(start)
+    moved = np.column_stack([f, gradient, (x - start) / search.scale])
+    size = np.column_stack([np.abs(f), np.abs(gradient), (np.abs(x) + np.abs(start)) / search.scale])
+    return bool((np.abs(equations.kept.T @ moved) > SETTLED * (np.abs(equations.kept.T) @ size)).any())
 
 
 def sticking(search: Search, x: Floats, discrete: Floats) -> tuple[Floats, Floats | None]:
@@ -617,8 +620,8 @@ class _Equations:
     def largest_change(self, noise: Floats) -> Floats:
         """Bound on the change of the states that rounding in the rates may cause."""
         solved = np.abs(self._right) @ ((np.abs(self._left.T) @ (np.abs(self._stationary.T) @ noise / self._row)) / self._sizes)
-        bound = np.asarray(np.abs(self._movable) @ (solved / self._column), float)
-        return bound + np.abs(self._oblique) @ bound
+        bound = np.abs(self._movable) @ (solved / self._column)
+        return np.asarray(bound + np.abs(self._oblique) @ bound, float)
 
 
 def _oblique(onto: Floats, across: Floats) -> Floats:
