@@ -13,6 +13,7 @@ from gearlib.feedback.feedback_loop import Loop
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+LEVEL = 1e-12  # relative: of a magnitude that is this close to 1 rounding decides whether it is above
 BESIDE = 1e-7  # relative to its frequency: a sign that changes this near a pole on the imaginary axis is the pole's
 
 
@@ -51,6 +52,8 @@ class Margins:
         Smallest distance of the curve from -1, at ``modulus_omega`` (rad/s).
     real : bool
         Whether the whole curve lies on the real axis (a train without damping), so that it is on that axis everywhere.
+    at_infinity : float
+        L at infinite frequency.
     """
 
     phase_crossings: tuple[PhaseCrossing, ...]
@@ -58,6 +61,7 @@ class Margins:
     modulus_margin: float
     modulus_omega: float
     real: bool
+    at_infinity: float = 0.0
 
     @property
     def gain_margin(self) -> float:
@@ -77,8 +81,15 @@ class Margins:
 
     @property
     def delay_margin(self) -> float:
-        """The shortest delay (s) at which the curve meets -1."""
+        """The shortest delay (s) at which the curve meets -1; 0 if |L| does not fall below 1, since any delay turns its end without end."""
+        if self.turns_at_infinity:
+            return 0.0
         return min((c.delay_margin for c in self.gain_crossings), default=float("inf"))
+
+    @property
+    def turns_at_infinity(self) -> bool:
+        """Whether any delay, however short, turns the end of the curve round -1."""
+        return abs(self.at_infinity) > 1 - LEVEL
 
     def as_dict(self) -> dict[str, float | list[tuple[float, float]]]:
         """Plain numbers by name, crossings as (rad/s, margin)."""
@@ -122,7 +133,7 @@ def margins(loop: Loop) -> Margins:
     phase = _phase_crossings(loop, omega, curve, real)
     gain = [_gain_crossing(loop, w) for w in _unit_gain(loop, omega, size)]
     modulus, at = _nearest(loop, omega, curve)
-    return Margins(tuple(phase), tuple(gain), modulus, at, real)
+    return Margins(tuple(phase), tuple(gain), modulus, at, real, loop.d)
 
 
 def _gain_crossing(loop: Loop, omega: float) -> GainCrossing:
@@ -135,7 +146,7 @@ def _gain_crossing(loop: Loop, omega: float) -> GainCrossing:
 def _unit_gain(loop: Loop, omega: Floats, size: Floats) -> list[float]:
     """Frequencies at which |L| crosses 1; if it is 1 everywhere (an all-pass), the one at which the curve is nearest to -1."""
     level = np.log(np.maximum(size, 1e-300))
-    clear = np.abs(level) > 1e-12  # elsewhere rounding decides the sign
+    clear = np.abs(level) > LEVEL  # elsewhere rounding decides the sign
     if not clear.any():
         return [float(omega[np.argmin(np.abs(np.angle(-loop.response(1j * omega))))])]
     return roots(omega[clear], level[clear], lambda x: float(np.log(abs(loop.response(1j * x)))))

@@ -71,6 +71,8 @@ class LoopReport:
     def _margins_in_words(self) -> list[str]:
         m = self.margins
         lines = [f"  gain             {gains_in_words(self.stable_gains)}"]
+        if m.turns_at_infinity:
+            lines.append("  delay margin     0: |L| does not fall below 1 at infinite frequency")
         if m.real:
             return [*lines, "  other margins    none: the curve lies on the real axis, since nothing is damped"]
         lines += [

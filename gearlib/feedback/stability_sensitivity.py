@@ -113,7 +113,9 @@ def margin_changes(whole: Matrices, change: Matrices, loop: Loop, margins: Margi
     if crossing is not None:
         phase = np.degrees(_angle_change(*moved(crossing.omega))[0])
     shortest = min(margins.gain_crossings, key=lambda c: c.delay_margin, default=None)
-    if shortest is not None:
+    if margins.turns_at_infinity:
+        delay = 0.0
+    elif shortest is not None:
         angle, shift = _angle_change(*moved(shortest.omega))
         delay = (angle - shortest.delay_margin * shift) / shortest.omega
     value, by_parameter, _ = moved(margins.modulus_omega)

@@ -82,9 +82,14 @@ class LinearizedProgram:
             found = derivatives(prepared, t, there, discrete, self.seeds, self.added, self.wanted)[rows]
             return [found[:, :n] if basis is None else found[:, :n] @ basis, found[:, n:]]
 
+        def settled(beside: Floats) -> Floats:
+            x = self.slots[:n] + beside[:n] * np.maximum(np.abs(self.slots[:n]), 1.0)
+            at = np.array([t]), x[:, None], self.point.inputs[:, None]
+            return self.scene.discrete_of(prepared, *at, self.point.guess, self.discrete)[:, 0]
+
         if prepared.program.n_slots:
             structure = self.scene.structure
-            warn_of_corners(structure, prepared.program, prepared.parameters, t, self.discrete, self._slots_of, slopes)
+            warn_of_corners(structure, prepared.program, prepared.parameters, t, self.discrete, self._slots_of, slopes, settled)
 
     def _slots_of(self, program: Program) -> Floats:
         """Values of another program's slots at the point."""

@@ -39,7 +39,7 @@ class Corner(NamedTuple):
 
 def warn_of_corners(
     structure: Structure, program: Program, parameters: Floats, t: float, discrete: Floats,
-    slots: Callable[[Program], Floats], slopes: Callable[[Floats, Floats], list[Any]],
+    slots: Callable[[Program], Floats], slopes: Callable[[Floats, Floats], list[Any]], settled: Callable[[Floats], Floats],
 ) -> None:  # fmt: skip
     """Warn of equations whose slopes differ on two sides of an operating point, where that matters.
 
@@ -52,9 +52,11 @@ def warn_of_corners(
         The values of a program's slots there.
     slopes : callable
         Matrices of derivatives with another discrete state, and beside the point: by which part of their size, or of 1, the slots differ.
+    settled : callable
+        The discrete state beside the point.
     """
     comparing = _comparing(program, structure)
-    if not comparing:
+    if not comparing and not len(discrete):
         return
     nodes = {n for (g, k), rows in comparing.items() for n in _nodes(structure, g, k, rows)}
     missing = [n for n in sorted(nodes - program.slots.keys()) if set(needed_states(structure, [n])) <= {*program.states}]
@@ -70,20 +72,24 @@ def warn_of_corners(
         for (g, k), rows in comparing.items()
         for corner in _corners(structure, g, k, rows, t, values, random, table, parameters, discrete)
     ]
-    if not found:
-        return
-    left, right = discrete.copy(), discrete.copy()
-    for corner in found:
-        if corner.place >= 0:
-            left[corner.place], right[corner.place] = corner.sides
     way = np.zeros(program.n_slots)
     for (v, k), slot in program.slots.items():
         way[slot] = random[k, v] if k < len(random) else 0.0
-    if any(_differ(one, other) for one, other in zip(slopes(left, BESIDE * way), slopes(right, -BESIDE * way), strict=True)):
+    sides = [settled(side * BESIDE * way) for side in (1, -1)]
+    for side, own in enumerate(sides):
+        for corner in found:
+            if corner.place >= 0:
+                own[corner.place] = corner.sides[side]
+    said = [corner.text for corner in found]
+    first, model = structure.model.n_relations, structure.model
+    said += [model.discretes[d] for d in np.flatnonzero((sides[0] != sides[1])[first : first + len(model.discretes)]).tolist()]
+    if not said:
+        return
+    left, right = (slopes(own, side * BESIDE * way) for own, side in zip(sides, (1, -1), strict=True))
+    if any(_differ(one, other) for one, other in zip(left, right, strict=True)):
         warn(
-            "at this operating point there is a corner in the equations of "
-            f"{some(list(dict.fromkeys(corner.text for corner in found)), ', ')}: the linear model is that of one side, and holds for no "
-            "vibration that reaches the other. Take a point beside it (at=...), or simulate",
+            f"at this operating point there is a corner in the equations of {some(list(dict.fromkeys(said)), ', ')}: the linear model is "
+            "that of one side, and holds for no vibration that reaches the other. Take a point beside it (at=...), or simulate",
             GearlibWarning,
         )
 

@@ -92,6 +92,7 @@ def steady_state(
     """The steady state that the motion from the start values reaches, with its derivatives with respect to parameters.
 
     Where that motion reaches none (a self-excited vibration goes on for ever), it is one that exists; a warning tells that it is unstable.
+    Where friction holds, or in an open gap, a train may rest in many places: the search follows its motion, and warns if that goes on.
 
     Parameters
     ----------

@@ -328,13 +328,20 @@ class Scene:
         guess = None if start is None else guess_of(self.relations.program, start)
         return discrete_at_start(self.model, self.relations, numbers.relations, t, states, inputs, discretes, guess)
 
-    def discrete_of(self, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, start: Floats) -> Floats:
-        """`discrete` of the relations on which a program of these states depends, also where their derivatives do not."""
+    def discrete_of(
+        self, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, start: Floats, before: Floats | None = None
+    ) -> Floats:
+        """`discrete` of the relations on which a program of these states depends, also where their derivatives do not.
+
+        ``before``: the discrete state from which they go on, as at an event of a run; else they are those of its start.
+        """
         if not self.n_discrete:
             return np.zeros((0, len(t)))
         relations = _relations_of(prepared.program, self.structure)
         numbers = prepare(relations.program, self.structure, prepared.parameters)
-        return discrete_at_start(self.model, relations, numbers, t, states, inputs, None, guess_of(relations.program, start))
+        return discrete_at_start(
+            self.model, relations, numbers, t, states, inputs, None, guess_of(relations.program, start), before=before
+        )
 
     def data(
         self, native: NativeScene, numbers: Prepared, inputs: Floats, discrete: Floats, start: Floats,
@@ -413,13 +420,14 @@ def root_names(relations: Relations | None, names: Mapping[int, str]) -> tuple[s
 def discrete_at_start(
     model: FlatModel, relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats,
     discretes: Floats | None = None, guess: Floats | None = None, steps: list[Floats] | None = None,
+    before: Floats | None = None,
 ) -> Floats:  # fmt: skip
-    """Relations and discrete variables of a run that starts at a time, shape (n_discrete, times).
+    """Relations and discrete variables of a run that starts at a time, or goes on from those ``before``, shape (n_discrete, times).
 
     ``steps`` collects them after each outer iteration, together with the values before it.
     """
     n, d = model.n_relations, len(model.discretes)
-    discrete = np.repeat(model.initial_discrete(discretes)[:, None], len(t), axis=1)
+    discrete = np.repeat((model.initial_discrete(discretes) if before is None else before)[:, None], len(t), axis=1)
     for _ in range(MOST_ITERATIONS):
         for _ in range(MOST_ITERATIONS):
             # only the final discrete state must admit a solution: on the way, a moving friction element may be tried as stuck
@@ -427,13 +435,13 @@ def discrete_at_start(
             settled, discrete = bool((new == discrete).all()), new
             if settled:
                 break
-        before = discrete[n + d : n + 2 * d].copy()
+        previous = discrete[n + d : n + 2 * d].copy()
         if steps is not None:
             steps.append(discrete.copy())
         discrete[n + d : n + 2 * d] = discrete[n : n + d]
         if d:
             discrete[n + 2 * d] = 0.0
-        if not settled or (before == discrete[n + d : n + 2 * d]).all():
+        if not settled or (previous == discrete[n + d : n + 2 * d]).all():
             break  # the run's own event iteration may settle the rest, or name it
     if any(isinstance(step, Newton) for step in prepared.program.steps):
         settle_once(relations, prepared, t, states, inputs, discrete, guess)

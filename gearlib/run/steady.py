@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.errors import SolverError, StartError
+from gearlib.errors import GearlibWarning, SolverError, StartError, warn
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import DerivativePlan, derivative_plan
 from gearlib.program.derivatives import At, dense, entries
@@ -68,6 +68,10 @@ LOCKED = 1e3  # times the rounding of a rate that no state affects: stuck elemen
 GROWN = 1e3  # factor by which the rounding of a rate may exceed that at the start values, if it hides the rate met there
 MARGIN = 1e-11  # by which a relation that a run holds is satisfied where states are moved to it
 SINGULAR = 1e-12  # singular value of scaled equations that counts as zero
+STEP = 1e-4  # of the states, for differences of derivatives
+KEPT = (
+    1e-8  # cosine between what the rates keep and a direction in which none changes: below it the direction does not change it
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,6 +220,7 @@ class End:
     steady: bool
     free: bool = False  # the equations are singular in a direction that would have to change
     forbidden: bool = False  # steady, but a variable is below its minimum: a step crossed an event
+    one_of_many: bool = False  # steady, but not known to be the one of a continuum where the motion ends
     sticks: bool = False  # the rates point at each other across a jump, where only the events of a run hold the states
 
 
@@ -234,9 +239,17 @@ def search_steady(scene: Scene, numbers: Prepared, start: Start, inputs: Floats,
     search = Search(scene, numbers, start, inputs, t, growing(scene, numbers))
     end = _found(search)
     astray = end.steady and not scene.program.is_linear and not search.attracts(end.x)
-    if astray or (not end.steady and scene.relations is not None):
+    if end.steady and not astray and _left_to_motion(search, end.x):
+        end = replace(end, one_of_many=True)
+    if astray or end.one_of_many or (not end.steady and scene.relations is not None):
         ran = _run_to_rest(search, replace(end, x=start.states, steady=False), near=astray)
-        end = ran if ran.steady else end
+        end = ran if ran.steady and not (ran.one_of_many and end.steady) else end
+    if end.one_of_many:
+        warn(
+            "the steady state is one of many side by side (where friction holds, or in an open gap), and need not be the one where the "
+            "motion ends, which does not come to rest soon; run the train until it rests, and go on from that result",
+            GearlibWarning,
+        )
     if not end.steady:
         rest = _at_rest(search, end.x)
         end = rest if rest.steady else end
@@ -250,8 +263,8 @@ def steady_changes(
 ) -> Floats:
     """Derivatives of a steady state with respect to parameters, by the implicit function theorem, shape (states, seeds).
 
-    The vanishing rates stay zero: of all changes of the states that achieve this it is the one nearest to the change of the start
-    values (states that grow, or that nothing depends on, keep their start values).
+    The vanishing rates stay zero: of all changes of the states that achieve this it is the one that keeps what the rates keep, as a
+    momentum, and then the one nearest to the change of the start values (states that grow keep their start values).
 
     Parameters
     ----------
@@ -265,22 +278,41 @@ def steady_changes(
     Raises
     ------
     StartError
-        The steady state ceases to exist: no change of the states compensates for that of a parameter.
+        The steady state ceases to exist: no change of the states compensates for that of a parameter; or it is one of many side by
+        side, of which only the whole motion tells where it ends.
     """
     assert start.changes is not None, "the start values were found with these seeds"
     if not scene.states:
         return start.changes.copy()
     search = Search(scene, numbers, start, inputs, t, growing(scene, numbers))
+    if _left_to_motion(search, x):
+        raise StartError(
+            "the steady state is one of many side by side, where friction holds or in an open gap, and which of them follows from the "
+            "whole motion: run the train until it rests, with simulate(..., sensitivities=[...])"
+        )
     program, begin = scene.program, start.changes
     plan = derivative_plan(program, [(program.n_slots + p, k) for p, k, _ in seeds], program.output_slots, begin.shape[1])
-    by_seeds = dense(plan, entries(plan, search.at(x), np.array([weight for *_, weight in seeds])))[0]
-    _, gradient, _ = search.equations(x)
-    ahead = by_seeds / search.scale[:, None] + gradient @ (begin / search.scale[:, None])
+    weights = np.array([weight for *_, weight in seeds])
+
+    def by_seeds(x: Floats) -> Floats:
+        return np.asarray(dense(plan, entries(plan, search.at(x), weights))[0] / search.scale[:, None], float)
+
+    _, gradient, noise = search.equations(x)
+    ahead = by_seeds(x) + gradient @ (begin / search.scale[:, None])
     equations = _Equations(search, gradient)
     changes = equations.change(ahead)
+    # What the rates keep, as a momentum l x, has l that follow the parameters: l' (x - start) = l' gradient e = -l gradient' e
+    e = equations.change((start.states - x) / search.scale)
+    if e.any() and equations.open.size:
+        step = STEP * (1 + np.abs(x / search.scale).max()) / np.abs(e).max()
+        ahead_of, behind = by_seeds(x + step * e * search.scale), by_seeds(x - step * e * search.scale)
+        changes += equations.along(ahead_of - behind) / (2 * step)
     stuck = np.where(gradient.any(axis=1), 0.0, NEVER)  # what sticks yields to a parameter, too
+    per = np.zeros(begin.shape[1])  # relative change of the parameters with each seed
+    for p, k, weight in seeds:
+        per[k] += abs(weight / numbers.parameters[p]) if numbers.parameters[p] else 0.0
     for k in range(begin.shape[1]):
-        if not equations.hold(ahead[:, k], 1e-9 * np.abs(ahead[:, k]) + stuck):
+        if not equations.hold(ahead[:, k], 1e-9 * np.abs(ahead[:, k]) + per[k] * noise + stuck):
             raise StartError(
                 "the steady state does not go on where the parameter changes: no change of the states makes up for that of the "
                 "rates; a load that grows with the speed is missing, or the torques balance at these parameters only"
@@ -375,33 +407,55 @@ def _run_to_rest(search: Search, end: End, near: bool = False) -> End:
 
     ``near``: up to a state from which Newton's method leads no further.
     """
-    scene, left = search.scene, np.inf
+    scene, left, found = search.scene, np.inf, replace(end, steady=False, one_of_many=False)
     discrete: Floats | None = None
     fastest = search.largest(search.rates(end.x)[1]) if near else 0.0
     for seconds in RUNS:
         if fastest * seconds > LONGEST_RUN:
-            return end
+            return found
         begin = replace(search.begin, states=end.x)
         span = np.array([search.t, search.t + seconds])
         signals = tuple(search.inputs[: len(scene.model.inputs)].tolist())
         try:
-            outcome = integrate(Run(scene, search.numbers, begin, signals, span, 1e-6, None, discrete), Implicit())
+            outcome = integrate(Run(scene, search.numbers, begin, signals, span, 1e-8, None, discrete), Implicit())
             if outcome.status == "left":
-                return end
+                return found
             discrete = outcome.discrete[-1]
             x, held = (outcome.x[-1], None) if scene.relations is None else sticking(search, outcome.x[-1], discrete)
             end = _closed(replace(search, held=held), x)
             if held is not None and not end.steady:  # the directions that are left cannot absorb the rounding errors of the run
                 end = _closed(search, x)
-            if end.steady and not (near and np.abs(end.x - x).max() > LOCAL * np.abs(x).max()):
-                return end
+            if end.steady:
+                change, size = np.abs((end.x - x) / search.scale), np.abs(x / search.scale)
+                many = _left_to_motion(search, end.x)
+                if (change <= NEAR * (size + 1)).all() if many else not near or change.max() <= LOCAL * size.max():
+                    return end
+                found = replace(end, one_of_many=True) if many else found
             end, last = replace(end, x=outcome.x[-1], steady=False), left
             left = float(np.abs(search.stationary.T @ search.rates(x)[0]).max())
         except SolverError:
-            return end
+            return found
         if seconds >= 10.0 and left > 0.5 * last:
             break
-    return end
+    return found if found.steady else end
+
+
+def _left_to_motion(search: Search, x: Floats) -> bool:
+    """Whether a steady state is one of many side by side, and only the whole motion tells which of them it comes to.
+
+    Of some it is told by what the rates keep from the start to the end, as a momentum.
+    """
+    start, events = search.begin.states, search.scene.relations is not None
+    if (search.scene.program.is_linear and not events) or (np.abs(x - start) <= SETTLED * np.abs(x)).all():
+        return False
+    own = replace(search, held=sticking(search, x, search.discrete(x)[:, 0])[1]) if events else search
+    equations = _Equations(own, search.rates(x)[1])
+    if not equations.open.size:
+        return False
+    f, gradient = search.rates(start)
+    moved = np.column_stack([f, gradient, (x - start) / search.scale])
+    size = np.column_stack([np.abs(f), np.abs(gradient), (np.abs(x) + np.abs(start)) / search.scale])
+    return bool((np.abs(equations.kept.T @ moved) > SETTLED * (np.abs(equations.kept.T) @ size)).any())
 
 
 def sticking(search: Search, x: Floats, discrete: Floats) -> tuple[Floats, Floats | None]:
@@ -480,10 +534,14 @@ def _closed(search: Search, x: Floats) -> End:
         return f, lambda f: -search.scale * linear.change(f)
 
     def settled(_: Floats, step: Floats, f: Floats) -> bool:
-        """Whether the steps are small, or shrink no further."""
+        """Whether the steps are small, shrink no further, or are rounding (of a state at zero they may shrink for ever)."""
         nonlocal last
         last, before = float(np.abs(step / search.scale).max()), last
-        return bool((np.abs(step) <= SETTLED * np.abs(point[0])).all()) or last >= 0.5 * before
+        return small(step / search.scale) or last >= 0.5 * before
+
+    def small(change: Floats) -> bool:
+        x, _, noise, linear = point
+        return bool((np.abs(change) <= SETTLED * np.abs(x / search.scale) + linear.largest_change(noise)).all())
 
     try:
         found = newton(equations, x, settled, 30)
@@ -492,9 +550,8 @@ def _closed(search: Search, x: Floats) -> End:
     if not found.settled:
         return End(found.x, False)
     x, f, noise, linear = point
-    small = np.abs(linear.change(f)) <= SETTLED * np.abs(x / search.scale) + linear.largest_change(noise)
     free = not linear.hold(f, noise)
-    if free or not small.all() or search.hidden(noise):
+    if free or not small(linear.change(f)) or search.hidden(noise):
         return End(x, False, free)
     discrete, at_end = (search.discrete(y)[:, 0] for y in (x, found.x))
     if search.held is None and (discrete != at_end).any():  # the last step, of the size of rounding, has set off what sticks
@@ -535,12 +592,25 @@ class _Equations:
         rank = int((self._sizes > SINGULAR * self._sizes.max(initial=1e-300)).sum())
         self._left, self._right, self._rest = left[:, :rank], right[:rank].T, left[:, rank:]
         self._sizes = self._sizes[:rank]
+        self.open = self._movable @ (right[rank:].T / self._column[:, None])  # directions in which no rate changes
+        self.kept = self._stationary @ (
+            self._rest / self._row[:, None]
+        )  # combinations of states that do not change, as a momentum
+        self._oblique = _oblique(self.open, self.kept)
 
     def change(self, f: Floats) -> Floats:
-        """Minimum-norm change of the states that makes these rates vanish, as far as possible."""
+        """Change of the states that makes these rates vanish, as far as possible: the one that keeps what they keep.
+
+        Of the rest it is the one of minimum norm.
+        """
         row, sizes, column = (a.reshape(-1, *[1] * (f.ndim - 1)) for a in (self._row, self._sizes, self._column))
         solved = self._right @ ((self._left.T @ (self._stationary.T @ f / row)) / sizes)
-        return -np.asarray(self._movable @ (solved / column), float)
+        change = -np.asarray(self._movable @ (solved / column), float)
+        return np.asarray(change - self.along(change), float)
+
+    def along(self, change: Floats) -> Floats:
+        """The change in directions in which no rate changes that changes what the rates keep as this one does."""
+        return np.asarray(self._oblique @ change, float)
 
     def hold(self, f: Floats, noise: Floats) -> bool:
         """Whether the rates that no change of the states affects vanish."""
@@ -550,7 +620,18 @@ class _Equations:
     def largest_change(self, noise: Floats) -> Floats:
         """Bound on the change of the states that rounding in the rates may cause."""
         solved = np.abs(self._right) @ ((np.abs(self._left.T) @ (np.abs(self._stationary.T) @ noise / self._row)) / self._sizes)
-        return np.asarray(np.abs(self._movable) @ (solved / self._column), float)
+        bound = np.abs(self._movable) @ (solved / self._column)
+        return np.asarray(bound + np.abs(self._oblique) @ bound, float)
+
+
+def _oblique(onto: Floats, across: Floats) -> Floats:
+    """Projection onto directions that leaves nothing ``across``, as far as the directions reach it."""
+    if not (onto.size and across.size):
+        return np.zeros((len(onto), len(onto)))
+    onto, across = (a / np.linalg.norm(a, axis=0) for a in (onto, across))
+    left, sizes, right = np.linalg.svd(across.T @ onto, full_matrices=False)
+    reached = sizes > KEPT
+    return np.asarray(onto @ (right[reached].T / sizes[reached]) @ left[:, reached].T @ across.T, float)
 
 
 def _reason(search: Search, end: End) -> str:

@@ -13,6 +13,9 @@ What a component with both kinds of storage does inside cannot be seen from its 
 negative mass. Internal motion shows in the second derivative, which is ``2 m`` without it; together with the share of dissipation it
 bounds the error of the two energies. A constraint does no work, so gears, grounds and kinematics have zero energy.
 
+At an electrical connector, and any other whose potential times its flow is a power, the integral of the potential is the position: a
+capacitor is a mass, an inductance a spring.
+
 References
 ----------
 R. M. Foster, "A reactance theorem", Bell System Technical Journal 3 (1924) 259-267, doi 10.1002/j.1538-7305.1924.tb01358.x
@@ -31,13 +34,15 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import partial_kernel
 from gearlib.flatten.model import EquationGroup, FlatModel, Instance
 from gearlib.language.declarations import Flow, Input, Potential
+from gearlib.language.units import Dimension, dimension
 from gearlib.program.build import Builder
 from gearlib.program.interpret import Prepared, batch_values
 from gearlib.reduce.reduction import Structure
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-WORK = {("rad", "N.m"), ("m", "N")}  # units of potential and flow whose product is an energy
+POSITIONS = {"rad", "m"}
+WORK, POWER = dimension("J"), dimension("W")
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,8 @@ class Family:
         Partial derivatives with respect to each derivative order; unknowns first.
     pairs : tuple of (int, int, float)
         Per connector: column of its flow, column of its potential, product of their signs.
+    rates : tuple of int
+        Columns of ``given`` that are rates, such as voltages: ``L`` is that of their integrals.
     """
 
     instances: tuple[int, ...]
@@ -60,14 +67,21 @@ class Family:
     given: Any
     L: Floats
     pairs: tuple[tuple[int, int, float], ...]
+    rates: tuple[int, ...] = ()
+
+    def positions(self, amplitude: Complexes, s: complex) -> Complexes:
+        """Amplitudes of what is given, at an eigenvalue; of rates those of their integrals."""
+        given: Complexes = np.array(amplitude[self.given], complex)
+        given[:, self.rates] /= s
+        return given
 
 
 def families(structure: Structure, prepared: Prepared, slots: Floats, discrete: Floats, t: float) -> list[Family]:
-    """Linearised equations of every component with mechanical connectors and no parts, grouped by pattern."""
+    """Linearised equations of every component with connectors that do work and no parts, grouped by pattern."""
     model = structure.declared
     rows = _rows(structure, prepared, slots, discrete, t)
     found: dict[Any, list[tuple[int, list[int], list[int], list[tuple[int, int, int, float]]]]] = defaultdict(list)
-    kinds: dict[Any, tuple[tuple[int, int, float], ...]] = {}
+    kinds: dict[Any, tuple[tuple[tuple[int, int, float], ...], tuple[int, ...]]] = {}
     for number, entries in rows.items():
         ports = _ports(model, model.instances[number])
         if not ports:
@@ -80,14 +94,16 @@ def families(structure: Structure, prepared: Prepared, slots: Floats, discrete: 
         pairs = tuple((place[f], place[p], sign) for p, f, sign in ports if f in place)
         if not pairs:
             continue
-        inner = [(r, place[v], order, value) for r, v, order, value in entries]
-        key = (tuple((r, c, order) for r, c, order, _ in inner), len(unknown), len(known), pairs)
+        rates = {p for p, _, _ in ports if model.unit(p) not in POSITIONS}
+        inner = [(r, place[v], order + (v in rates), value) for r, v, order, value in entries]
+        columns = tuple(k for k, v in enumerate(known) if v in rates)
+        key = (tuple((r, c, order) for r, c, order, _ in inner), len(unknown), len(known), pairs, columns)
         found[key].append((number, unknown, known, inner))
-        kinds[key] = pairs
-    return [_family(members, kinds[key]) for key, members in found.items()]
+        kinds[key] = pairs, columns
+    return [_family(members, *kinds[key]) for key, members in found.items()]
 
 
-def _family(members: Any, pairs: tuple[tuple[int, int, float], ...]) -> Family:
+def _family(members: Any, pairs: tuple[tuple[int, int, float], ...], rates: tuple[int, ...]) -> Family:
     first = members[0][3]
     n_rows, n_columns = 1 + max(r for r, _, _, _ in first), len(members[0][1]) + len(members[0][2])
     L = np.zeros((1 + max(2, *(o for _, _, o, _ in first)), len(members), n_rows, n_columns))
@@ -96,7 +112,7 @@ def _family(members: Any, pairs: tuple[tuple[int, int, float], ...]) -> Family:
         L[order, :, r, c] += values[:, k]
     unknown = np.array([m[1] for m in members], np.int64).reshape(len(members), -1)
     given = np.array([m[2] for m in members], np.int64).reshape(len(members), -1)
-    return Family(tuple(m[0] for m in members), unknown, given, L, pairs)
+    return Family(tuple(m[0] for m in members), unknown, given, L, pairs, rates)
 
 
 def _rows(
@@ -142,8 +158,14 @@ def _silent(model: FlatModel, group: EquationGroup) -> Any:
     return result
 
 
+def _product(potential: str, flow: str) -> Dimension | None:
+    """Dimension of a potential times its flow."""
+    a, b = dimension(potential), dimension(flow)
+    return None if a is None or b is None else dimension(f"{potential}.{flow}")
+
+
 def _ports(model: FlatModel, instance: Instance) -> list[tuple[int, int, float]]:
-    """(potential, flow, sign of their product) of each mechanical pair in an instance's connectors."""
+    """(potential, flow, sign of their product) of each pair in an instance's connectors that does work."""
     halves: dict[str, tuple[list[int], list[int]]] = defaultdict(lambda: ([], []))
     units: dict[str, tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
     for offset, (name, declared) in enumerate(instance.declared.variables.items()):
@@ -155,7 +177,7 @@ def _ports(model: FlatModel, instance: Instance) -> list[tuple[int, int, float]]
     result = []
     for port, (potentials, flows) in halves.items():
         for p, f, unit in zip(potentials, flows, zip(*units[port], strict=True), strict=True):
-            if unit in WORK and model.sign[p]:
+            if model.sign[p] and _product(*unit) == (WORK if unit[0] in POSITIONS else POWER):
                 flow, sign = (int(model.representative[f]), int(model.sign[f])) if model.sign[f] else (-1 - f, 1)
                 result.append((int(model.representative[p]), flow, float(sign * int(model.sign[p]))))
     return result
@@ -179,7 +201,7 @@ def _given(model: FlatModel, instance: Instance, present: Collection[int]) -> se
     }
 
 
-def energies(family: Family, amplitude: Complexes, omega: float) -> tuple[Floats, Floats, Floats]:
+def energies(family: Family, amplitude: Complexes, omega: float, s: complex | None = None) -> tuple[Floats, Floats, Floats]:
     """Kinetic and potential energy (J, means over a period) of a family's components, and their error bounds.
 
     Parameters
@@ -189,15 +211,12 @@ def energies(family: Family, amplitude: Complexes, omega: float) -> tuple[Floats
         Complex amplitude of every variable in the mode.
     omega : float
         Natural frequency, rad/s.
+    s : complex
+        Eigenvalue; ``1j * omega`` by default.
     """
-    s = 1j * omega
+    given = family.positions(amplitude, 1j * omega if s is None else s)
+    L, slope, bend = _polynomial(family.L, 1j * omega)
     n = family.unknown.shape[1]
-    L, slope, bend = family.L[-1].astype(complex), np.zeros(family.L.shape[1:], complex), np.zeros(family.L.shape[1:], complex)
-    for part in family.L[-2::-1]:  # Horner's scheme for the polynomial, its derivative and half its second derivative
-        bend = bend * s + slope
-        slope = slope * s + L
-        L = L * s + part
-    given = amplitude[family.given]
     inverse, scale = _pseudo_inverse(L[:, :, :n])
     unknown = -_solve(inverse, scale, np.einsum("irc,ic->ir", L[:, :, n:], given))
     both = np.concatenate([unknown, given], axis=1)
@@ -216,6 +235,25 @@ def energies(family: Family, amplitude: Complexes, omega: float) -> tuple[Floats
     stored = np.maximum(np.abs(kinetic) + np.abs(potential_), inside)
     lost = np.divide(np.abs(d.imag) / 4, stored, out=np.zeros(len(d)), where=stored > 0)
     return kinetic, potential_, inside * np.minimum(lost, 1.0) ** 2
+
+
+def moving_alone(family: Family, amplitude: Complexes, s: complex, size: Floats) -> Floats:
+    """Amplitude of what moves inside of components without their connectors, over the ``size`` of each variable, the largest of each."""
+    n = family.unknown.shape[1]
+    L, *_ = _polynomial(family.L, s)
+    follows = -_solve(*_pseudo_inverse(L[:, :, :n]), np.einsum("irc,ic->ir", L[:, :, n:], family.positions(amplitude, s)))
+    apart = np.abs(amplitude[family.unknown] - follows) / size[family.unknown]
+    return np.asarray(np.where(family.unknown < 0, 0.0, apart).max(axis=1, initial=0.0), float)
+
+
+def _polynomial(parts: Floats, s: complex) -> tuple[Complexes, Complexes, Complexes]:
+    """The polynomial with these coefficients, its derivative and half its second derivative, by Horner's scheme."""
+    value, slope, bend = parts[-1].astype(complex), np.zeros(parts.shape[1:], complex), np.zeros(parts.shape[1:], complex)
+    for part in parts[-2::-1]:
+        bend = bend * s + slope
+        slope = slope * s + value
+        value = value * s + part
+    return value, slope, bend
 
 
 def _pseudo_inverse(L: Complexes) -> tuple[Complexes, tuple[Floats, Floats]]:

@@ -40,7 +40,7 @@ from gearlib.run.translation import Compiled
 from gearlib.structure.incidence import Node
 from gearlib.vibration.animate_mode import animate_mode
 from gearlib.vibration.draw_mode import ModePicture, aligned, draw_mode
-from gearlib.vibration.mode_energies import Family, energies, families
+from gearlib.vibration.mode_energies import Family, energies, families, moving_alone
 from gearlib.vibration.mode_sensitivity import ModeSensitivity, mode_sensitivity
 from gearlib.vibration.spectrum import Spectrum, dense_spectrum, sparse_spectrum, without_preloads
 
@@ -51,6 +51,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 MOST_DENSE = 500  # states up to which all eigenvalues are computed
 COLUMN = 33  # column at which energies are printed
+ALONE = 1e-6  # of the largest amplitude: what moves that much inside of a component, without its flanges, stores energy unseen
 UNSURE = 1e-3  # of a mode's energy: shares with a larger error bound are not reported
 SLOW = 1e-3  # of the lowest frequency: at this one, what is inside of components follows a free motion
 AT_REST = 1e-9  # of a mode's largest amplitude: rounding
@@ -189,15 +190,18 @@ class Modes:
     @cached_property
     def _energies(self) -> _Shares:
         numbers = [i for family in self._families for i in family.instances]
-        kinetic, potential, off = (np.zeros((len(self), len(numbers))) for _ in range(3))
+        kinetic, potential, off, alone = (np.zeros((len(self), len(numbers))) for _ in range(4))
         for mode, value in enumerate(self.eigenvalues):
-            amplitude = self.amplitudes(mode)
-            omega = abs(self._s(mode)) * (1.0 if value else SLOW)
-            parts = [energies(family, amplitude, omega) for family in self._families]
+            amplitude, s = self.amplitudes(mode), self._s(mode)
+            omega = abs(s) * (1.0 if value else SLOW)
+            parts = [energies(family, amplitude, omega, s) for family in self._families]
             if parts:
                 kinetic[mode], potential[mode], off[mode] = (np.concatenate(kind) for kind in zip(*parts, strict=True))
                 potential[mode] *= bool(value)
-        unknown = self._unknown_shares(numbers, kinetic, potential, off)
+            if parts and value:
+                sizes = self._sizes(amplitude)
+                alone[mode] = np.concatenate([moving_alone(family, amplitude, s, sizes) for family in self._families])
+        unknown = self._unknown_shares(numbers, kinetic, potential, off, alone)
         for shares in (kinetic, potential):
             np.maximum(shares, 0.0, out=shares)  # smaller values are rounding, or are not reported
             total = shares.sum(axis=1, keepdims=True)
@@ -210,7 +214,22 @@ class Modes:
             shares[list(unknown)] = np.nan
         return _Shares([numbers[k] for k in order], kinetic, potential, bodies, unknown)
 
-    def _unknown_shares(self, numbers: list[int], kinetic: Floats, potential: Floats, off: Floats) -> dict[int, str]:
+    def _sizes(self, amplitude: Complexes) -> Floats:
+        """Of each variable that moves the largest amplitude in its unit; of others it is infinite."""
+        sizes = np.full(len(amplitude), np.inf)
+        for own in self._alike:
+            sizes[own] = np.abs(amplitude[own]).max(initial=1e-300)
+        return sizes
+
+    @cached_property
+    def _alike(self) -> list[NDArray[np.int64]]:
+        """Positions and speeds whose amplitudes are known, by unit."""
+        units = np.array([self._model.unit(v) for v in range(len(self._orders))])
+        return [np.flatnonzero((units == unit) & (self._orders >= 0)) for unit in ("rad", "rad/s", "m", "m/s")]
+
+    def _unknown_shares(
+        self, numbers: list[int], kinetic: Floats, potential: Floats, off: Floats, alone: Floats
+    ) -> dict[int, str]:
         """Modes without energy shares, with the reasons."""
         unknown: dict[int, str] = {}
         if not numbers:
@@ -221,7 +240,10 @@ class Modes:
                 self._model.instances[numbers[int(k)]].name
                 for k in (off[mode].argmax(), kinetic[mode].argmin(), potential[mode].argmin())
             ]
-            if off[mode].sum() > UNSURE * total:
+            if alone[mode].max() > ALONE:
+                inside = self._model.instances[numbers[int(alone[mode].argmax())]].name
+                unknown[mode] = f"inside of {inside} something moves that its flanges do not"
+            elif off[mode].sum() > UNSURE * total:
                 unknown[mode] = (
                     f"{paths[0]} stores energy and damps inside, which its equations at the flanges do not tell apart"
                 )
@@ -257,8 +279,8 @@ class Modes:
                 for n, d in instance.declared.variables.items()
                 if isinstance(d, Potential) and d.unit in ("rad", "m")
             ]
-            first = [(n, unit) for n, unit in own if n.split(".")[0] == own[0][0].split(".")[0]]
-            if moves:
+            if moves and own:
+                first = [(n, unit) for n, unit in own if n.split(".")[0] == own[0][0].split(".")[0]]
                 value = self.shape(mode, *(f"{instance.path}.{n}" if instance.path else n for n, _ in first))
                 labels = [n.rsplit(".", 1)[1] for n, _ in first]
                 for (_, unit), label, amplitude in zip(first, labels, value, strict=True):

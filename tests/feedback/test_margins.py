@@ -13,6 +13,7 @@ from gearlib.feedback import margins as parts
 from gearlib.feedback.feedback_loop import Loop, as_loop
 from gearlib.feedback.gain_range import gains_in_words, stable_gains
 from gearlib.feedback.margins import GainCrossing, Margins, PhaseCrossing, margins
+from gearlib.feedback.stability import LoopReport
 from gearlib.feedback.stability_sensitivity import stability_sensitivity
 from gearlib.linear.linear_model import Matrices
 from gearlib.linear.poles import poles
@@ -125,6 +126,24 @@ def test_a_curve_through_minus_one_has_no_delay_to_spare(denominator: list[int],
     found = margins(as_loop(control.tf([1.0], denominator)))
     assert [c.omega for c in found.gain_crossings if abs(c.phase_margin) < 90] == [pytest.approx(w)]
     assert (found.phase_margin, found.delay_margin) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("numerator", "denominator"),
+    [([2.0], [1]), ([-2.0], [1]), ([1.0], [1]), ([2.0, 1], [1, 1]), ([1.0, -1], [1, 1]), ([-3.0, 0, 0], [1, 0.1, 1])],
+)
+def test_any_delay_turns_a_curve_that_ends_beyond_one_round_the_point(numerator: list[float], denominator: list[float]) -> None:
+    """``1 + L exp(-s T)`` has zeros at ever higher frequencies."""
+    report = LoopReport(as_loop(control.tf(numerator, denominator)))
+    assert report.margins.delay_margin == 0.0
+    assert "  delay margin     0: |L| does not fall below 1 at infinite frequency" in str(report)
+
+
+def test_delays_of_curves_that_end_inside() -> None:
+    assert margins(as_loop(control.tf([0.9], [1]))).delay_margin == INFINITE
+    w = np.sqrt(32 / 3)  # 9 + w^2 / 4 = 1 + w^2
+    delay = (np.pi + np.angle((3 + 0.5j * w) / (1 + 1j * w))) / w
+    assert margins(as_loop(control.tf([0.5, 3], [1, 1]))).delay_margin == pytest.approx(delay, rel=1e-12)
 
 
 def test_the_distance_from_the_point_is_found_at_the_ends_too() -> None:

@@ -327,3 +327,67 @@ def test_comparisons_of_what_stands_still_are_what_they_are_at_the_point(holds: 
         warnings.simplefilter("always")
         gl.compile(Gated()).linearize([], ["x"], sparse=True)
     assert ["a corner in the equations of Gated (" in str(one.message) for one in said] == [True] * told
+
+
+class Gapped(gl.Component):
+    """A body in a gap of 0.1 rad, the sides of which a discrete variable tells."""
+
+    kind = gl.Structural(None)
+
+    def assemble(self) -> list[Any]:
+        self.push, self.body, self.ground = gp.Torque(), gp.Inertia(J=1.0), gp.Fixed()
+        self.gap = self.kind(c=100.0, d=3.0, b=0.1)
+        return [
+            gl.connect(self.push.flange, self.body.flange_a),
+            gl.connect(self.body.flange_b, self.gap.flange_b),
+            gl.connect(self.gap.flange_a, self.ground.flange),
+        ]
+
+
+@pytest.mark.parametrize("kind", [gp.ElastoBacklash, gp.ElastoBacklash2])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("beyond", "w", "told"), [(0, 0, True), (0, 0.1, True), (0, -0.1, False), (1e-9, 0, False), (-1e-9, 0, False)]
+)
+def test_a_corner_that_a_discrete_variable_tells(kind: Any, side: float, beyond: float, w: float, told: bool) -> None:
+    """At its edge a gap has a stiffness on one side; the body that leaves the contact feels no torque on either side."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        at = {"gap.phi_rel": side * (0.05 + beyond), "body.w": side * w}
+        stiffness = -np.asarray(gl.compile(Gapped(kind=kind)).linearize(["push.tau"], ["body.w"], at=at).A).min()
+    assert ["a corner in the equations of gap.contact: " in str(one.message) for one in said] == [True] * told
+    assert stiffness == (100.0 if beyond > 0 else 0.0)
+
+
+class Stuck(gl.Component):
+    """A body that friction holds, on a spring."""
+
+    kind = gl.Structural(0)
+
+    def assemble(self) -> list[Any]:
+        self.push, self.body, self.spring, self.ground = gp.Torque(), gp.Inertia(J=1.0), gp.Spring(c=9.0), gp.Fixed()
+        friction = (
+            lambda: gp.BearingFriction(tau_pos=((0.0, 3.0),)), lambda: gp.Clutch(fn_max=1e3, f_normalized=1.0),
+            lambda: gp.Brake(fn_max=1e3, f_normalized=1.0), lambda: gp.OneWayClutch(fn_max=1e3, f_normalized=1.0),
+        )  # fmt: skip
+        self.friction = friction[self.kind]()
+        wall = self.ground.flange
+        ends = (self.friction.flange_a, self.friction.flange_b) if self.kind % 2 else (self.friction.flange_a,)
+        links = [
+            (self.push.flange, self.body.flange_a),
+            (self.body.flange_b, self.spring.flange_a),
+            (self.spring.flange_b, wall),
+        ]
+        return [
+            *(gl.connect(*link) for link in links),
+            *(gl.connect(*pair) for pair in zip(ends, (self.body.flange_b, wall), strict=False)),
+        ]
+
+
+@pytest.mark.parametrize("kind", range(4))
+def test_what_is_stuck_has_no_corner(kind: int) -> None:
+    """It stays stuck beside its point; pytest makes warnings errors."""
+    system = gl.compile(Stuck(kind=kind))
+    assert len(gl.modes(system, at={"spring.phi_rel": -0.1, "body.w": 0.0}).omega) == 0
+    result = system.simulate(0.1, start={"spring.phi_rel": -0.1, "body.w": 0.0}, samples=3, inputs={"push.tau": 0.0})
+    assert len(gl.modes(system, at=(result, 0.1)).omega) == 0

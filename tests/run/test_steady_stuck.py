@@ -10,6 +10,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import StartError
 from gearlib.run import steady as steady_module
 from gearlib.run.steady import Search, search_steady
 
@@ -44,6 +45,22 @@ def steady(phi: float, tau: float = 0.0) -> dict[str, float]:
 @pytest.mark.parametrize("phi", [0.2, -0.29])
 def test_a_body_that_its_spring_does_not_move_rests_where_it_is(phi: float) -> None:
     assert steady(phi) == {"body.w": 0.0, "spring.phi_rel": -phi}
+
+
+@pytest.mark.parametrize("phi", [1.0, 0.5, -0.35, 0.31, 2.0])
+def test_a_body_that_slides_rests_where_its_motion_ends(phi: float) -> None:
+    """Each half swing is one about the edge of the band of 0.3 rad, in which the body may rest; it ends inside, and not at an edge."""
+    rest = phi
+    while abs(rest) > 0.3:
+        rest = 0.6 * np.sign(rest) - rest
+    assert steady(phi) == pytest.approx({"body.w": 0.0, "spring.phi_rel": -rest}, abs=1e-7)
+
+
+def test_where_sliding_ends_has_no_derivative() -> None:
+    with pytest.raises(StartError, match="one of many side by side"):
+        gl.steady_state(gl.compile(Rubbed(start={"body.phi": 0.5})), inputs={"push.tau": 0.0}).sensitivity(
+            "spring.phi_rel", "spring.c"
+        )
 
 
 def search() -> Search:

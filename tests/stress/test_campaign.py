@@ -194,7 +194,7 @@ def test_an_analysis_that_is_rightly_refused_counts_as_refused() -> None:
     [
         *(("linear", seed) for seed in (3, 14, 17, 2160, 20084, 20104, 31020)),
         *(("hybrid", seed) for seed in (1, 4)),
-        *(("analyses", seed) for seed in (6, 10002, 600245)),
+        *(("analyses", seed) for seed in (6, 10002, 600245, 1361083)),
         *(("steady", seed) for seed in (3, 5, 6, 8, 14)),
     ],
 )

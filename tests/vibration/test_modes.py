@@ -270,6 +270,86 @@ def test_a_voltage_beside_a_current_is_given_to_a_generator() -> None:
     assert found.kinetic[0].tolist() == [0.0, 100.0]
 
 
+class Motor(gl.Component):
+    """A winding that moves a shaft."""
+
+    flange, pin = gp.Flange("shaft"), Pin("winding")
+    k, L, R = gl.Parameter("V.s/rad", default=3.0), gl.Parameter("H", default=0.2), gl.Parameter("Ohm", default=0.0)
+    w, i = gl.Variable("rad/s"), gl.Variable("A")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.w, gl.der(self.flange.phi)), gl.Eq(self.i, self.pin.i), gl.Eq(self.flange.tau, -self.k * self.i),
+            gl.Eq(self.pin.v, self.R * self.i + self.L * gl.der(self.i) + self.k * self.w),
+        ]  # fmt: skip
+
+
+class Capacitor(gl.Component):
+    pin, C, G = Pin("end"), gl.Parameter("F", default=0.05), gl.Parameter("A/V", default=0.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.C * gl.der(self.pin.v) + self.G * self.pin.v, self.pin.i)]
+
+
+@pytest.mark.parametrize(("R", "G", "accurate"), [(0.0, 0.0, 1e-9), (1e-3, 0.0, 1e-3), (0.0, 0.02, 1e-3)])
+def test_electrical_energies_beside_mechanical_ones(R: float, G: float, accurate: float) -> None:
+    """J w**2 / 2 and C v**2 / 2 are one kind, c phi**2 / 2 and L i**2 / 2 the other."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.ground, self.shaft, self.body = gp.Fixed(), gp.Spring(c=100.0), gp.Inertia(J=2.0)
+            self.motor, self.store = Motor(R=R), Capacitor(G=G)
+            links = [(self.ground.flange, self.shaft.flange_a), (self.shaft.flange_b, self.body.flange_a)]
+            links += [(self.body.flange_b, self.motor.flange)]
+            return [*(gl.connect(*link) for link in links), gl.connect(self.motor.pin, self.store.pin)]
+
+    found = gl.modes(gl.compile(Driven()))
+    assert (len(found), found.not_given) == (2, {})
+    assert found.components == ("shaft", "body", "motor", "store")
+    for mode in range(2):
+        phi, w, i, v = np.abs(found.shape(mode, "body.phi", "body.w", "motor.i", "store.pin.v")) ** 2
+        kinetic, potential = np.array([0, 2.0 * w, 0, 0.05 * v]), np.array([100.0 * phi, 0, 0.2 * i, 0])
+        assert found.kinetic[mode] == pytest.approx(100 * kinetic / kinetic.sum(), abs=100 * accurate)
+        assert found.potential[mode] == pytest.approx(100 * potential / potential.sum(), abs=100 * accurate)
+    assert [name for name, *_ in found.motions(0)] == ["body"]
+
+
+class Twins(gl.Component):
+    """A disc on whose springs two equal rings hang."""
+
+    flange = gp.Flange("shaft")
+    J, m, c, d = (gl.Parameter(unit) for unit in ("kg.m2", "kg.m2", "N.m/rad", "N.m.s/rad"))
+    phi, a, b = (gl.Variable("rad") for _ in range(3))
+    w, w_a, w_b = (gl.Variable("rad/s") for _ in range(3))
+
+    def equations(self) -> list[gl.Eq]:
+        a = self.c * (self.phi - self.a) + self.d * (self.w - self.w_a)
+        b = self.c * (self.phi - self.b) + self.d * (self.w - self.w_b)
+        speeds = ((self.phi, self.w), (self.a, self.w_a), (self.b, self.w_b))
+        return [
+            gl.Eq(self.phi, self.flange.phi), *(gl.Eq(gl.der(x), v) for x, v in speeds),
+            gl.Eq(self.J * gl.der(self.w), self.flange.tau - a - b),
+            gl.Eq(self.m * gl.der(self.w_a), a), gl.Eq(self.m * gl.der(self.w_b), b),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("d", [0.0, 1e-4, 0.3])
+def test_what_swings_inside_of_a_component_that_stands_still_is_told(d: float) -> None:
+    """The rings against each other, and the disc at rest."""
+
+    class Hung(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.ground, self.shaft, self.disc = gp.Fixed(), gp.Spring(c=100.0), Twins(J=1.0, m=0.5, c=30.0, d=d)
+            return [gl.connect(self.ground.flange, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.disc.flange)]
+
+    found = gl.modes(gl.compile(Hung()))
+    assert found.omega[1] == pytest.approx(np.sqrt(60.0))
+    assert found.not_given[1] == "inside of disc something moves that its flanges do not"
+    assert np.isnan(found.kinetic[1]).all()
+    if d < 0.1:
+        assert (list(found.not_given), found.kinetic[[0, 2]].tolist()) == ([1], [[0.0, 100.0]] * 2)
+
+
 def test_deflections_are_differences_of_angles_and_integrals_of_relative_speeds(paper: gl.System) -> None:
     """Also of dampers to the ground, whose absolute angles no mode depends on; some parts alike have a state, others none."""
     found = gl.modes(paper)
