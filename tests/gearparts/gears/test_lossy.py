@@ -449,7 +449,9 @@ def test_bearings_share_the_friction_b1_at_speeds_without_mesh_losses(rows: Any,
         assert system.simulate(1e-6, samples=2, parameters=values)["gear.tau_loss"][0] == pytest.approx(loss)
 
 
-@pytest.mark.parametrize(("torque", "forward", "backward"), [(0.4, 0.6, -0.2), (0.2, 0.2, -0.2), (-0.2, 0.2, -0.2), (-0.4, 0.2, -0.6)])
+@pytest.mark.parametrize(
+    ("torque", "forward", "backward"), [(0.4, 0.6, -0.2), (0.2, 0.2, -0.2), (-0.2, 0.2, -0.2), (-0.4, 0.2, -0.6)]
+)
 def test_a_gear_without_mesh_losses_at_rest_starts_by_the_friction_of_the_driving_flange(
     torque: float, forward: float, backward: float
 ) -> None:
