@@ -72,7 +72,7 @@ class ImportedFmu:
         self._returned = [0.0] * len(self.outputs)
 
     def _check_unit(self, name: str, expected: str) -> None:
-        """Refuse a variable that the FMU declares in another unit; one without a unit is taken as it is, in an unknown one with a warning."""
+        """Refuse a variable in another unit than expected; one without a unit is taken as it is, one in an unknown unit with a warning."""
         variable = next(v for v in self._description.modelVariables if v.name == name)
         unit = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
         if unit is None:
