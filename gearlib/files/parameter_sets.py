@@ -120,7 +120,10 @@ Triples = Iterator[tuple[str, float, str]]  # name, value, unit
 
 
 def _to_toml(values: Mapping[str, float], units: Mapping[str, str]) -> str:
-    lines = [f"{json.dumps(name)} = {value!r}{f'  # {units[name]}' if units[name] else ''}\n" for name, value in values.items()]
+    lines = []
+    for name, value in values.items():
+        quoted = json.dumps(name, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML has no surrogate pairs
+        lines.append(f"{quoted} = {value!r}{f'  # {units[name]}' if units[name] else ''}\n")
     return "".join(lines)
 
 

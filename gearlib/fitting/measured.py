@@ -116,7 +116,7 @@ class MeasuredHistories(Measured):
     ----------
     data : pandas.DataFrame or mapping
         One column per variable, by path, and one called ``time`` (s); for a DataFrame without it, the index is the time. NaN marks
-        missing values. Runs begin at the first time.
+        missing values, and so does a mask. Runs begin at the first time.
     inputs, start, parameters : mapping, optional
         For this experiment, as for `System.simulate`.
     noise : float or mapping, optional
@@ -147,7 +147,7 @@ class MeasuredHistories(Measured):
         self.columns: dict[str, Floats] = {}
         for name, values in columns.items():
             try:
-                found = np.asarray(values)
+                found = np.ma.filled(values.astype(float), np.nan) if np.ma.is_masked(values) else np.asarray(values)
             except Exception:  # rows of different lengths; a user's object
                 raise ArgumentError(f"data['{name}'] is {shown(values)}; expected a history of numbers") from None
             missing = np.isnan(found) if found.dtype.kind == "f" else np.zeros(found.shape, bool)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from gearlib.arguments import as_path, by_name, name_list, real
-from gearlib.errors import ArgumentError, FileError, NameLookupError, nearest
+from gearlib.errors import ArgumentError, DeclarationError, FileError, GearlibWarning, NameLookupError, nearest, warn
 from gearlib.language.units import BASE, INSTEAD, dimension
 from gearlib.optional import optional
 
@@ -72,17 +72,26 @@ class ImportedFmu:
         self._returned = [0.0] * len(self.outputs)
 
     def _check_unit(self, name: str, expected: str) -> None:
-        """Refuse a variable that the FMU declares in another unit; one without a unit, or an unknown one, is taken as it is."""
+        """Refuse a variable in another unit than expected; one without a unit is taken as it is, one in an unknown unit with a warning."""
         variable = next(v for v in self._description.modelVariables if v.name == name)
         unit = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
+        if unit is None:
+            return
         defined = next((u.baseUnit for u in self._description.unitDefinitions if u.name == unit and u.baseUnit), None)
-        if defined is None:
-            same = INSTEAD.get(unit or "", (expected, f"1 {expected}")) == (expected, f"1 {expected}")
-        else:
+        said = f"{name} of {self.path.name} is in {unit}"
+        if defined is not None:
             exponents = tuple(getattr(defined, base) for base in BASE)
             same = exponents == dimension(expected) and (defined.factor, defined.offset) == (1.0, 0.0)
-        if not same:
-            raise ArgumentError(f"{name} of {self.path.name} is in {unit}; expected {expected}")
+        elif unit in INSTEAD:
+            same = INSTEAD[unit] == (expected, f"1 {expected}")
+        else:
+            try:
+                same = dimension(unit) == dimension(expected)
+            except DeclarationError:
+                warn(f"{said}, which the file does not define; it is taken as {expected}", GearlibWarning)
+                return
+        if not same or (unit == "Hz" and expected != unit):  # a turn has no dimension either
+            raise ArgumentError(f"{said}; expected {expected}")
 
     def _references(self, names: Sequence[str], causalities: Sequence[str]) -> list[int]:
         """Value references of variables by name."""

@@ -24,6 +24,7 @@ UNITS = {
 }  # fmt: skip
 INSTEAD = {  # SI unit to write instead, and the value of one of the other unit in it
     "rpm": ("rad/s", "0.104719755 rad/s"), "1/min": ("rad/s", "0.104719755 rad/s"), "U/min": ("rad/s", "0.104719755 rad/s"),
+    "rev/min": ("rad/s", "0.104719755 rad/s"), "r/min": ("rad/s", "0.104719755 rad/s"),
     "rev": ("rad", "6.283185307 rad"), "deg": ("rad", "0.01745329252 rad"), "°": ("rad", "0.01745329252 rad"),
     "degC": ("K", "1 K, counted from 273.15 K"), "°C": ("K", "1 K, counted from 273.15 K"), "%": ("1", "0.01"),
     "g": ("kg", "1e-3 kg"), "t": ("kg", "1e3 kg"), "mm": ("m", "1e-3 m"), "cm": ("m", "1e-2 m"), "um": ("m", "1e-6 m"),

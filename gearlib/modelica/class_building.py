@@ -20,7 +20,7 @@ from gearlib.modelica.class_content import (
     given_value,
     merged,
 )
-from gearlib.modelica.counterparts import Counterpart
+from gearlib.modelica.counterparts import Counterpart, ModelicaClass
 from gearlib.modelica.element_types import ElementKind, ElementType, connector_class, element_of, kind_of, type_named, unit_of
 from gearlib.modelica.equation_reading import assigned_in_whens, connections_from, equations_from
 from gearlib.modelica.evaluation import Evaluation
@@ -38,14 +38,6 @@ from gearlib.modelica.syntax_tree import (
     ReferenceNode,
     SyntaxNode,
 )
-
-
-class ModelicaClass(type):
-    """Metaclass of component classes read from text, which are pickled as that text."""
-
-    modelica_text: str
-    modelica_source: str
-    modelica_name: str
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from gearlib.language.expressions import Eq, Reinit, When, pre, time, value_of
 from gearlib.language.interior import connections_of, parts_of
 from gearlib.language.sampled import Sampled
 from gearlib.language.tabulated import Tabulated
-from gearlib.modelica.counterparts import Counterpart, standard_library
+from gearlib.modelica.counterparts import Counterpart, home_of, standard_library
 from gearlib.modelica.lexer import KEYWORDS
 
 _ELEMENT = re.compile(r"(.*)\[(\d+)\]$")
@@ -111,26 +111,24 @@ class PackageText:
 
 def modelica_class(kind: type[Component]) -> tuple[str, Counterpart] | None:
     """The standard library's counterpart of a component class."""
-    home = f"{kind.__module__}:{kind.__name__}"
     for full, counterpart in standard_library().counterparts.items():
-        if counterpart.home == home and ".Interfaces." not in full:
+        if counterpart.home == home_of(kind) and ".Interfaces." not in full:
             return full, counterpart
     return None
 
 
 def interface_of(kind: type[Connector]) -> str | None:
     """The standard library's counterpart of a connector class."""
-    home = f"{kind.__module__}:{kind.__name__}"
     for full, counterpart in standard_library().counterparts.items():
-        if counterpart.home == home and full.endswith(("_a", "HeatPort")):
+        if counterpart.home == home_of(kind) and full.endswith(("_a", "HeatPort")):
             return full
     return None
 
 
 def _can_express(counterpart: Counterpart, part: Component) -> bool:
-    """Whether no value or choice given to a part is without an equivalent in the Modelica library."""
+    """Whether nothing given to a part is without an equivalent in the Modelica library."""
     given = given_to(part)
-    names = [*given.values, *given.choices]
+    names = [*given.values, *given.choices, *given.start, *given.guess, *given.nominal, *given.state]
     return not any(name in counterpart.own for name in names)
 
 
@@ -353,7 +351,7 @@ class ClassText:
             at(path).within(["stateSelect"]).value = f"StateSelect.{value}"
         self._lift_inputs(name, part, given.values, joined, at)
         for array, signals in found[1].arrays.items() if found is not None else ():
-            if isinstance(signals, tuple):
+            if isinstance(signals, tuple) and any(f"{array}[{k + 1}]" in change.inner for k in range(len(signals))):
                 elements = [change.inner.pop(f"{array}[{k + 1}]", Change("0")) for k in range(len(signals))]
                 change.within([array]).value = f"{{{', '.join(str(e.value) for e in elements)}}}"
         return change

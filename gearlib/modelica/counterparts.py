@@ -25,6 +25,14 @@ def snake_case(name: str) -> str:
     return _HUMP.sub(r"_\1", name).lower() if _HUMP.search(name) or (name[:1].isupper() and len(name) > 1) else name
 
 
+class ModelicaClass(type):
+    """Metaclass of component classes read from text, which are pickled as that text."""
+
+    modelica_text: str
+    modelica_source: str
+    modelica_name: str
+
+
 @dataclass(frozen=True)
 class Counterpart:
     """The component class for a class of the Modelica Standard Library.
@@ -121,17 +129,17 @@ class StandardLibrary:
         }
 
     @cached_property
-    def names_by_class(self) -> Mapping[str, Mapping[str, str]]:
-        """Modelica names that differ, by component class name."""
+    def names_by_home(self) -> Mapping[str, Mapping[str, str]]:
+        """Modelica names that differ, by the location of the component class."""
         found: dict[str, dict[str, str]] = {}
         for counterpart in self.counterparts.values():
-            found.setdefault(counterpart.home.rpartition(":")[2], {}).update(counterpart.names)
+            found.setdefault(counterpart.home, {}).update(counterpart.names)
         return found
 
     @cached_property
-    def arrays_by_class(self) -> Mapping[str, Mapping[str, str | tuple[str, ...]]]:
-        """Modelica arrays of signals, by component class name."""
-        return {c.home.rpartition(":")[2]: c.arrays for c in self.counterparts.values() if c.arrays}
+    def arrays_by_home(self) -> Mapping[str, Mapping[str, str | tuple[str, ...]]]:
+        """Modelica arrays of signals, by the location of the component class."""
+        return {c.home: c.arrays for c in self.counterparts.values() if c.arrays}
 
     @cached_property
     def known(self) -> frozenset[str]:
@@ -166,13 +174,18 @@ def standard_library() -> StandardLibrary:
     return found
 
 
+def home_of(kind: type[Any]) -> str:
+    """Location of a class, as counterparts state it; a class of the text may have the name of one of the library."""
+    return f"{kind.__module__}:{kind.__name__}"
+
+
 def names_in(kind: type[Any]) -> Mapping[str, str]:
     """Modelica names within instances of a class, where they differ."""
-    by_class = standard_library().names_by_class
-    return {name: local for base in reversed(kind.__mro__) for name, local in by_class.get(base.__name__, {}).items()}
+    by_home = standard_library().names_by_home
+    return {name: local for base in reversed(kind.__mro__) for name, local in by_home.get(home_of(base), {}).items()}
 
 
 def array_in(kind: type[Any], name: str) -> str | tuple[str, ...] | None:
     """The signals of a class that are the elements of a Modelica array; None if that is none."""
-    by_class = standard_library().arrays_by_class
-    return next((by_class[base.__name__][name] for base in kind.__mro__ if name in by_class.get(base.__name__, {})), None)
+    by_home = standard_library().arrays_by_home
+    return next((arrays[name] for base in kind.__mro__ if name in (arrays := by_home.get(home_of(base), {}))), None)

@@ -13,7 +13,7 @@ from gearlib.errors import AttributeNameError, GearlibError, ModelicaError, near
 from gearlib.language import expressions as language
 from gearlib.language.component import Component, Port
 from gearlib.language.declarations import Connector, Declaration, Derivative, Discrete, Variable, declared_by
-from gearlib.modelica.counterparts import array_in, local_name, names_in
+from gearlib.modelica.counterparts import ModelicaClass, array_in, local_name, names_in
 from gearlib.modelica.scopes import ClassScope, lookup
 from gearlib.modelica.si_types import constant_named, conversion_named
 from gearlib.modelica.syntax_tree import (
@@ -292,8 +292,11 @@ class Evaluation:
             if not branches:
                 return self.value(node.otherwise)
             branches.append((self.number(node.otherwise), True))
-        found = language.Piecewise(*branches)
-        return language.no_event(found) if quiet else found
+        return self._quiet(language.Piecewise(*branches), quiet)
+
+    def _quiet(self, found: Any, quiet: bool = True) -> Any:
+        """Without events, if so wanted; a parameter has none."""
+        return language.no_event(found) if quiet and not self.of_parameters else found
 
     # ------------------------------------------------------------ operators and functions
 
@@ -369,7 +372,7 @@ class Evaluation:
             if all(isinstance(v, (int, float)) for v in values):
                 return of_numbers(*values)
             found = ours(*values)
-            return language.no_event(found) if name in _WITHOUT_EVENTS and not self.of_parameters else found
+            return self._quiet(found, name in _WITHOUT_EVENTS)
         if name in _OF_NUMBERS:
             function, count = _OF_NUMBERS[name]
             values = self._arguments(node, count)
@@ -412,7 +415,7 @@ class Evaluation:
         (of,) = arguments
         x = self.value(of)
         if name == "noEvent":
-            return x if isinstance(x, (bool, int, float)) or _is_condition(x) else language.no_event(x)
+            return x if isinstance(x, (bool, int, float)) or _is_condition(x) else self._quiet(x)
         if name == "der":
             return 0 if isinstance(x, (int, float)) else language.der(x)
         if name == "pre":  # of a continuous variable: its left limit, which actions of When see
@@ -436,8 +439,11 @@ def has(component: Component, name: str) -> bool:
 
 
 def name_within(component: Component, name: str) -> str:
-    """Component name of a part or declaration that the text refers to."""
-    return name if name in vars(component) else local_name(type(component), names_in(type(component)), name)
+    """Component name of a part or declaration that the text refers to; only the library spells names in another way."""
+    kind = type(component)
+    local = name if name in vars(component) else local_name(kind, names_in(kind), name)
+    library = [base for base in kind.__mro__ if not isinstance(base, ModelicaClass)]
+    return local if kind in library or any(local in vars(base) for base in library) else name
 
 
 def declared_names(component: Component) -> list[str]:

@@ -120,7 +120,8 @@ class PartMaker:
                 given.values[local] = chosen(counterpart, name, self._value(m, self.evaluation.constant), m)
         elif isinstance(declared, (Parameter, Input)) and m.value is not None:
             value = self._value(m, self._evaluation(isinstance(declared, Parameter)).number)
-            given.values[local] = counterpart.converted[name][0](value) if name in counterpart.converted else value
+            with m.at.in_refusals():
+                given.values[local] = counterpart.converted[name][0](value) if name in counterpart.converted else value
         elif isinstance(declared, Parameter):
             check_attributes(by_name(m.inner))
         elif isinstance(declared, (Variable, Discrete, Connector, Derivative)) and m.value is None:

@@ -10,8 +10,8 @@ from typing import Any
 from gearlib.arguments import as_path, shown
 from gearlib.errors import ArgumentError, FileError, ModelicaError, NameLookupError, nearest
 from gearlib.language.component import Component
-from gearlib.modelica.class_building import ModelicaClass, TextClasses
-from gearlib.modelica.counterparts import standard_library
+from gearlib.modelica.class_building import TextClasses
+from gearlib.modelica.counterparts import ModelicaClass, standard_library
 from gearlib.modelica.scopes import ClassScope, outermost
 from gearlib.modelica.text_parser import parsed
 

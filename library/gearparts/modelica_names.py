@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from gearlib.arguments import shown
-from gearlib.errors import ModelicaError
+from gearlib.errors import BindingError
 from gearlib.modelica.counterparts import Counterpart, StandardLibrary, snake_case
 
 SMOOTH: dict[str, Any] = {
@@ -51,8 +51,15 @@ def _one_for_all(offsets: Any) -> Any:
     """The offset of all columns; Modelica's is an array of one value for all, or one for each."""
     first, *others = offsets if isinstance(offsets, tuple) and offsets else (offsets,)
     if any(each != first for each in others):
-        raise ModelicaError(f"the offsets of the columns differ: {shown(offsets)}; expected one for all")
+        raise BindingError(f"the offsets of the columns differ: {shown(offsets)}; expected one for all")
     return first
+
+
+def _of_one_axis(values: Any) -> Any:
+    """The only element of an array with one for each axis."""
+    if not isinstance(values, tuple) or len(values) != 1:
+        raise BindingError(f"{shown(values)}: expected an array with one element, as in {{1}}, for one axis")
+    return values[0]
 
 
 _ROTATIONAL, _TRANSLATIONAL = "Mechanics.Rotational", "Mechanics.Translational"
@@ -139,6 +146,7 @@ _TRANSLATIONAL_AND_THERMAL = {
 
 _CONTINUOUS, _DISCRETE, _NONLINEAR = "gearparts.blocks.continuous", "gearparts.blocks.discrete", "gearparts.blocks.nonlinear"
 _LIMITS = {"uMax": "y_max", "uMin": "y_min"}
+_HELD = frozenset({"held", "taken", "now"})  # whose start values Modelica's sampled blocks do not have
 _BLOCKS = {
     **_same("Blocks.Math", _CONTINUOUS, "Gain", "Add", "Add3", "Feedback", "Product"),
     **_same("Blocks.Continuous", _CONTINUOUS, "Integrator", "FirstOrder", starts={"y_start": "y"}, only=BY_OUTPUT),
@@ -166,15 +174,18 @@ _BLOCKS = {
         f"{_NONLINEAR}:RateLimiter", names={"Rising": "rising", "Falling": "falling"}, starts={"y_start": "y"},
         ignored=NO_CHANGE, only=BY_OUTPUT,
     ),
-    **_same("Blocks.Logical", _NONLINEAR, "Hysteresis", truths=frozenset({"y"})),
+    **_same("Blocks.Logical", _NONLINEAR, "Hysteresis", truths=frozenset({"y"}), own=frozenset({"on"})),
     **_same("Blocks.Logical", _NONLINEAR, "Switch", truths=frozenset({"u2"})),
     **_same("Blocks.Logical", _NONLINEAR, "LogicalSwitch", truths=frozenset({"u1", "u2", "u3", "y"})),
-    **_same("Blocks.Discrete", _DISCRETE, "Sampler", "ZeroOrderHold", "UnitDelay"),
-    **_same("Blocks.Discrete", _DISCRETE, "TriggeredSampler", truths=frozenset({"trigger"})),
-    **_same("Blocks.Sources", "gearparts.blocks.sources", "Constant", "Step", "Sine", names={"freqHz": "f"}),
-    **_same("Blocks.Sources", "gearparts.blocks.sources", "Ramp"),
+    **_same("Blocks.Discrete", _DISCRETE, "Sampler", "ZeroOrderHold", "UnitDelay", own=_HELD),
+    **_same("Blocks.Discrete", _DISCRETE, "TriggeredSampler", truths=frozenset({"trigger"}), own=_HELD),
+    **_same("Blocks.Sources", "gearparts.blocks.sources", "Constant", "Step", "Ramp"),
+    **_same("Blocks.Sources", "gearparts.blocks.sources", "Sine", names={"freqHz": "f", "f": "f"}),  # before 4.0, and since
     **_same("Blocks.Sources", "gearparts.blocks.sources", "Pulse", "Trapezoid", names={"nperiod": "n_period"}),
-    **_same("Blocks.Sources", "gearparts.blocks.sources", "KinematicPTP"),
+    **_same(
+        "Blocks.Sources", "gearparts.blocks.sources", "KinematicPTP", arrays={"y": ("y",)},
+        converted=dict.fromkeys(("deltaq", "qd_max", "qdd_max"), (_of_one_axis, lambda value: (value,))),
+    ),
     **_same("Blocks.Sources", "gearparts.blocks.sources", "RealExpression", given={"y": "expression"}),
     **_same(
         "Blocks.Sources", "gearparts.blocks.sources", "BooleanExpression", given={"y": "expression"}, truths=frozenset({"expression", "y"}),

@@ -42,6 +42,20 @@ def test_values_that_are_not_finite(suffix: str, tmp_path: Path) -> None:
     assert (found["a"], found["b"], math.isnan(found["c"])) == (math.inf, -math.inf, True)
 
 
+@pytest.mark.parametrize("suffix", [".toml", ".csv", ".ssv"])
+@pytest.mark.parametrize("name", ["β.J", "𐐀.c", "body[0].J", 'a"b', "a\\b", "a,b;c", "#a = 1", "<&>", "a\u0301", " a "])
+def test_names_come_back(suffix: str, name: str, tmp_path: Path) -> None:
+    path = tmp_path / f"set{suffix}"
+    gl.save_parameters(path, {name: 0.1}, {name: "kg.m2"})
+    assert gl.load_parameters(path) == {name: 0.1}
+
+
+@pytest.mark.parametrize("character", ["\x7f", "\t", "\n", "\x01", "\u2028"])
+def test_control_characters_in_toml(character: str, tmp_path: Path) -> None:
+    gl.save_parameters(tmp_path / "set.toml", {f"a{character}b": 0.1})
+    assert gl.load_parameters(tmp_path / "set.toml") == {f"a{character}b": 0.1}
+
+
 def test_units_of_parameters() -> None:
     assert system().parameter_units["J_load"] == "kg.m2"
     assert system().parameter_units["gear.ratio"] == "1"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gearlib as gl
@@ -41,3 +42,9 @@ def test_modes_of_a_train_that_turns_are_those_that_vibrate(chain: Any, number: 
     assert found.values[0] == pytest.approx(gl.modes(chain(n=3), parameters={"d": 1.0}).frequencies[[2, 1]])
     with pytest.raises(ArgumentError, match=f"numbers names mode {number}; the system has 2 that vibrate"):
         gl.MeasuredModes([1.0], numbers=[number]).predicted(chain(n=3), {"d": 1.0})
+
+
+def test_what_is_masked_is_missing() -> None:
+    values = np.ma.masked_array([1, 99, 2], [0, 1, 0])  # a file of whole numbers with a gap
+    found = gl.MeasuredHistories({"time": [0.0, 1.0, 2.0], "load.w": values}).columns["load.w"]
+    assert np.isnan(found).tolist() == [False, True, False]

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gearlib as gl
@@ -463,3 +464,36 @@ def test_flat_names_are_unique() -> None:
     assert "  der(a_x) = a_1_x + a_1_x_2;" in text
     assert '  Real a_1_u_2(unit = "rad") = 3 "drive";' in text
     assert f"  Real a_x(start = {math.pi}, fixed = true);" in text
+
+
+class Sampling(gl.Component):
+    """Blocks whose names, arrays or start values are others in Modelica's library."""
+
+    def assemble(self) -> list[gl.Connection]:
+        B = gp.blocks
+        self.plan, self.wave = B.KinematicPTP(deltaq=4.0, qd_max=2.0, qdd_max=4.0), B.Sine(f=2.0)
+        self.twice, self.late = B.Gain(k=2.0), B.UnitDelay(sample_period=0.1, u=gl.time, start={"taken": 7.0})
+        self.taken = B.TriggeredSampler(u=gl.time, trigger=0.0, start={"held": 3.0})
+        self.switch = B.Hysteresis(u_low=-1.0, u_high=2.0, u=gl.time, start={"on": 1.0})
+        return [gl.connect(self.plan.y, self.twice.u)]
+
+
+def test_what_the_standard_library_has_not_is_not_modified_in_its_classes() -> None:
+    text = gl.to_modelica(Sampling())
+    for line in (
+        "Modelica.Blocks.Sources.KinematicPTP plan(deltaq = {4.0}, qd_max = {2.0}, qdd_max = {4.0});",
+        "Modelica.Blocks.Sources.Sine wave(f = 2.0);",
+        "Modelica.Blocks.Math.Gain twice(k = 2.0, u = plan.y[1]);",
+        "  UnitDelay late(sample_period = 0.1, u = time, taken(start = 7.0, fixed = true));",
+        "  TriggeredSampler taken(u = time, trigger = 0.0, held(start = 3.0, fixed = true));",
+        "  Hysteresis switch(u_low = -1.0, u_high = 2.0, u = time, on(start = 1.0, fixed = true));",
+    ):
+        assert line in text
+    times = np.linspace(0.03, 2.97, 22)
+    ours = gl.simulate(Sampling(), t_end=3.0, times=times)
+    for standard_library in (True, False):
+        read = gl.simulate(
+            gl.read_modelica(gl.to_modelica(Sampling(), standard_library=standard_library))(), t_end=3.0, times=times
+        )
+        for name in ("twice.y", "wave.y", "late.y", "taken.y", "switch.y"):
+            assert read[name] == pytest.approx(ours[name], abs=1e-9), name

@@ -402,3 +402,66 @@ def test_sums_over_an_index() -> None:
     text = "model Sums Real x = sum(k * k for k in 1:3); Real y = max(3 - k for k in 1:3); end Sums;"
     result = gl.simulate(gl.read_modelica(text)(), 1.0, samples=2)
     assert (result["x"][0], result["y"][0]) == (14.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("declared", "used", "expected"),
+    [
+        ("block Sine parameter Real freqHz = 2; parameter Real f = 3; end Sine;", "a.freqHz", 2.0),
+        ("block Limiter parameter Real uMax = 5; Real y_max; equation y_max = 7; end Limiter;", "a.uMax", 5.0),
+        ("block Move Real u; Real phi_ref; equation u = 4; phi_ref = 7; end Move;", "a.u", 4.0),
+        ("block AngleToTorqueAdaptor Real phi; equation phi = 6; end AngleToTorqueAdaptor;", "a.phi", 6.0),
+        ("block MultiStateSpace Real y; equation y = 8; end MultiStateSpace;", "a.y", 8.0),
+    ],
+)
+def test_classes_of_the_text_that_are_named_as_those_of_the_library_have_names_of_their_own(
+    declared: str, used: str, expected: float
+) -> None:
+    kind = declared.split()[1]
+    model = gl.read_modelica(f"package P {declared} model M {kind} a; Real z; equation z = {used}; end M; end P;")
+    assert gl.simulate(model(), t_end=1.0, samples=2)["z"][-1] == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("model M Real max_speed; Real y; equation max_speed = time; y = maxSpeed; end M;", "nothing is called 'maxSpeed' here"),
+        ("model A Real max_w = time; end A; model M A a; Real y = a.maxW; end M;", "A has no 'maxW'"),
+        (
+            "model M Modelica.Mechanics.Rotational.Components.Inertia maxJ(J = 1) if false; "
+            "Modelica.Mechanics.Rotational.Components.Inertia max_j(J = 1); Real y = maxJ.w; end M;",
+            "maxJ.w is absent",
+        ),
+    ],
+)  # fmt: skip
+def test_only_the_library_has_names_in_two_spellings(text: str, said: str) -> None:
+    with pytest.raises(ModelicaError, match=said):
+        gl.compile(gl.read_modelica(text)())
+
+
+def test_a_class_of_the_text_has_the_names_of_its_base_in_the_library() -> None:
+    model = gl.read_modelica("""
+        model M
+          extends Modelica.Mechanics.Rotational.Interfaces.PartialTwoFlangesAndSupport(useSupport = true);
+          Real y = if useSupport then time else 0;
+        equation
+          flange_a.phi = time; flange_a.phi = flange_b.phi; support.phi = 0;
+        end M;
+    """)
+    assert gl.simulate(model(), t_end=2.0, samples=2)["y"][-1] == 2.0
+
+
+def test_events_of_parameters_are_none() -> None:
+    model = gl.read_modelica(
+        "model M parameter Real x = 2; parameter Real p = noEvent(if x > 1 then 3 else 4); Real y = p; end M;"
+    )
+    system = gl.compile(model())
+    assert [system.simulate(1.0, samples=2, parameters={"x": x})["y"][-1] for x in (2.0, 0.5)] == [3.0, 4.0]
+
+
+def test_a_motion_from_point_to_point_has_arrays_of_one_axis() -> None:
+    text = "model M Modelica.Blocks.Sources.KinematicPTP p(deltaq = {4}, qd_max = {2}, qdd_max = {4}); Real y = p.y[1]; end M;"
+    y = gl.simulate(gl.read_modelica(text)(), t_end=3.0, times=[0.25, 1.0, 2.25, 3.0])["y"]
+    assert y.tolist() == [4.0, 0.0, -4.0, 0.0]
+    with pytest.raises(ModelicaError, match=r"line 1, column \d+: .*one element, as in \{1\}, for one axis"):
+        gl.compile(gl.read_modelica(text.replace("{4}", "{4, 1}", 1))())

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import gearlib as gl
+from gearlib.arguments import is_real
 from gearlib.errors import BindingError
 from gearparts.interfaces import Dissipative, Flange, MaybeHeated, TwoFlanges, TwoFlangesAndSupport
 from gearparts.rotational.backlash import ElastoBacklash
@@ -16,7 +17,7 @@ from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, extremes, in
 if TYPE_CHECKING:
     from gearlib.language.component import Connection
 
-SMALLEST = 1e-15  # if both efficiencies are 1, the two bearing torques are equal, and their difference over this is zero
+SMALLEST = 1e-15  # keeps a quotient finite that is not used where both efficiencies are 1
 IDEAL: Rows = ((0.0, 1.0, 1.0, 0.0, 0.0),)
 LIMITS = {1: (0.0, 1.0), 2: (1e-9, 1.0), 3: (0.0, math.inf), 4: (0.0, math.inf)}  # of the columns beyond the last row
 
@@ -114,8 +115,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
             [interpolated(rows, sense * self.w_a, column, self.smoothness, limits) for column, limits in LIMITS.items()]
             for sense in (1, -1)
         ]
-        separable = any(row[1] != 1 or row[2] != 1 for row in rows)
-        still, side_forward, side_backward = (_on_side_a(row, separable) for row in (at_rest, *there))
+        still, side_forward, side_backward = (_on_side_a(row) for row in (at_rest, *there))
         drives = self.tau_eta >= 0  # also while locked: it starts with the side that drives then
         forward = gl.Piecewise((_a_drives(torque, 1, there[0]), drives), (_b_drives(torque, 1, there[0]), True))
         backward = gl.Piecewise((_b_drives(torque, -1, there[1]), drives), (_a_drives(torque, -1, there[1]), True))
@@ -190,11 +190,13 @@ def _b_drives(torque: Any, sense: int, row: list[Any]) -> Any:
     return (1 - 1 / row[1]) * torque + sense * row[3]
 
 
-def _on_side_a(row: list[Any], separable: bool) -> Any:
-    """The part of the bearing friction at flange_a; half of it if the efficiencies are 1 throughout, where it is indeterminate."""
-    if not separable:
-        return row[2] / 2
-    return (row[2] - row[3]) / (row[0] - 1 / row[1] - SMALLEST)
+def _on_side_a(row: list[Any]) -> Any:
+    """The part of the bearing friction at flange_a; half of it where both efficiencies are 1 and it is indeterminate, as in Modelica."""
+    spread = row[0] - 1 / row[1]
+    half, part = row[2] / 2, (row[2] - row[3]) / (spread - SMALLEST)
+    if is_real(spread):  # both are constant
+        return half if spread >= 0 else part
+    return piecewise_without_events((half, spread >= 0), (part, True))
 
 
 class Gearbox(TwoFlanges, MaybeHeated):

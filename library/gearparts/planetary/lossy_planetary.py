@@ -26,7 +26,7 @@ class LossyPlanetary(MaybeHeated):
 
     A row of ``sun_mesh`` or ``ring_mesh`` holds the speed of the sun relative to the carrier, and the efficiencies of the mesh with the
     sun driving and with the ring driving. A row of ``bearing`` holds that speed and a friction torque, referred to the sun. Beyond their
-    first and last rows the three tables are constant.
+    first and last rows the three tables are constant; the product is exact at the speeds of all rows, and linear between them.
 
     References
     ----------

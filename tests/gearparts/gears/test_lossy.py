@@ -432,6 +432,34 @@ def test_bearings_of_a_gear_without_mesh_losses_share_the_friction_b1() -> None:
     assert right_side(even, "tau_eta", flange_a__tau=1.0) == pytest.approx(1.3)
 
 
+ALSO_AT_REST = ((0.0, 1.0, 1.0, 0.6, 0.2), (10.0, 1.0, 1.0, 0.6, 0.2), (20.0, 0.9, 0.9, 0.6, 0.2))
+FROM_10_ON = ((0.0, 0.5, 0.5, 0.6, 0.2), (10.0, 1.0, 1.0, 0.6, 0.2), (20.0, 1.0, 1.0, 0.6, 0.2))
+FAR_BEYOND = ((0.0, 0.5, 0.5, 0.6, 0.2), (10.0, 0.9, 0.9, 0.6, 0.2))
+
+
+@pytest.mark.parametrize(("rows", "w"), [(ALSO_AT_REST, 5.0), (FROM_10_ON, 15.0), (FAR_BEYOND, 50.0)])
+def test_bearings_share_the_friction_b1_at_speeds_without_mesh_losses(rows: Any, w: float) -> None:
+    """There (B1 - B2) / (eta1 - 1 / eta2) is infinite, and one flange would count as driving, whatever its torque."""
+    gear = LossyGear(ratio=2.0, loss_table=rows)
+    assert right_side(gear, "tau_eta", flange_a__tau=1.0, w_a=w, pre_mode=1) == pytest.approx(0.7)
+    assert right_side(gear, "tau_eta", flange_a__tau=1.0, w_a=-w) == pytest.approx(1.3)
+    system = gl.compile(Driven(loss_table=rows), outputs=["gear.tau_loss"])
+    for tau_a, loss in ((-20.0, 0.2), (20.0, 0.6)):
+        values = {"tau_a": tau_a, "tau_b": -3.0 * tau_a, "w0": w}
+        assert system.simulate(1e-6, samples=2, parameters=values)["gear.tau_loss"][0] == pytest.approx(loss)
+
+
+@pytest.mark.parametrize(
+    ("torque", "forward", "backward"), [(0.4, 0.6, -0.2), (0.2, 0.2, -0.2), (-0.2, 0.2, -0.2), (-0.4, 0.2, -0.6)]
+)
+def test_a_gear_without_mesh_losses_at_rest_starts_by_the_friction_of_the_driving_flange(
+    torque: float, forward: float, backward: float
+) -> None:
+    gear = LossyGear(ratio=2.0, loss_table=ALSO_AT_REST)
+    assert right_side(gear, "loss_forward", flange_a__tau=torque) == pytest.approx(forward)
+    assert right_side(gear, "loss_backward", flange_a__tau=torque) == pytest.approx(backward)
+
+
 @pytest.mark.parametrize("sense", [1, -1])
 def test_when_a_gear_starts(lossy: gl.Component, sense: int) -> None:
     own, other = ("start_forward", "start_backward")[::sense]
