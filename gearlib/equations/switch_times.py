@@ -230,7 +230,7 @@ def instants(period: float, offset: float, t0: float, t_end: float) -> Floats:
     many = (t_end - begin) / period  # infinite if it overflows
     if many > MOST_INSTANTS:
         raise OutsideClassError(f"there are {many:.6g} instants, more than {MOST_INSTANTS}")
-    first = max(math.floor((begin - offset) / period) - 1, 0)
+    first = math.floor((begin - offset) / period)
     with np.errstate(over="ignore"):  # beyond the interval
         times = offset + period * np.arange(first, first + math.ceil(many) + 4)
     return np.asarray(times[(times >= t0) & (times <= t_end)], float)

@@ -95,7 +95,7 @@ def flatten(component: Component, substituted: Special = frozenset(), anew: bool
     wanted = declared(classes, lambda _, v: PREFERENCE[v.state], np.full(n_variables, PREFERENCE["default"]))
     sizes = declared(classes, lambda _, v: v.nominal, np.ones(n_variables))
     groups = tuple(_represented(group, aliases) for group in raw)
-    starts = np.array(tree.starts, np.int64).reshape(-1, 3)  # variable, slot, fixed
+    starts = np.array(tree.starts, np.int64).reshape(len(tree.starts), 3)  # variable, slot, fixed
     return FlatModel(
         tuple(tree.instances), groups, table,
         starts[:, 0], starts[:, 1], starts[:, 2].astype(bool),
@@ -115,7 +115,7 @@ def _without_aliases(
     Where two variables of an equation become one, the rest of it may be another equality, which merges more variables.
     """
     while True:
-        left, right, sign = np.array(equalities, np.int64).reshape(-1, 3).T
+        left, right, sign = np.array(equalities, np.int64).reshape(len(equalities), 3).T
         aliases = unite(n_variables, left, right, sign, rank)
         kept: list[EquationGroup] = []
         changed: list[EquationGroup] = []

@@ -253,7 +253,7 @@ def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, u
         return
     path = tree.parameter_names[slot]
     if value is NO_VALUE or value is None:
-        hint = "" if description == "start value" else f": {path.rsplit('.', 1)[-1]}=..."
+        hint = "" if description == "start value" else f": {path.rpartition('.')[2]}=..."
         raise BindingError(f"{path} has no value; give one in {unit} ({description or 'no default'}){hint}")
     if scope is not None:
         value = _evaluated(value, scope, path)

@@ -435,7 +435,7 @@ class FlatModel:
         units = [d.unit for instance in self.instances for d in instance.declared.variables.values()]
         known = {unit: dimension(unit) for unit in {*units, "any"}}
         every = [known[unit] for unit in [*units, *["any"] * (self.n_variables - len(units))]]
-        return np.array([[math.nan] * len(NONE) if d is None else d for d in every], float).reshape(-1, len(NONE))
+        return np.array([[math.nan] * len(NONE) if d is None else d for d in every], float).reshape(len(every), len(NONE))
 
     def variable(self, name: str, what: str = "variable") -> int:
         """Number of the variable with a path."""

@@ -252,7 +252,7 @@ class _Rows:
         self, program: Program, places: Places, entering: Sequence[Entering], n_known: int, n_seeds: int | None
     ) -> None:
         self.n_slots, self.places = program.n_slots, places
-        slots, seeds = np.array(entering, np.int64).reshape(-1, 2).T
+        slots, seeds = np.array(entering, np.int64).reshape(len(entering), 2).T
         self.n_seeds = n_seeds if n_seeds is not None else int(seeds.max(initial=-1)) + 1
         self.length = np.bincount(slots[:n_known], minlength=places[2] + 1)
         self.first = 1 + np.cumsum(self.length) - self.length

@@ -166,7 +166,7 @@ def pulled_back(plan: DerivativePlan, at: At, weights: Floats) -> Floats:
         entries_ = back[step.first : step.first + len(step.rows) * width]
         np.add.at(back, step.added_sources, entries_[step.added])
         unknowns = np.zeros((len(block.unknowns), width, times))
-        unknowns[step.rows] = entries_.reshape(-1, width, times)
+        unknowns[step.rows] = entries_.reshape(len(step.rows), width, times)
         right = _transposed_block(step, at, unknowns)
         _spread(step.sums, at, right.reshape(-1, times)[step.sums.to], back)
     found = np.empty((len(plan.order), len(at.t)))
@@ -252,7 +252,7 @@ def newton_matrix(step: Newton, at: At) -> Floats:
     """Matrix of a block's linearised equations, shape (times, unknowns, unknowns)."""
     n = len(step.unknowns)
     found = assemble(step.jacobian, at.t, at.slots, at.prepared.parameters, at.relations, n * n)
-    return found.T.reshape(-1, n, n)
+    return found.T.reshape(len(at.t), n, n)
 
 
 def slopes(batch: Batch, at: At) -> Iterator[tuple[Integers, Integers, Floats]]:

@@ -344,7 +344,7 @@ def _iterate(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relatio
                 return change
 
             return assemble(step.residuals, now, here, prepared.parameters, discrete, n), sparse_correction
-        matrix = assemble(step.jacobian, now, here, prepared.parameters, discrete, n * n).T.reshape(-1, n, n)
+        matrix = assemble(step.jacobian, now, here, prepared.parameters, discrete, n * n).T.reshape(len(now), n, n)
 
         def correction(residual: Floats) -> Floats:
             change = np.zeros_like(z)

@@ -242,7 +242,7 @@ class Program:
     def undifferentiated(self) -> tuple[Integers, Integers]:
         """Variables that are not derivatives: their numbers and their slots."""
         pairs = [(v, slot) for (v, k), slot in self.slots.items() if k == 0]
-        table = np.array(pairs, np.int64).reshape(-1, 2)
+        table = np.array(pairs, np.int64).reshape(len(pairs), 2)
         return table[:, 0], table[:, 1]
 
     @cached_property

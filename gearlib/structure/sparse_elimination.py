@@ -183,7 +183,7 @@ def independent(scaled: Any, safe: float = SAFE, exchange: float = EXCHANGE) -> 
         for other, _ in eliminate(lines, users, i, pivot, users[pivot], rounding=CANCELLED):
             heapq.heappush(waiting, (len(lines[other]), other))
     chosen += _core([i for i, line in lines.items() if line and i not in done], lines)
-    rows, columns = np.array(chosen, np.int64).reshape(-1, 2).T
+    rows, columns = np.array(chosen, np.int64).reshape(len(chosen), 2).T
     return rows, columns
 
 

@@ -9,14 +9,18 @@ import numpy as np
 import pytest
 import sympy
 
+import gearlib as gl
 from gearlib.equations import switch_times as module
+from gearlib.equations.kernel import relation_kernel
 from gearlib.equations.quasipolynomials import TIME, OutsideClassError
-from gearlib.equations.switch_times import distinct, instants, rounding, times_of_breakpoints
+from gearlib.equations.switch_times import distinct, has_known_zeros, instants, rounding, times_of_breakpoints
+from gearlib.equations.template import template_of
 from gearlib.errors import ArgumentError
 from gearlib.language.expressions import SquareWave
 from gearlib.program.event_iteration import right_hand
 
 t = TIME
+P, Q, x = sympy.symbols("P Q x", real=True)
 
 
 @pytest.mark.parametrize(
@@ -34,6 +38,7 @@ def test_instants_are_all_multiples_of_the_period_in_a_closed_interval(
 def test_instants_that_are_too_many_or_have_no_period_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MOST_INSTANTS", 10)
     assert len(instants(1.0, 0.0, 0.0, 10.0)) == 11
+    assert instants(1.0, 3.0, 1e8, 1e8 + 2.5).tolist() == [1e8, 1e8 + 1, 1e8 + 2], "however late"
     with pytest.raises(OutsideClassError, match=r"there are 10\.5 instants, more than 10"):
         instants(1.0, 0.0, 0.0, 10.5)
     for period in (0.0, -1.0, math.nan):
@@ -219,6 +224,21 @@ def test_an_exponential_has_passed_a_level_just_after(rate: float) -> None:
         assert time == pytest.approx(root, rel=1e-13, abs=4e-15 / abs(rate))
         assert np.sign(np.exp(rate * right_hand(np.array([time]))) - level).tolist() == [np.sign(rate)]
     assert times_of_breakpoints(sympy.exp(rate * t) > -1.0, 0.0, 2.0).tolist() == []
+
+
+@pytest.mark.parametrize(
+    ("signal", "known"),
+    [
+        (t - P, True), (P * t**2 - Q * t + 1, True), (gl.sin(P * t) - Q, True), (gl.exp(-P * t) - Q, True), (P - Q, True),
+        (gl.sin(P * t) - Q * t, False), (gl.exp(gl.sin(t)) - P, False), (gl.sin(P * t) + gl.sin(Q * t), False),
+        (gl.sin(t) + gl.sin(P * t), False), (gl.exp(t) - P * gl.exp(Q * t) - 1, False), (x * t + gl.sin(P * t) - Q, True),
+        (gl.sin(t) - x * gl.atan(t), True),
+    ],
+)  # fmt: skip
+def test_zeros_are_known_of_what_has_a_formula_for_all_parameters(signal: Any, known: bool) -> None:
+    """And of what else is zero, as x is here."""
+    template = template_of(gl.Eq(x, gl.Piecewise((1, signal > 0), (2, True))), "test", {"P", "Q"}.__contains__)
+    assert has_known_zeros(relation_kernel(template, 0)) is known
 
 
 def test_both_sides_of_what_has_no_closed_form_are_named() -> None:

@@ -17,6 +17,7 @@ def test_signs_multiply_along_a_chain() -> None:
     a = unite(4, integers([0, 1, 2]), integers([1, 2, 3]), integers([-1, -1, -1]), integers([0, 1, 1, 1]))
     assert a.representative.tolist() == [0, 0, 0, 0]
     assert a.sign.tolist() == [1, -1, 1, -1]
+    assert a.sign.dtype == np.int64
     assert a.redundant == 0
 
 
