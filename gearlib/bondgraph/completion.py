@@ -56,13 +56,14 @@ def can_be_completed(graph: BondGraph, effort_to: Mapping[int, Element]) -> bool
             continue
         ends = [_follow(graph, bond, end, seen) for end in (bond.head, bond.tail)]
         oriented = [(end, effort_in == isinstance(end, Zero)) for end, effort_in in ends if isinstance(end, Junction)]
-        if len(oriented) == 1:
-            net.add_edge(oriented[0][0], ("leaf", bond.number), weight=1)
-        elif len(oriented) == 2 and oriented[0][1] != oriented[1][1]:
-            middles += 1
-            net.add_edges_from(((end, ("middle", bond.number)) for end, _ in oriented), weight=2)
-        elif len(oriented) == 2:
-            net.add_edge(oriented[0][0], oriented[1][0], weight=2)
+        match oriented:
+            case [(junction, _)]:
+                net.add_edge(junction, ("leaf", bond.number), weight=1)
+            case [(one, this), (other, that)] if this == that:
+                net.add_edge(one, other, weight=2)
+            case [(one, _), (other, _)]:
+                middles += 1
+                net.add_edges_from(((end, ("middle", bond.number)) for end in (one, other)), weight=2)
     matching = nx.max_weight_matching(net)
     return bool(sum(net.edges[edge]["weight"] for edge in matching) == len(wanting) + middles)
 

@@ -17,7 +17,7 @@ from gearlib.equations.kernel import relation_kernel
 from gearlib.errors import ArgumentError
 from gearlib.flatten.model import EquationGroup, FlatModel
 from gearlib.statics.mesh_turn import apply
-from gearlib.statics.steady_motion import CONTRADICTION, Given, Motion, motion_from
+from gearlib.statics.steady_motion import CONTRADICTION, UNDETERMINED, Given, Motion, motion_from
 
 Floats = NDArray[np.float64]
 STILL = 1e-9  # relative to the fastest rate: rounding
@@ -32,12 +32,13 @@ def with_gaps_closed(model: FlatModel, parameters: Floats, given: Sequence[Given
         return motion
     n = model.n_variables
     compared = np.unique(np.array([v for g, c in comparing(model) for v in compared_by(model, g, c)], np.int64))
-    moving = without_rounding(motion.rates)[compared] != 0.0
-    gaps = compared[(moving | (motion.undetermined[compared] > 1e-8)) & ~model.flow[compared] & ~model.potential[compared]]
-    sides = [(s, -s) for s in (np.where(motion.rates[gaps] < 0.0, -1.0, 1.0)).tolist()]
-    for trial in islice(product(*sides), MOST_TRIALS):
+    gaps = compared[(motion.undetermined[compared] > UNDETERMINED) & ~model.flow[compared] & ~model.potential[compared]]
+    way = np.sign(without_rounding(motion.rates)[gaps])
+    side = np.where(way == 0.0, np.sign(way.sum()) or 1.0, way)
+    # Of a long row of gaps all are closed by a load of one sense; each trial is followed by that of the other sense.
+    for others, sense in islice(product(product((1.0, -1.0), repeat=max(len(gaps) - 1, 0)), (1.0, -1.0)), MOST_TRIALS):
         x = np.concatenate([motion.constants, motion.rates])
-        x[gaps] = APART * np.array(trial)
+        x[gaps] = APART * sense * side * np.array([1.0, *others])[: len(gaps)]
         x[n + gaps] = 0.0
         found = motion_from(model, parameters, given, x)
         if not (found.residual > CONTRADICTION).any() and not drifting(model, parameters, found):

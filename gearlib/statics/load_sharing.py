@@ -106,8 +106,6 @@ def elastic(model: FlatModel, parameters: Floats, motion: Motion) -> tuple[Any, 
         kinds = [
             kind_of(model, int(group.variables[0, template.locals.index(name)]), order) for name, order in template.columns
         ]
-        if not (("m" in kinds and "N" in kinds) or ("rad" in kinds and "N.m" in kinds)):
-            continue
         slopes, places = [], []
         for c, (name, _) in enumerate(template.columns):
             j = template.locals.index(name)

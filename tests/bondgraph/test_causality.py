@@ -279,3 +279,13 @@ def test_a_row_of_elements_without_junctions_hands_its_quantities_on(forward: bo
         ("e", 1): (), ("e", 2): (("e", 1),), ("f", 3): (("e", 2),),
         ("e", 3): (("f", 3),), ("f", 2): (("e", 3),), ("f", 1): (("f", 2),),
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("first", [1, 7, 20, 33, 50, 64, 71, 90])
+def test_of_the_effort_and_the_flow_of_a_bond_a_loop_is_torn_at_the_effort(first: int) -> None:
+    """Two gyrators turn the waves back at the ends of one bond, so that both its quantities are in one loop; in every process alike."""
+    a, b, left, right = One("a"), Zero("b"), GY(2.0), GY(3.0)
+    ends = [(a, b), (a, left), (left, a), (b, right), (right, b)]
+    found = assign_causality(BondGraph(*((first + k, *pair) for k, pair in enumerate(ends)), (99, Se(), a)))
+    assert found.tears == (("e", first),)
+    assert found.loops == (tuple(range(first, first + 5)),)

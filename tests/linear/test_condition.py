@@ -250,6 +250,7 @@ class Plant(gl.Component):
         (["one.y", "two.y"], ("open: valve one", "shut: valve two", "high: two")),
         (["three.y", "one.y"], ("open: valve one, three",)),
         (["one.shut"], ("open: valve one",)),
+        (["one.x"], ("open: valve one",)),
     ],
 )
 def test_only_what_the_outputs_need_is_said(outputs: list[str], said: tuple[str, ...]) -> None:
@@ -280,6 +281,19 @@ def test_steady_states_are_those_of_the_first_values_of_what_changes_with_time()
 
     steady = gl.compile(Shaken()).linearize([], ["x"], at="steady", sparse=True).conditions
     assert steady == (said[0].replace("Loaded", "Shaken"),), "not with the mean of a sinusoid"
+
+
+def test_where_nothing_depends_on_the_point_nothing_is_said_of_it() -> None:
+    class Loaded(gl.Component):
+        x, v = gl.Variable("1"), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            force = gl.Piecewise((3.0, gl.time < 1.0), (5.0, True))
+            return [gl.Eq(gl.der(self.x), self.v), gl.Eq(gl.der(self.v), force - self.x - self.v)]
+
+    system = gl.compile(Loaded())
+    assert gl.modes(system, at="steady").conditions == ()
+    assert system.linearize([], ["x"], at="steady", sparse=True).conditions == ()
 
 
 def test_a_state_is_named_with_its_description_if_it_has_one() -> None:
@@ -381,6 +395,29 @@ def test_what_turns_and_what_changes_with_time_is_told(at: dict[str, float], giv
     values = {f"wheel[0].{name}": x for name, x in given.items()}
     points = {"wheel[0].phi": 0.1, **{f"wheel[0].{name}": x for name, x in at.items()}}
     model = wheels().linearize([], ["wheel[0].w"], at=points, parameters=values, sparse=True)
+    assert model.conditions == ((f"frozen at {said}, with which the coefficients vary",) if said else ())
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        (lambda x, t: gl.Piecewise((gl.sin(x), gl.sin(x) < 0), (0, True)), "x = 0.1 rad"),
+        (lambda x, t: gl.Piecewise((gl.sin(x), gl.sin(x) > 0), (0, True)), "x = 0.1 rad"),
+        (lambda x, t: gl.Piecewise((1, t > 8.0), (0, True)), "t = 0 s"), (lambda x, t: gl.Piecewise((1, t > 9.5), (0, True)), None),
+        (lambda x, t: gl.Piecewise((1, t < -0.5), (0, True)), None),
+    ],
+)  # fmt: skip
+def test_coefficients_are_looked_at_over_a_turn_and_ten_seconds(law: Any, said: str | None) -> None:
+    """Also where they vary in one half of it only; what was before does not count."""
+
+    class Wave(gl.Component):
+        x, y, second = gl.Variable("rad", start=0.1), gl.Variable("1"), gl.Parameter("s", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            rate = -self.y * (2 + law(self.x, gl.time / self.second))
+            return [gl.Eq(self.second * gl.der(self.x), 1.0), gl.Eq(self.second * gl.der(self.y), rate)]
+
+    model = gl.compile(Wave()).linearize([], ["y"], at={"y": 3.0}, sparse=True)
     assert model.conditions == ((f"frozen at {said}, with which the coefficients vary",) if said else ())
 
 

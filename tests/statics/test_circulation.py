@@ -29,3 +29,11 @@ def test_circles_of_any_size_are_found_and_rounding_makes_none(size: float) -> N
     assert [c.components for c in found] == [("a", "c", "d"), ("a", "b")]
     assert [c.power / size for c in found] == pytest.approx([0.2, 0.1], rel=1e-9)
     assert circulations(edges[:2]) == ()
+
+
+def test_shortest_circles_come_first_wherever_they_are() -> None:
+    """The long one leaves no other; the part whose name is the first is on that alone. A part may give to the shaft that it takes from."""
+    ends = {"a": (1, 2), "b": (2, 3), "c": (3, 1), "e": (3, 2), "f": (1, 3)}
+    edges = [PowerEdge(name, shaft, sign) for name, pair in ends.items() for shaft, sign in zip(pair, (1.0, -1.0), strict=True)]
+    assert {c.components for c in circulations(edges)} == {("b", "e"), ("c", "f")}
+    assert [c.components for c in circulations([PowerEdge("a", 1, 5.0), PowerEdge("a", 1, -5.0)])] == [("a",)]

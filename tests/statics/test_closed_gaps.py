@@ -166,21 +166,54 @@ def compiled_coupling() -> gl.System:
     return gl.compile(Coupling())
 
 
+class Chain(gl.Component):
+    """Motor, bodies with gaps between them, load."""
+
+    gaps, load = gl.Structural(7), gl.Structural("fan")
+
+    def assemble(self) -> list[Any]:
+        self.motor, self.ground = gp.Torque(), gp.Fixed()
+        self.body, self.gap = (
+            [gp.Inertia(J=0.1) for _ in range(self.gaps + 1)],
+            [COUPLINGS["limited"]() for _ in range(self.gaps)],
+        )
+        joined = [
+            gl.connect(self.motor.flange, self.body[0].flange_a),
+            *[gl.connect(body.flange_b, gap.flange_a) for body, gap in zip(self.body[:-1], self.gap, strict=True)],
+            *[gl.connect(gap.flange_b, body.flange_a) for body, gap in zip(self.body[1:], self.gap, strict=True)],
+        ]
+        if self.load == "damper":
+            self.damper = gp.Damper(d=0.5)
+            ends = (
+                gl.connect(self.damper.flange_a, self.body[-1].flange_b),
+                gl.connect(self.damper.flange_b, self.ground.flange),
+            )
+            return [*joined, *ends]
+        if self.load == "fan":
+            self.fan: Any = gp.QuadraticSpeedDependentTorque(tau_nominal=-4.0, w_nominal=10.0, torque_direction=False)
+        else:
+            self.fan = gp.Torque()
+        return [*joined, gl.connect(self.body[-1].flange_b, self.fan.flange)]
+
+
+@cache
+def chain(gaps: int, load: str) -> gl.System:
+    return gl.compile(Chain(gaps=gaps, load=load))
+
+
 def test_more_gaps_than_are_tried_are_closed_where_the_steady_state_has_them() -> None:
     """Seven in series, two sides each: 4 N.m backwards turn a load of 4 N.m (w / 10 rad/s)^2."""
-
-    class Chain(gl.Component):
-        def assemble(self) -> list[Any]:
-            self.motor = gp.Torque()
-            self.fan = gp.QuadraticSpeedDependentTorque(tau_nominal=-4.0, w_nominal=10.0, torque_direction=False)
-            self.body, self.gap = [gp.Inertia(J=0.1) for _ in range(8)], [COUPLINGS["limited"]() for _ in range(7)]
-            return [
-                gl.connect(self.motor.flange, self.body[0].flange_a),
-                *[gl.connect(body.flange_b, gap.flange_a) for body, gap in zip(self.body[:-1], self.gap, strict=True)],
-                *[gl.connect(gap.flange_b, body.flange_a) for body, gap in zip(self.body[1:], self.gap, strict=True)],
-                gl.connect(self.body[-1].flange_b, self.fan.flange),
-            ]
-
-    flow = gl.compile(Chain()).power_flow(torques={"motor.tau": -4.0})
+    flow = chain(7, "fan").power_flow(torques={"motor.tau": -4.0})
     assert [flow[f"gap[{k}].flange_a"].torque for k in range(7)] == pytest.approx([-4.0] * 7, rel=1e-9)
     assert flow["fan.flange"].speed == pytest.approx(-10.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("place", ["body[0].w", "body[8].w"])
+@pytest.mark.parametrize(
+    ("load", "speed", "torque"), [("damper", 3.0, -1.5), ("damper", -3.0, 1.5), ("torque", -3.0, 5.0), ("torque", -3.0, -5.0)]
+)
+def test_a_long_row_of_gaps_is_closed_in_either_sense(place: str, load: str, speed: float, torque: float) -> None:
+    """Eight in series, wherever the speed is given: what the load takes goes through all of them."""
+    flow = chain(8, load).power_flow(speeds={place: speed}, torques={"fan.tau": torque} if load == "torque" else {})
+    assert [flow[f"gap[{k}].flange_b"].torque for k in range(8)] == pytest.approx([torque] * 8, rel=1e-9)
+    assert [flow[f"body[{k}].flange_a"].speed for k in range(9)] == pytest.approx([speed] * 9, rel=1e-9)

@@ -126,6 +126,22 @@ class Lagging(gl.Component):
         ]
 
 
+class Watching(gl.Component):
+    """A load of 1 N.m over a third of each turn, and of 4 N.m over the rest."""
+
+    flange, newton_metre = gp.Flange("shaft"), gl.Parameter("N.m", default=1.0)
+    phase = gl.Variable("rad")
+
+    def equations(self) -> list[gl.Eq]:
+        torque = gl.Piecewise((1, gl.sin(self.phase) > 0.5), (4, True))
+        return [gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)), gl.Eq(self.flange.tau, self.newton_metre * torque)]
+
+
+def test_a_phase_that_is_only_compared_counts_with_its_turn() -> None:
+    flow = gl.power_flow(driven(Watching()), speeds={"body.w": W})
+    assert flow["load.flange"].torque == pytest.approx(1 / 3 + 4 * 2 / 3, abs=2e-3)
+
+
 def test_an_equation_that_is_written_for_one_variable_determines_no_other() -> None:
     """The mean of 2 (sin(phase) + 6)."""
     flow = gl.power_flow(driven(Lagging()), speeds={"body.w": W})

@@ -130,6 +130,7 @@ def test_arguments_of_columns_are_those_of_each_point_with_their_signs() -> None
             plain = argument(group, name, order, one.a, one.b)
             source = {0: one.a, 1: one.b}.get(order, np.zeros(len(one.a)))
             assert plain == pytest.approx(source[v] * group.signs[:, j])
+            assert argument(group, name, 2, one.a, one.b).tolist() == [0.0] * len(group)
             found = one.over.argument(group, name, order, one.a, one.b)
             moved = one.over.place[v] >= 0
             assert one.over.moves(group, name) == moved.any()
