@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from gearlib.arguments import shown
 from gearlib.errors import ModelicaError
 from gearlib.language.component import RESERVED, Component, Connection
 from gearlib.language.declarations import NO_VALUE, Connector, Declaration, Discrete, Input, Parameter, Structural, Variable
@@ -21,7 +22,16 @@ from gearlib.modelica.class_content import (
     merged,
 )
 from gearlib.modelica.counterparts import Counterpart, ModelicaClass
-from gearlib.modelica.element_types import ElementKind, ElementType, connector_class, element_of, kind_of, type_named, unit_of
+from gearlib.modelica.element_types import (
+    ElementKind,
+    ElementType,
+    TypeKind,
+    connector_class,
+    element_of,
+    kind_of,
+    type_named,
+    unit_of,
+)
 from gearlib.modelica.equation_reading import assigned_in_whens, connections_from, equations_from
 from gearlib.modelica.evaluation import Evaluation
 from gearlib.modelica.part_building import PartMaker, attribute, chosen, variable_of
@@ -168,6 +178,8 @@ class _ClassBuilder:
                 return Discrete(node.comment, start=self._attribute(attributes["start"]) if "start" in attributes else 0.0)
             case "connector":
                 return self._connector(member)
+            case "constant" if not _names_in(node.value):
+                self._structural(member)  # checked
         return None
 
     def _default(self, member: Member) -> Any:
@@ -178,7 +190,9 @@ class _ClassBuilder:
         if isinstance(node, GivenNode) or _names_in(node):
             scope, constant = member.element.scope, member.kind == "parameter"
             return lambda c: replace(self.evaluation(c, scope), of_parameters=constant).number(node)
-        found = Evaluation(member.element.scope, None, self._constants()).number(node)
+        evaluation = Evaluation(member.element.scope, None, self._constants())
+        _check_type(evaluation.value(node), member.type.kind, node)
+        found = evaluation.number(node)
         return float(found) if isinstance(found, (int, float)) else found
 
     def _structural(self, member: Member) -> Any:
@@ -187,6 +201,7 @@ class _ClassBuilder:
         if node is None or any(name in self.members and self.members[name].kind != "constant" for name in _names_in(node)):
             return None
         found = Evaluation(member.element.scope, None, self._constants()).constant(node)
+        _check_type(found, member.type.kind, node)
         return float(found) if member.type.kind == "real" and isinstance(found, int) else found
 
     def _variable(self, name: str, node: SyntaxNode, attributes: Modifications) -> dict[str, Any]:
@@ -347,6 +362,23 @@ class _ClassBuilder:
 def _reference(node: SyntaxNode, name: str) -> ReferenceNode:
     names = tuple(name.split("."))
     return ReferenceNode(node.at, names, ((),) * len(names))
+
+
+def _check_type(value: Any, kind: TypeKind, node: SyntaxNode) -> None:
+    """Refuse a constant value of another type; whole numbers are real ones, too."""
+    if isinstance(value, tuple):
+        for each in value:
+            _check_type(each, kind, node)
+    elif isinstance(value, (bool, int, float, str)) and kind in _VALUES:
+        types, expected = _VALUES[kind]
+        if not isinstance(value, types) or isinstance(value, bool) != (kind == "boolean"):
+            raise ModelicaError(f"{node.at}: {shown(value)} is given; expected {expected}")
+
+
+_VALUES: Mapping[TypeKind, tuple[tuple[type, ...], str]] = {
+    "real": ((int, float), "a number"), "integer": ((int,), "an Integer, a whole number"), "boolean": ((bool,), "true or false"),
+    "string": ((str,), "a string, or a literal of the enumeration"),
+}  # fmt: skip
 
 
 def _check_name(name: str, node: SyntaxNode) -> None:

@@ -82,9 +82,25 @@ def interpolated(
         rise = slopes[-1]
     limit = limits[0] if rise < 0 else limits[1]
     if rise and math.isfinite(limit):
-        reached = rows[-1][0] + (limit - rows[-1][column]) / rise
-        lines[-1:] = [(lines[-1][0], x < reached), (limit, True)]
+        lines[-1:] = [(lines[-1][0], x < reaches(rows, column, limit, smoothness)), (limit, True)]
     return piecewise_without_events(*lines)
+
+
+def reaches(rows: Rows, column: int, limit: float, smoothness: str = "linear") -> float:
+    """Where the extrapolation beyond the last row is at a limit; infinity if it does not come there.
+
+    Examples
+    --------
+    >>> reaches(((0.0, 0.5), (2.0, 0.75)), 1, 1.0), reaches(((0.0, 0.5), (2.0, 0.25)), 1, 1.0)
+    (4.0, inf)
+    """
+    last, rise = rows[-1], 0.0
+    if len(rows) > 1 and smoothness != "constant":
+        rise = (last[column] - rows[-2][column]) / (last[0] - rows[-2][0])
+    if smoothness == "akima" and len(rows) > 2:
+        rise = _akima_slopes(rows, column)[-1]
+    to_go = limit - last[column]
+    return last[0] if to_go == 0 else last[0] + to_go / rise if to_go * rise > 0 else math.inf
 
 
 def _akima_slopes(rows: Rows, column: int) -> list[float]:

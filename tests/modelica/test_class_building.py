@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -271,7 +272,7 @@ BEGIN += "Valid names: displayUnit, fixed, max, min, nominal, quantity, start, s
         ("parameter Integer x(begin = 2);", BEGIN),
         ("connector Bad Real n(begin = 2); end Bad; Bad b;", BEGIN),
         ("type Bad = Real(begin = 2); Bad b;", BEGIN),
-        ("parameter Integer n = 1.5; Components.Fixed f[n];", "the size of 'f' is 1.5; expected a whole number"),
+        ("constant Real n = 1.5; Components.Fixed f[n];", "the size of 'f' is 1.5; expected a whole number"),
         ("parameter Real x(min = time) = 2;", "this has to be a constant, known when the model is built; it depends on time"),
         *((f"Real x({name}(a = 1));", f"'{name}' has no value; expected one, as in {name} = 1")
           for name in ("start", "fixed", "nominal", "stateSelect", "min", "unit")),
@@ -303,3 +304,27 @@ def test_a_class_that_says_nothing_is_described_by_its_name() -> None:
     assert (read("").__doc__, read("")().__class__.__name__) == ("The Modelica class P.M.", "M")
     assert gl.read_modelica('model M "a train" end M;').__doc__ == "a train"
     assert declared_by(read("parameter Real y;")()).parameters["y"].default is NO_VALUE
+
+
+@pytest.mark.parametrize(
+    ("declared", "said"),
+    [
+        ("parameter Integer n = 7 / 2;", "3.5 is given; expected an Integer, a whole number"),
+        ("parameter Integer n[2] = {1, 2.5};", "2.5 is given; expected an Integer"),
+        ("constant Integer n = 2.5;", "2.5 is given; expected an Integer"),
+        ("parameter Integer n = true;", "True is given; expected an Integer"),
+        ("parameter Boolean n = 3;", "3 is given; expected true or false"),
+        ("parameter Real n = true;", "True is given; expected a number"),
+        ("parameter String n = 1;", "1 is given; expected a string"),
+        ("type E = enumeration(a, b); parameter E n = 3;", "3 is given; expected a string, or a literal of the enumeration"),
+        ("type N = Integer(min = 1); parameter N n = 2.5;", "2.5 is given; expected an Integer"),
+    ],
+)
+def test_values_have_the_type_of_what_they_are_given_to(declared: str, said: str) -> None:
+    with pytest.raises(ModelicaError, match=f"line 1, column [0-9]+: {re.escape(said)}"):
+        gl.read_modelica(f"model M {declared} end M;")
+
+
+def test_whole_numbers_are_real_ones_too() -> None:
+    model = gl.read_modelica("model M parameter Real n = 7; constant Real m[2] = {1, 2.5}; Real y = n + m[1]; end M;")
+    assert gl.simulate(model(), 1.0, samples=2)["y"][-1] == 8.0

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import gearlib as gl
-from gearlib.arguments import is_real
 from gearlib.errors import BindingError
 from gearparts.interfaces import Dissipative, Flange, MaybeHeated, TwoFlanges, TwoFlangesAndSupport
 from gearparts.rotational.backlash import ElastoBacklash
 from gearparts.rotational.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, YIELD, sign_while
-from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, extremes, interpolated, piecewise_without_events
+from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, extremes, interpolated, piecewise_without_events, reaches
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection
@@ -115,7 +115,11 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
             [interpolated(rows, sense * self.w_a, column, self.smoothness, limits) for column, limits in LIMITS.items()]
             for sense in (1, -1)
         ]
-        still, side_forward, side_backward = (_on_side_a(row) for row in (at_rest, *there))
+        ideal = _without_mesh_losses(rows, self.smoothness)
+        still = _on_side_a(at_rest, 0.0, [(-math.inf, math.inf)] if at_rest[0] == at_rest[1] == 1 else [])
+        side_forward, side_backward = (
+            _on_side_a(row, sense * self.w_a, ideal) for row, sense in zip(there, (1, -1), strict=True)
+        )
         drives = self.tau_eta >= 0  # also while locked: it starts with the side that drives then
         forward = gl.Piecewise((_a_drives(torque, 1, there[0]), drives), (_b_drives(torque, 1, there[0]), True))
         backward = gl.Piecewise((_b_drives(torque, -1, there[1]), drives), (_a_drives(torque, -1, there[1]), True))
@@ -190,13 +194,33 @@ def _b_drives(torque: Any, sense: int, row: list[Any]) -> Any:
     return (1 - 1 / row[1]) * torque + sense * row[3]
 
 
-def _on_side_a(row: list[Any]) -> Any:
-    """The part of the bearing friction at flange_a; half of it where both efficiencies are 1 and it is indeterminate, as in Modelica."""
-    spread = row[0] - 1 / row[1]
-    half, part = row[2] / 2, (row[2] - row[3]) / (spread - SMALLEST)
-    if is_real(spread):  # both are constant
-        return half if spread >= 0 else part
-    return piecewise_without_events((half, spread >= 0), (part, True))
+def _on_side_a(row: list[Any], speed: Any, ideal: list[tuple[float, float]]) -> Any:
+    """The part of the bearing friction at flange_a; half of it where both efficiencies are 1 and it is indeterminate, as in Modelica.
+
+    ``ideal``: the intervals of speed where they are.
+    """
+    half, part = row[2] / 2, (row[2] - row[3]) / (row[0] - 1 / row[1] - SMALLEST)
+    branches: list[tuple[Any, Any]] = []
+    for low, high in ideal:
+        branches += [(part, speed < low)] if low > -math.inf else []
+        branches.append((half, speed < high if high < math.inf else True))
+    return piecewise_without_events(*branches, *([] if branches and branches[-1][1] is True else [(part, True)]))
+
+
+def _without_mesh_losses(rows: Rows, smoothness: str) -> list[tuple[float, float]]:
+    """Intervals of speed in which both efficiencies are 1, in rising order; the first row holds below it, too."""
+    reached = max(reaches(rows, column, 1.0, smoothness) for column in (1, 2))
+    spans = [(left[0], right[0]) for left, right in pairwise(rows)] + ([(reached, math.inf)] if math.isfinite(reached) else [])
+
+    def is_ideal(speed: float) -> bool:
+        shifted = tuple((row[0] - speed, *row[1:]) for row in rows)
+        return all(at_zero(shifted, column, smoothness) >= 1 for column in (1, 2))
+
+    return [
+        (low if low > rows[0][0] else -math.inf, high)
+        for low, high in spans
+        if all(is_ideal(low + share * min(high - low, 1.0)) for share in (0.25, 0.5, 0.75))
+    ]
 
 
 class Gearbox(TwoFlanges, MaybeHeated):

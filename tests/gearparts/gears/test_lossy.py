@@ -17,7 +17,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
 from gearlib.flatten.flatten import flatten
-from gearparts.gears.lossy import Gearbox, LossyGear
+from gearparts.gears.lossy import LIMITS, Gearbox, LossyGear
 from tests.gearparts import msl_hybrid_examples as msl
 from tests.gearparts.laws import right_side
 from tests.gearparts.rotational.test_friction import METHODS, check_against_reference, run
@@ -430,6 +430,39 @@ def test_bearings_of_a_gear_without_mesh_losses_share_the_friction_b1() -> None:
     even = LossyGear(ratio=2.0, loss_table=((0.0, 1.0, 1.0, 0.6, 0.2),))
     assert right_side(even, "tau_eta", flange_a__tau=1.0, pre_mode=1) == pytest.approx(0.7)
     assert right_side(even, "tau_eta", flange_a__tau=1.0) == pytest.approx(1.3)
+
+
+@pytest.mark.parametrize("smoothness", ["linear", "constant"])
+@pytest.mark.parametrize("seed", range(8))
+def test_the_driving_side_by_tables_at_random(seed: int, smoothness: str) -> None:
+    """At any speed, of tables of which some rows have no mesh losses: tau_eta is what the docstring says, of the table's values."""
+    random = np.random.default_rng(seed)
+    speeds = np.array([0.0, *np.sort(random.uniform(1.0, 100.0, random.integers(0, 4)))])
+    columns = np.vstack([random.uniform(0.3, 1.0, (2, len(speeds))), random.uniform(0.0, 2.0, (2, len(speeds)))])
+    columns[:2, random.random(len(speeds)) < 0.5] = 1.0
+    gear = LossyGear(ratio=2.0, loss_table=np.vstack([speeds, columns]).T.tolist(), smoothness=smoothness)
+
+    def at(w: float, column: Any, low: float, high: float) -> float:
+        k = max(min(int(np.searchsorted(speeds, w, side="right")) - 1, len(speeds) - (1 if smoothness == "constant" else 2)), 0)
+        if smoothness == "constant" or len(speeds) == 1:
+            return float(column[k])
+        share = (w - speeds[k]) / (speeds[k + 1] - speeds[k])
+        return float(np.clip(column[k] + share * (column[k + 1] - column[k]), low, high))
+
+    for w in random.uniform(0.0, 200.0, 12):
+        eta1, eta2, B1, B2 = (at(w, c, *limits) for c, limits in zip(columns, LIMITS.values(), strict=True))
+        side_a = B1 / 2 if eta1 == eta2 == 1 else (B1 - B2) / (eta1 - 1 / eta2)
+        for sense, ahead in ((1, {"pre_mode": 1}), (-1, {})):
+            found = right_side(gear, "tau_eta", flange_a__tau=1.0, w_a=sense * w, **ahead)
+            assert found == pytest.approx(1.0 - sense * side_a, rel=1e-6), w
+
+
+def test_losses_of_several_rows_are_written_in_modelica() -> None:
+    rows = ((0.0, 0.9, 0.8, 0.1, 0.2), (10.0, 1.0, 1.0, 0.2, 0.3), (20.0, 1.0, 1.0, 0.2, 0.3))
+    ours = gl.simulate(Driven(loss_table=rows), 2.0, samples=21)["gear.w_a"]
+    for options, name in (({"standard_library": False}, "gear.w_a"), ({"flat": True}, "gear_w_a")):
+        read = gl.read_modelica(gl.to_modelica(Driven(loss_table=rows), **options))
+        assert gl.simulate(read(), 2.0, samples=21)[name] == pytest.approx(ours, rel=1e-5)
 
 
 ALSO_AT_REST = ((0.0, 1.0, 1.0, 0.6, 0.2), (10.0, 1.0, 1.0, 0.6, 0.2), (20.0, 0.9, 0.9, 0.6, 0.2))
