@@ -245,8 +245,8 @@ class GearPair:
         """Maximum single stiffness of a tooth pair per face width, c', N/m2 (ISO 6336-1, method B; steel).
 
         ``c' = 0.8 C_R C_B cos(beta) / q'``, with q' a polynomial of the virtual numbers of teeth and the profile shifts (for ``x_1 >=
-        x_2`` and ``-0.5 <= x_1 + x_2 <= 2``), ``C_B = (1 + 0.5 (1.2 - h_fP)) (1 - 0.02 (20 - alpha_n in degrees))``; proportional to
-        the load below 100 N/mm.
+        x_2`` and ``-0.5 <= x_1 + x_2 <= 2``), ``C_B = (1 + 0.5 (1.2 - h_fP)) (1 - 0.02 (20 - alpha_n in degrees))``; with the
+        fourth root of the load per 100 N/mm below that.
         """
         z_1, z_2 = self.virtual_teeth
         x_1, x_2 = self.x_1, self.x_2
@@ -259,7 +259,7 @@ class GearPair:
                 f"shifts {self.x_1:g} and {self.x_2:g}"
             )
         stiffness = N_PER_MM_UM * CORRECTION * self.blank * rack * math.cos(self.beta) / q
-        return stiffness * min(self.line_load / LIGHT, 1.0)
+        return stiffness * min(self.line_load / LIGHT, 1.0) ** 0.25
 
     @property
     def mesh_stiffness(self) -> float:
