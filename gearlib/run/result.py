@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 MOST_SHOWN = 30  # outputs in a notebook
 FEWEST = 8  # samples that can show waves
+BESIDE = 1e-9  # of a run: times so close to an event are looked at in the steps that found it
 STEPS_OVER_A_WAVE = ("rk", "ida")  # methods that take several
 
 
@@ -687,9 +688,11 @@ class SimulatedResult(Result):
         return self._run(self.translation, request, self.translation.with_states(states))
 
     def with_sample(self, t: float) -> SimulatedResult:
-        """The run itself if a time is one of its samples, else the run repeated up to it."""
+        """The run itself if a time is one of its samples, else the run repeated up to it; at an event, to its end in the same steps."""
         if t in self.time:
             return self
+        if any(abs(event - t) <= BESIDE * (self.time[-1] - self.time[0]) for event, _ in self.events):
+            return self.sampled_at(np.union1d(self.time, t))  # a run that ends there may pass over it, by rounding
         return self.sampled_at(np.append(self.time[self.time < t], t))
 
     def sampled_at(self, times: Floats) -> SimulatedResult:

@@ -581,3 +581,25 @@ def test_times_that_no_formula_gives_are_looked_for(method: str) -> None:
     assert np.unique(np.round([t for t, _ in run.events], 6)) == pytest.approx(
         np.array([1, 4, 5, 9, 13]) * np.pi / 16, abs=1e-6
     )
+
+
+@pytest.mark.parametrize("method", ["rk5", "rk8", "ida", "taylor"])
+def test_a_moment_of_an_event_is_asked_for_after_the_run(method: str) -> None:
+    """It is that behind the event, as a sample there holds: x has been set back, and the event counted."""
+
+    class Sawtooth(gl.Component):
+        x, v, s = gl.Variable("1", start=0.05), gl.Variable("1", start=0.4), gl.Parameter("s", default=1.0)
+        limit, n = gl.Parameter("1", default=0.5), gl.Discrete()
+
+        def equations(self) -> list[Any]:
+            acts = gl.reinit(self.x, self.x - 0.7), gl.Eq(self.n, gl.pre(self.n) + 1)
+            swings = gl.Eq(self.s * gl.der(self.v), 1.2 - 0.3 * self.v - gl.sin(self.x))
+            return [gl.Eq(self.s * gl.der(self.x), self.v), swings, gl.When(self.x > self.limit, *acts)]
+
+    system = gl.compile(Sawtooth(), outputs=["x", "n"])
+    for limit in np.random.default_rng(3).uniform(0.3, 0.6, 8).tolist():
+        run = system.simulate(3.0, samples=2, method=method, parameters={"limit": limit})
+        for k, (t, _) in enumerate(run.events):
+            moment = run.at(t)
+            assert moment["n"] == k + 1
+            assert moment["x"] == pytest.approx(limit - 0.7, abs=1e-9)

@@ -183,7 +183,7 @@ class EventTangents:
             spread = np.ptp([*delays.values(), delay], axis=0)
             if (spread > SAME * self.run.rtol * np.abs(delay)).any():
                 changed, after = set(np.flatnonzero(held != before).tolist()), held.copy()
-                carried = code == 2 or not changed.isdisjoint(self.code.discrete)
+                carried = len(self.events.reinits) > 0 or not changed.isdisjoint(self.code.discrete)
                 effect = np.outer(self._rates(t, x, data, index) - f, spread)
                 if carried or (np.abs(effect) > SAME * self.run.rtol * np.abs(here).max(axis=0, initial=0.0)).any():
                     if carried or not changed <= delays.keys():
@@ -194,18 +194,18 @@ class EventTangents:
                         held[relation] = after[relation]
                         last, f = f, self._rates(t, x, data, index)
                         here += np.outer(last - f, own)
-        steps = self._first_steps(t, states) if first and (code == 2 or self.code.discrete) else None
-        everything[self.n :] = self._jumped(t, (x, data, index), code, f, here, delay, steps, starting).ravel()
+        steps = self._first_steps(t, states) if first and self.code.discrete else None
+        everything[self.n :] = self._jumped(t, (x, data, index), f, here, delay, steps, starting).ravel()
         return code
 
     def _jumped(
-        self, t: float, native: Any, code: int, f: Floats, here: Floats, delay: Floats,
+        self, t: float, native: Any, f: Floats, here: Floats, delay: Floats,
         steps: list[tuple[Floats, Floats]] | None = None, starting: bool = False,
     ) -> Floats:  # fmt: skip
         """Tangents of the states after an event that has been handled, with the delay dt_e/dp and the rates before it."""
         numbers = np.ctypeslib.as_array(native[1], (self.size,))
         moved = here + np.outer(f, delay)
-        if code == 2 or self.code.discrete:
+        if self.code.discrete or (len(self.events.reinits) and not starting):  # also where a new value is the old one
             moved = self._stepped(t, numbers, moved, delay, self._noted_steps(t, numbers) if steps is None else steps, starting)
             if self.code.discrete:
                 self.tangents.note(t, self.discretes)
@@ -249,11 +249,10 @@ class EventTangents:
                     *(-s if k in waiting else s for k, s in zip(searched.tolist(), sides.tolist(), strict=True))
                 )
                 states, before, f = everything[: self.n].copy(), numbers[held].copy(), self._rates(now, *native)
-                code = int(self._update(now, x, fired, data, index))
-                if code < 0:
+                if self._update(now, x, fired, data, index) < 0:
                     self._refuse_together(t, delays)
                 own = self._delays(t, numbers, states, before, f, np.array(relations), here)
-                here = self._jumped(t, native, code, f, here, next(iter(own.values()), np.zeros(self.count)))
+                here = self._jumped(t, native, f, here, next(iter(own.values()), np.zeros(self.count)))
             tangents = np.concatenate([here, self.discretes])
             found = tangents if found is None else found
             ends = (handled[0][: self.n], everything[: self.n]), (handled[1][held], numbers[held]), (found, tangents)

@@ -497,3 +497,16 @@ def test_of_a_new_value_alone(method: str) -> None:
     assert run.sensitivity("x", "k") == pytest.approx([0.0, 1.0, 1.0])
     assert run.sensitivity("x", "limit") == pytest.approx([0.0, 2.0, 2.0])
     assert run.sensitivity("x", "start(x)") == pytest.approx([1.0, 3.0, 3.0])
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("limit", [1.0, 1.3])
+def test_of_a_new_value_that_is_the_old_one(method: str, limit: float) -> None:
+    """x = k limit + t - limit behind the event: with k = 1 it changes nothing but what x depends on."""
+    run = gl.simulate(
+        Restarted(k=1.0, limit=limit), 2.0, times=[0.5, 2.0], method=method, sensitivities=["k", "limit", "start(x)"]
+    )
+    assert run["x"] == pytest.approx([0.5, 2.0])
+    assert run.sensitivity("x", "k") == pytest.approx([0.0, limit])
+    assert run.sensitivity("x", "limit") == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert run.sensitivity("x", "start(x)") == pytest.approx([1.0, 1.0])
