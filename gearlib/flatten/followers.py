@@ -6,7 +6,7 @@ of a mesh or with time.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,7 @@ from gearlib.language.expressions import time
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Marked = tuple[NDArray[np.bool_], NDArray[np.bool_]]  # of all variables: values, and rates
 Follower = tuple[int, int, int]  # group of equations, column that it determines, row
 
 
@@ -33,13 +34,24 @@ def products_in_time(model: FlatModel, parameters: Floats) -> list[str]:
     found: dict[str, None] = {}
     count = np.bincount(np.concatenate([group.variables.ravel() for group in model.groups]), minlength=len(open_))
     alone = (count == 1) & ~model.flow & ~model.potential & (model.sign != 0)  # such as a loss that nothing depends on
-    for group in model.groups:
-        for name, _, others in nonlinear_terms(group.template):
-            own = group.variables[:, place_of(group.template, name)]
-            beside = group.variables[:, [place_of(group.template, other) for other, _ in sorted(others)]]
-            for i in np.flatnonzero(open_[own] & open_[beside].any(axis=1) & ~alone[group.variables].any(axis=1)).tolist():
-                found[model.name(int(own[i]))] = None
+    for group, i, v, _ in products(model, (open_, open_), (open_, open_)):
+        if not alone[group.variables[i]].any():
+            found[model.name(v)] = None
     return sorted(found, key=alphabetical)
+
+
+def products(model: FlatModel, factors: Marked, beside: Marked) -> Iterator[tuple[EquationGroup, int, int, int]]:
+    """Products, squares and conditions of variables: the group and row of the equation, one variable, and whether its rate stands there.
+
+    One is of ``factors``, another of those ``beside``, each marked as values and as rates.
+    """
+    for group in model.groups:
+        for name, order, others in nonlinear_terms(group.template):
+            own = group.variables[:, place_of(group.template, name)]
+            marked = [beside[min(rate, 1)][group.variables[:, place_of(group.template, other)]] for other, rate in others]
+            among = np.array(marked, bool).reshape(-1, len(group)).any(axis=0)
+            for i in np.flatnonzero(factors[min(order, 1)][own] & among).tolist():
+                yield group, i, int(own[i]), order
 
 
 @memoised
@@ -54,11 +66,10 @@ def nonlinear_terms(template: Template) -> tuple[tuple[str, int, frozenset[Colum
 
 @dataclass(frozen=True, eq=False)
 class Followers:
-    """Equations that determine a variable each, in ``order``; and of all variables, which ``turn`` and which are ``constant``."""
+    """Equations that determine a variable each, in ``order``; and of all variables, which ``turn``."""
 
     order: list[Follower]
     turn: NDArray[np.bool_]
-    constant: NDArray[np.bool_]
 
 
 def followers_of(
@@ -110,7 +121,7 @@ def followers_of(
             linear = {x: f for x, f in fresh.items() if model.groups[f[0]].template.linear and swing is None}
             turns[[x for x, f in linear.items() if (turns | constant)[others_of(model, f)].all()]] = True
         else:
-            return Followers(found, turns, constant)
+            return Followers(found, turns)
 
 
 def with_rates(model: FlatModel) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -26,9 +26,8 @@ from gearlib.flatten.followers import (
     columns_of,
     determined,
     followers_of,
-    nonlinear_terms,
     others_of,
-    place_of,
+    products,
     rates_of,
     slopes_of,
     with_rates,
@@ -134,9 +133,7 @@ def periodic_columns(
     angles &= ~still
     free, followers = angles & (model.potential | with_rates(model)[0]), np.zeros_like(angles)
     if (angles & ~free).any():
-        known = followers_of(model, parameters, free)
-        followers[[determined(model, f) for f in known.order]] = True
-        angles &= ~known.constant
+        followers[[determined(model, f) for f in followers_of(model, parameters, free).order]] = True
     found: dict[int, dict[int, Periodic]] = {}
     for g, repeating in grow.items():
         for c, grows in repeating.items():
@@ -291,17 +288,11 @@ def _refuse_unknown(
     model: FlatModel, moved: NDArray[np.bool_], vary: NDArray[np.bool_], open_: NDArray[np.bool_], of_rates: NDArray[np.bool_]
 ) -> None:
     """Refuse products, squares and conditions of variables that determine each other, or of rates of those that ``vary``."""
-    for group in model.groups:
-        template = group.template
-        for name, order, others in nonlinear_terms(template):
-            own = group.variables[:, place_of(template, name)]
-            beside = [(vary if rate else moved)[group.variables[:, place_of(template, other)]] for other, rate in others]
-            among = np.array(beside, bool).reshape(-1, len(group)).any(axis=0)
-            for i in np.flatnonzero((vary if order else open_)[own] & among).tolist():
-                loop = "follows from equations that have to be solved together at each phase; solve them for it"
-                known = "follows from rates that vary with the phase" if of_rates[own[i]] else loop
-                why = f"{model.name(int(own[i]))} {'has a rate that varies with the phase' if order else known}"
-                raise ModelError(f"{template.label}: its mean over a turn of the mesh is not known, since {why}")
+    for group, _, v, order in products(model, (open_, vary), (moved, vary)):
+        loop = "follows from equations that have to be solved together at each phase; solve them for it"
+        known = "follows from rates that vary with the phase" if of_rates[v] else loop
+        why = f"{model.name(v)} {'has a rate that varies with the phase' if order else known}"
+        raise ModelError(f"{group.template.label}: its mean over a turn of the mesh is not known, since {why}")
 
 
 def _depends(kernel: Kernel, group: EquationGroup, over: Turn) -> bool:

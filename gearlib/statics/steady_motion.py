@@ -27,7 +27,9 @@ from gearlib.structure.sparse_elimination import Factors, factorise
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 CONTRADICTION = 1e-8  # relative residual of an equation that cannot be satisfied
-ROUNDING = 1e-13  # of a row's largest coefficient, in equations that are not linear
+ROUNDING = (
+    1e-13  # of a row's largest coefficient, in equations that are not linear; and of the largest unknown, in their solution
+)
 YIELDS = 1e-20  # relative: smaller terms only make the torque that holds a speed an unknown of its equation
 REST = 1e-9  # rad/s or m/s: below it a train stands still, and its speeds are rounding
 UNDETERMINED = 1e-8  # of a scaled free motion of about 1; such motions are accurate to about 1e-13
@@ -306,8 +308,7 @@ def _settled(
         return rows.residual, last.solve
 
     def settled(x: Floats, change: Floats, _: Floats) -> bool:
-        column = last.column if last is not None else 1.0
-        return bool(np.abs(change / column).max(initial=0.0) <= 1e-14 * np.abs(x / column).max(initial=0.0))
+        return is_rounding(change, x, last.column if last is not None else np.ones(2 * n))
 
     for _ in range(40):
         x = newton(equations, x, settled, 30).x
@@ -353,10 +354,14 @@ def kinematic_rows(model: FlatModel, parameters: Floats, given: Sequence[Given],
         x = x - factorise(rows.matrix[still], rows.sizes).solve(rows.residual[still])
         x[n:] = 0.0
         rows = assemble(model, parameters, given, x[:n], x[n:], discrete)
-        scale = np.where(np.isfinite(rows.sizes), 1 / rows.sizes, 1.0)[:n]
-        if np.abs((x[:n] - before) * scale).max(initial=0.0) <= ROUNDING * np.abs(x[:n] * scale).max(initial=0.0):
+        if is_rounding(x[:n] - before, x[:n], np.where(np.isfinite(rows.sizes), rows.sizes, 1.0)[:n]):
             break
     return replace(rows, residual=rows.residual - rows.matrix @ x)  # residual at zero unknowns
+
+
+def is_rounding(change: Floats, x: Floats, sizes: Floats) -> bool:
+    """Whether the last change of some unknowns is rounding: a next one would not be smaller."""
+    return bool(np.abs(change / sizes).max(initial=0.0) <= ROUNDING * np.abs(x / sizes).max(initial=0.0))
 
 
 def connected(rows: MotionEquations, wanted: Integers) -> tuple[Factors, Integers]:
@@ -401,8 +406,8 @@ def _sweep(model: FlatModel, parameters: Floats, a: Floats, b: Floats, discrete:
     for g, group in enumerate(groups):
         for c, relation in enumerate(group.template.relations):
             compared = relation_kernel(group.template, c)
-            value, more, less = (apply(model, compared, g, group, parameters, x, b, discrete) for x in (a, a + tie, a - tie))
-            value = np.where((more > 0) == (less > 0), -value if relation.negated else value, 0.0)
+            more, less = (apply(model, compared, g, group, parameters, x, b, discrete) for x in (a + tie, a - tie))
+            value = np.where((more > 0) == (less > 0), -more if relation.negated else more, 0.0)
             flags = value > 0 if relation.strict else value >= 0
             discrete[model.first_relations[g] + np.arange(len(group)) * len(group.template.relations) + c] = flags
     for u, update in enumerate(model.updates):

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 RPM = 30 / np.pi  # 1/min per rad/s
 
+MEETS = 1e-6  # of a frequency: a mode that is farther from the order has jumped over it
+
 
 @dataclass(frozen=True)
 class Crossing:
@@ -208,13 +210,8 @@ def campbell(
         if watch is not None:
             watch.end(float(grid[-1]))
     places = _followed(runs) if varies else np.tile(_followed(runs[:1]), (len(grid), 1))
-    frequencies = np.array([np.append(r.frequencies, np.nan)[p] for r, p in zip(runs, places, strict=True)])
-    damping = np.array([np.append(r.damping, np.nan)[p] for r, p in zip(runs, places, strict=True)])
-    crossings = [
-        _crossing(at_speed if varies else None, runs[i], grid, frequencies, damping, places, i, k, name, order)
-        for name, order in named.items()
-        for k, i in np.argwhere(np.nan_to_num(np.diff(np.sign(frequencies.T - _excited(order, grid))))).tolist()
-    ]
+    frequencies, damping = (_of_modes(runs, places, what) for what in ("frequencies", "damping"))
+    crossings = [c for given in named.items() for c in _crossings(at_speed if varies else None, runs, grid, places, *given)]
     found = {(c.order, c.mode, round(c.speed, 9)): c for c in crossings}
     said = tuple(dict.fromkeys(text for run in runs for text in run.conditions))
     return Campbell(grid, frequencies, damping, places, named, tuple(sorted(found.values(), key=lambda c: c.speed)), said)
@@ -267,14 +264,50 @@ def _shapes(runs: Sequence[Modes]) -> list[NDArray[np.complex128]]:
     return found
 
 
+def _of_modes(runs: Sequence[Modes], places: NDArray[np.int64], what: str) -> Floats:
+    """A number of each tracked mode at each speed, NaN where it has none."""
+    return np.array([np.append(getattr(run, what), np.nan)[own] for run, own in zip(runs, places, strict=True)])
+
+
+def _crossings(
+    at_speed: Callable[[float], Modes] | None,
+    runs: Sequence[Modes],
+    grid: Floats,
+    places: NDArray[np.int64],
+    name: str,
+    order: float,
+) -> list[Crossing]:
+    """Crossings of all modes with an order.
+
+    Where a mode that is followed by its shape leaves its curve, as where two curves veer, speeds in between are taken.
+    """
+    gaps = _of_modes(runs, places, "frequencies").T - _excited(order, grid)
+    cells: dict[int, list[Crossing]] = {}
+    for k, i in np.argwhere(np.nan_to_num(np.diff(np.sign(gaps)))).tolist():
+        cells.setdefault(i, []).append(_crossing(at_speed, runs[i], grid, gaps, places, i, k, name, order))
+    found = []
+    for i, own in cells.items():
+        if all(abs(c.frequency - _excited(order, c.speed)) <= MEETS * c.frequency for c in own):
+            found += own
+            continue
+        middle = float(grid[i : i + 2].mean())
+        if at_speed is None or np.diff(grid[i : i + 2]) <= MEETS * np.abs(grid[i : i + 2]).max():
+            raise ArgumentError(
+                f"modes cannot be followed at {middle:g} rad/s, where their shapes change; take speeds closer there"
+            )
+        within = [runs[i], at_speed(middle), runs[i + 1]]
+        found += _crossings(at_speed, within, np.array([grid[i], middle, grid[i + 1]]), _followed(within), name, order)
+    return found
+
+
 def _crossing(
-    at_speed: Callable[[float], Modes] | None, last: Modes, grid: Floats, frequencies: Floats, damping: Floats,
-    places: NDArray[np.int64], i: int, k: int, name: str, order: float,
+    at_speed: Callable[[float], Modes] | None, last: Modes, grid: Floats, gaps: Floats, places: NDArray[np.int64], i: int, k: int,
+    name: str, order: float,
 ) -> Crossing:  # fmt: skip
     """Crossing between two speeds: exact for constant frequencies, otherwise iterated with the modes at each speed."""
-    gap = frequencies[i : i + 2, k] - _excited(order, grid[i : i + 2])
+    gap, mode = gaps[k, i : i + 2], int(places[i, k])
     speed = float(grid[i] + (grid[i + 1] - grid[i]) * gap[0] / (gap[0] - gap[1]))
-    f, ratio, mode = float(frequencies[i, k]), float(damping[i, k]), int(places[i, k])
+    f, ratio = float(last.frequencies[mode]), float(last.damping[mode])
     if at_speed is not None:
         from scipy.optimize import brentq
 
@@ -285,7 +318,7 @@ def _crossing(
             found = at_speed(w)
             before, now = _shapes([last, found])
             before = before[:, places[i, own] - last.free]
-            columns, chosen = same_modes(before, frequencies[i, own], now, found.frequencies[found.free :])
+            columns, chosen = same_modes(before, last.frequencies[places[i, own]], now, found.frequencies[found.free :])
             j = dict(zip(own[columns].tolist(), (found.free + chosen).tolist(), strict=True)).get(k)
             if j is None:
                 raise ArgumentError(

@@ -265,3 +265,36 @@ def test_a_curve_is_labelled_where_its_mode_begins_to_oscillate() -> None:
         ("0", (pytest.approx(20 * 30 / np.pi), 2.0)), ("0", (pytest.approx(10 * 30 / np.pi), 5.0)),
     ]  # fmt: skip
     plt.close(axes.figure)
+
+
+class Veering(gl.Component):
+    """Two oscillators, the first of which becomes stiffer with the speed, joined by a weak spring."""
+
+    k, c = gl.Parameter("1/s2", default=100.0), gl.Parameter("1/s2", default=0.5)
+    x, y = gl.Variable("m"), gl.Variable("m")
+    u, v = gl.Variable("m/s"), gl.Variable("m/s")
+
+    def equations(self) -> list[gl.Eq]:
+        pull = self.c * (self.y - self.x)
+        return [
+            gl.Eq(gl.der(self.x), self.u),
+            gl.Eq(gl.der(self.y), self.v),
+            gl.Eq(gl.der(self.u), -self.k * self.x + pull),
+            gl.Eq(gl.der(self.v), -100.0 * self.y - pull),
+        ]
+
+
+@pytest.mark.parametrize("order", [0.95, 1.0, 1.02, 1.1])
+@pytest.mark.parametrize("c", [0.01, 0.5, 5.0])
+@pytest.mark.parametrize("count", [2, 5, 6])
+def test_crossings_are_met_where_curves_veer(order: float, c: float, count: int) -> None:
+    """Shapes change places within a step of speed; ``(k + c - r)(100 + c - r) = c**2`` at the order's ``r = (order w)**2``."""
+    values = {"c": c}
+    found = gl.campbell(
+        gl.compile(Veering()), np.linspace(0, 20, count), [order], parameters=lambda w: {**values, "k": (8 + 0.2 * w) ** 2}
+    )
+    p, r = np.polynomial.Polynomial([8, 0.2]) ** 2 + c, np.polynomial.Polynomial([0, order]) ** 2
+    roots = ((p - r) * (100 + c - r) - c**2).roots()
+    right = np.sort(roots[(np.abs(roots.imag) < 1e-9) & (roots.real > 0) & (roots.real < 20)].real)
+    assert [crossing.speed for crossing in found.crossings] == pytest.approx(right, rel=1e-6)
+    assert [2 * np.pi * crossing.frequency for crossing in found.crossings] == pytest.approx(order * right, rel=1e-6)
