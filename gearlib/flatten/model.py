@@ -443,7 +443,7 @@ class FlatModel:
             raise NameLookupError(f"{shown(name)} is not a name; names are strings, such as 'load.w'")
         found = self.find(name)
         if found is None:
-            head = name.rsplit(".", 1)[0] if "." in name else ""
+            head = name.rpartition(".")[0]
             near = self._by_path.get(head)
             valid = [] if near is None else [*self._names_of(self.instances[near])]
             if name in self._by_path and name:

@@ -333,15 +333,12 @@ def _plain(sources: Integers, to: Integers) -> Products:
 
 def _summed(rows: _Rows, products: Sequence[Products], seeds: Integers | None = None) -> Sums:
     """Sum the products of equal row and seed into row * columns + column; ``seeds`` are the columns, by default all."""
-    if len(products) == 1:
-        factors, multiplied, which, sources, to = products[0]
-    else:
-        size, parts = 0, []
-        for factors, _, which, sources, to in products:
-            parts.append((which + size if factors else which, sources, to))
-            size += sum(map(len, factors))
-        which, sources, to = (np.concatenate(x) for x in zip(*parts, strict=True))
-        factors, multiplied = [b for f, *_ in products for b in f], [m for _, slots, *_ in products for m in slots]
+    size, parts = 0, []
+    for factors, _, which, sources, to in products:
+        parts.append((which + size if factors else which, sources, to))
+        size += sum(map(len, factors))
+    which, sources, to = (np.concatenate(x) for x in zip(*parts, strict=True))
+    factors, multiplied = [b for f, *_ in products for b in f], [m for _, slots, *_ in products for m in slots]
     found = rows.seed_of[sources]
     to = to * rows.n_seeds + found if seeds is None else to * len(seeds) + np.searchsorted(seeds, found)
     order = to.argsort(kind="stable")

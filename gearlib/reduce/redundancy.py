@@ -44,7 +44,7 @@ def redundant_rows(model: FlatModel, parameters: Floats, known: Floats) -> dict[
         constants += (-rest_at(model, g, parameters, known)[rows]).tolist()
     order, coefficients, standing = rows_by_name(model, candidates, coefficients)
     candidates, constants = [candidates[r] for r in order], [constants[r] for r in order]
-    redundant, contradictory = examine(coefficients, constants, frozenset())
+    redundant, contradictory = examine(coefficients, constants)
     for found in contradictory:
         alone = [r for r in found.rows if len(coefficients[r]) == 1]
         if len(alone) > 1:

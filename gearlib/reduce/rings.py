@@ -33,7 +33,7 @@ def with_sums_around_rings(model: FlatModel) -> FlatModel:
     candidates, rows = _sums_of_positions(model, absolute)
     angles = [{v: float(c) for v, c in row.items() if absolute[v]} for row in rows]
     order, angles, _ = rows_by_name(model, candidates, angles)
-    rings, _ = examine(angles, [0.0] * len(order), frozenset())
+    rings, _ = examine(angles, [0.0] * len(order))
     sums: dict[int, SignedSum] = {}
     for ring in rings:
         total = _added([rows[order[r]] for r in ring.rows], ring.multipliers)

@@ -28,9 +28,7 @@ class Combination:
     last: int = -1  # the row that became empty: without it the others are independent
 
 
-def examine(
-    rows: Sequence[Mapping[int, float]], constants: Sequence[float], may_stand: frozenset[int]
-) -> tuple[list[Combination], list[Combination]]:
+def examine(rows: Sequence[Mapping[int, float]], constants: Sequence[float]) -> tuple[list[Combination], list[Combination]]:
     """Find redundant and contradictory rows of ``sum(row[v] * x[v]) = constant``; the row ``last`` of each redundancy can be removed.
 
     Parameters
@@ -39,16 +37,14 @@ def examine(
         Coefficients by variable.
     constants : sequence of float
         Right-hand sides; NaN where they vary with time.
-    may_stand : frozenset of int
-        Variables that may be forced to a constant without error.
 
     Examples
     --------
     Two equal gears in parallel, then two that contradict each other:
 
-    >>> examine([{0: 1, 1: -3}, {0: 1, 1: -3}], [0, 0], frozenset())[0][0].rows
+    >>> examine([{0: 1, 1: -3}, {0: 1, 1: -3}], [0, 0])[0][0].rows
     (0, 1)
-    >>> examine([{0: 1, 1: -3}, {0: 1, 1: -2}], [0, 0], frozenset())[1][0].rows
+    >>> examine([{0: 1, 1: -3}, {0: 1, 1: -2}], [0, 0])[1][0].rows
     (0, 1)
     """
     alive = core(rows)
@@ -78,7 +74,7 @@ def examine(
         pivot = min(row, key=lambda v: (abs(row[v]) < 0.1 * max(map(abs, row.values())), len(holders[v]), v))
         if len(row) == 1:
             grounded = any(i in fixing for i in combos[r])
-            if not grounded and pivot not in may_stand and rhs[r] == 0.0:
+            if not grounded and rhs[r] == 0.0:
                 involved = tuple(sorted(combos[r]))
                 contradictory.append(Combination(involved, tuple(combos[r][i] for i in involved), pivot))
         for other, factor in eliminate(work, holders, r, pivot, pending, sizes, TOLERANCE):

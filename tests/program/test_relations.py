@@ -294,6 +294,26 @@ def test_a_program_without_conditions_has_no_discrete_state() -> None:
         assert found.tolist() == sorted({int(e) for batch in point(kind).batches for e in batch.relations.ravel()})
 
 
+def test_each_part_reads_its_own_relations_of_those_of_its_equation() -> None:
+    """Three conditions and their order, in each of three parts."""
+
+    class Stepped(gl.Component):
+        x = gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), gl.Piecewise((1, self.x > 1), (2, self.x > 2), (3, self.x > 3), (4, True)))]
+
+    class Three(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.part = [Stepped() for _ in range(3)]
+            return []
+
+    translation = gl.compile(Three()).translation
+    (batch,) = translation.scene.program.steps
+    first = translation.model.first_relations[translation.model.places[int(batch.equations[0])][0]]
+    assert batch.relations.tolist() == [[first + 3 * row + j for j in batch.kernel.relations] for row in range(3)]
+
+
 @pytest.mark.parametrize("timed", [True, False])
 def test_a_state_that_is_set_at_a_known_time(timed: bool) -> None:
     """The time is known beforehand, whatever the state is set to, and whichever numbers both have."""
