@@ -94,3 +94,19 @@ def test_neighbours_of_a_large_matrix_do_not_mix() -> None:
     for chosen in ([0, 1], [0], [1, 300, 599]):
         (found,) = eigenvalue_changes(A, [change], values[chosen].astype(complex))
         assert found == pytest.approx(rates[chosen], rel=1e-6)
+
+
+def test_branches_are_found_from_values_that_are_not_exact(road: Any) -> None:
+    """A repeated eigenvalue that is known to seven digits is one of those that are repeated to sixteen."""
+    A, change = turned(np.diag([3.0, 3.0, 8.0]), np.diag([1.0, -2.0, 5.0]), units=0.5)
+    (found,) = eigenvalue_changes(road(A), [road(change)], np.array([3.0, 3.0, 8.0]) * (1 + 2e-7))
+    assert found == pytest.approx([-2.0, 1.0, 5.0], rel=1e-6)
+
+
+def test_vectors_of_a_symmetric_matrix_are_unit_vectors_on_both_sides() -> None:
+    half = np.random.default_rng(3).normal(size=(6, 6))
+    A = half + half.T
+    values, left, right = module._vectors_around(sparse.csr_matrix(A), complex(np.linalg.eigvalsh(A)[2]))
+    assert np.sort(values.real) == pytest.approx(np.linalg.eigvalsh(A), rel=1e-9)
+    assert A @ right == pytest.approx(right * values, rel=1e-9, abs=1e-9)
+    assert np.linalg.norm([left, right], axis=1) == pytest.approx(np.ones((2, 6)), rel=1e-9)
