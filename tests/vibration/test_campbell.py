@@ -265,3 +265,11 @@ def test_a_curve_is_labelled_where_its_mode_begins_to_oscillate() -> None:
         ("0", (pytest.approx(20 * 30 / np.pi), 2.0)), ("0", (pytest.approx(10 * 30 / np.pi), 5.0)),
     ]  # fmt: skip
     plt.close(axes.figure)
+
+
+def test_each_mode_has_a_curve_however_few_the_speeds() -> None:
+    speeds, hertz = np.array([10.0, 20.0]), np.array([[2.0, 5.0, 9.0], [3.0, 4.0, 9.5]])
+    axes = Campbell(speeds, hertz, 0 * hertz, np.array([[1, 2, 3]] * 2), {"once": 1.0}, ()).plot()
+    curves = [line.get_ydata() for line in axes.lines if line.get_linestyle() == "-"]
+    assert np.array(curves).tolist() == hertz.T.tolist()
+    plt.close(axes.figure)
