@@ -11,6 +11,7 @@ from scipy.linalg import block_diag
 
 from gearlib.errors import SolverError
 from gearlib.linear import eigenvalue_changes as module
+from gearlib.linear.balancing import similarity
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
 
 
@@ -103,10 +104,10 @@ def test_branches_are_found_from_values_that_are_not_exact(road: Any) -> None:
     assert found == pytest.approx([-2.0, 1.0, 5.0], rel=1e-6)
 
 
-def test_vectors_of_a_symmetric_matrix_are_unit_vectors_on_both_sides() -> None:
-    half = np.random.default_rng(3).normal(size=(6, 6))
-    A = half + half.T
-    values, left, right = module._vectors_around(sparse.csr_matrix(A), complex(np.linalg.eigvalsh(A)[2]))
-    assert np.sort(values.real) == pytest.approx(np.linalg.eigvalsh(A), rel=1e-9)
+def test_vectors_around_a_value_are_unit_vectors_of_the_scaled_states() -> None:
+    A = np.random.default_rng(3).normal(size=(6, 6)) + np.diag(np.arange(6.0))
+    scale = similarity(A)[:, None]
+    values, left, right = module._vectors_around(sparse.csr_matrix(A), complex(np.linalg.eigvals(A)[2]))
     assert A @ right == pytest.approx(right * values, rel=1e-9, abs=1e-9)
-    assert np.linalg.norm([left, right], axis=1) == pytest.approx(np.ones((2, 6)), rel=1e-9)
+    assert A.T @ left == pytest.approx(left * values.conj(), rel=1e-9, abs=1e-9)
+    assert np.linalg.norm([left * scale, right / scale], axis=1) == pytest.approx(np.ones((2, 6)), rel=1e-9)

@@ -60,7 +60,11 @@ def test_large_sparse_models_have_the_same_values() -> None:
     large = LinearModel(*matrices, given.states, given.inputs, given.outputs)
     assert gl.frequency_response(large, OMEGA).values == pytest.approx(exact(given, OMEGA), rel=1e-9)
     assert gl.frequency_response(given, OMEGA).values == pytest.approx(exact(given, OMEGA), rel=1e-9)
-    A, B, C, D = matrices
+
+
+def test_a_large_sparse_model_may_have_one_input_and_one_output() -> None:
+    given = model(120, fill=0.03)
+    A, B, C, D = (sparse.csr_matrix(m) for m in (given.A, given.B, given.C, given.D))
     one = gl.frequency_response(LinearModel(A, B[:, [1]], C[[2]], D[[2]][:, [1]], given.states, ("v",), ("c",)), OMEGA)
     assert one.values == pytest.approx(exact(given, OMEGA)[2:, 1:], rel=1e-9)
 
