@@ -194,7 +194,7 @@ class RunTime:
                 real(f"input '{key}'", value, "a number, a function of time, or an expression of gearlib.bondgraph.time")
         needed = {str(symbol) for r in self.equations.residual for symbol in r.free_symbols}
         for symbol in self.equations.inputs:
-            key, value = symbol.name, inputs.get(symbol.name, 0.0)
+            key, value = symbol.name, inputs.get(symbol.name)
             if isinstance(value, sp.Expr):
                 rates.setdefault(key, sp.diff(value, time))
             elif callable(value) and key not in rates and rate_of(symbol).name in needed:

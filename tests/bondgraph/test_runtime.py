@@ -17,6 +17,7 @@ from gearlib.bondgraph import (
     BondGraph,
     C,
     I,
+    MSe,
     One,
     R,
     RunTime,
@@ -173,6 +174,28 @@ def test_long_steps_of_newtons_method_are_halved(effort: float) -> None:
     flow = brentq(lambda f: 20 * np.arctan(f) + (f + 1.5) - effort, -500, 500, xtol=1e-13)
     assert found[4] == pytest.approx((20 * np.arctan(flow), flow), rel=1e-10)
     assert found[2] == pytest.approx((flow + 1.5, flow + 1.5), rel=1e-10)
+
+
+def test_a_solution_that_rounding_hides_is_taken_where_nothing_is_left() -> None:
+    """f**3 - 3 f**2 + 3 f = 1 has a threefold solution: beside it the residual is rounding long before the steps are."""
+    v = One("v")
+    run = RunTime(state_equations(BondGraph((1, Se(), v), (2, v, R(3.0)), (3, v, R(law=lambda f: f**3 - 3 * f**2)))))
+    effort, flow = run.bond_variables(0.0, [], [1.0])[2]
+    assert flow == pytest.approx(1.0, abs=1e-4)
+    assert effort == pytest.approx(3 * flow)
+
+
+def test_a_source_may_begin_at_time_zero() -> None:
+    v = One("v")
+    right = RunTime(state_equations(BondGraph((1, MSe(sp.sqrt(time)), v), (2, v, I())))).bind({"I_2": 2.0})
+    assert right(9.0, np.array([1.0])) == pytest.approx([3.0])
+
+
+def test_rates_of_states_that_are_no_numbers_are_none() -> None:
+    """An integrator may try them; that is no division by zero in the equations."""
+    a, b, gear = One("a"), One("b"), TF(2 + sp.sin(time))
+    graph = BondGraph((1, Se(), a), (2, a, I(1.0)), (3, a, gear), (4, gear, b), (5, b, I(1.0)))
+    assert np.isnan(RunTime(state_equations(graph)).bind()(4.0, np.array([np.nan]))).all()
 
 
 def test_inputs_of_several_kinds_stand_side_by_side() -> None:

@@ -428,18 +428,19 @@ def wheels() -> gl.System:
 
 def test_a_state_matters_where_the_rate_of_another_depends_on_it() -> None:
     class Coasting(gl.Component):
-        x, v, y = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+        x, v, y, z = (gl.Variable("1") for _ in range(4))
 
         def equations(self) -> list[gl.Eq]:
             return [
                 gl.Eq(gl.der(self.x), self.v),
                 gl.Eq(gl.der(self.v), gl.sin(self.y) - self.v),
                 gl.Eq(gl.der(self.y), -self.y),
+                gl.Eq(gl.der(self.z), self.y - self.z),
             ]
 
     structure = gl.compile(Coasting()).translation.structure
     found = {structure.model.name(v): matters_elsewhere(structure, structure.states, (v, k)) for v, k in structure.states}
-    assert found == {"x": False, "v": True, "y": True}
+    assert found == {"x": False, "v": True, "y": True, "z": False}
 
 
 @pytest.mark.parametrize("unit", ["rad", "1", "m"])

@@ -11,6 +11,7 @@ from scipy.linalg import block_diag
 
 from gearlib.errors import SolverError
 from gearlib.linear import eigenvalue_changes as module
+from gearlib.linear.balancing import similarity
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
 
 
@@ -94,3 +95,19 @@ def test_neighbours_of_a_large_matrix_do_not_mix() -> None:
     for chosen in ([0, 1], [0], [1, 300, 599]):
         (found,) = eigenvalue_changes(A, [change], values[chosen].astype(complex))
         assert found == pytest.approx(rates[chosen], rel=1e-6)
+
+
+def test_branches_are_found_from_values_that_are_not_exact(road: Any) -> None:
+    """A repeated eigenvalue that is known to seven digits is one of those that are repeated to sixteen."""
+    A, change = turned(np.diag([3.0, 3.0, 8.0]), np.diag([1.0, -2.0, 5.0]), units=0.5)
+    (found,) = eigenvalue_changes(road(A), [road(change)], np.array([3.0, 3.0, 8.0]) * (1 + 2e-7))
+    assert found == pytest.approx([-2.0, 1.0, 5.0], rel=1e-6)
+
+
+def test_vectors_around_a_value_are_unit_vectors_of_the_scaled_states() -> None:
+    A = np.random.default_rng(3).normal(size=(6, 6)) + np.diag(np.arange(6.0))
+    scale = similarity(A)[:, None]
+    values, left, right = module._vectors_around(sparse.csr_matrix(A), complex(np.linalg.eigvals(A)[2]))
+    assert A @ right == pytest.approx(right * values, rel=1e-9, abs=1e-9)
+    assert A.T @ left == pytest.approx(left * values.conj(), rel=1e-9, abs=1e-9)
+    assert np.linalg.norm([left * scale, right / scale], axis=1) == pytest.approx(np.ones((2, 6)), rel=1e-9)

@@ -62,6 +62,13 @@ def test_large_sparse_models_have_the_same_values() -> None:
     assert gl.frequency_response(given, OMEGA).values == pytest.approx(exact(given, OMEGA), rel=1e-9)
 
 
+def test_a_large_sparse_model_may_have_one_input_and_one_output() -> None:
+    given = model(120, fill=0.03)
+    A, B, C, D = (sparse.csr_matrix(m) for m in (given.A, given.B, given.C, given.D))
+    one = gl.frequency_response(LinearModel(A, B[:, [1]], C[[2]], D[[2]][:, [1]], given.states, ("v",), ("c",)), OMEGA)
+    assert one.values == pytest.approx(exact(given, OMEGA)[2:, 1:], rel=1e-9)
+
+
 @pytest.mark.parametrize("large", [False, True])
 def test_a_pole_on_the_grid_is_named_and_others_are_not(large: bool) -> None:
     n = 45 if large else 1
@@ -157,6 +164,8 @@ def test_the_plot_has_a_diagram_per_unit_and_one_for_the_phases() -> None:
         assert ax.get_legend() is not None
     assert (axes[2].get_xscale(), axes[2].get_yscale()) == ("log", "linear")
     assert axes[0].get_title() == "Response to u, v"
+    axes[0].set_xlim(0.5, 7.0)
+    assert [ax.get_xlim() for ax in axes] == [(0.5, 7.0)] * 3
     heights = [ax.get_gridspec().get_height_ratios() for ax in axes]
     assert heights[0] == [2, 2, 1]
     assert tuple(axes[0].figure.get_size_inches()) == pytest.approx((8, 1.9 + 2 * 3.6))
@@ -174,7 +183,8 @@ def test_the_plot_has_a_diagram_per_unit_and_one_for_the_phases() -> None:
 def test_phases_are_marked_at_right_angles(low: float, high: float, step: float | None) -> None:
     """Every 90 degrees, beyond 500 every 180; where the range is small or huge, as matplotlib does."""
     phase = np.radians(np.linspace(low, high, 60))
-    found = FrequencyResponse(np.arange(1.0, 61.0), np.exp(1j * phase)[None, None], ("u",), ("y",), ("",))
+    values = np.exp(1j * phase)[None, None] * np.array([1.0, 2.0])[:, None, None]
+    found = FrequencyResponse(np.arange(1.0, 61.0), values, ("u",), ("y", "z"), ("rad", "m"))
     ticks = found.plot()[-1].get_yticks()
     if step is None:
         assert set(np.diff(ticks)) != {90.0}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -126,20 +127,44 @@ class Lagging(gl.Component):
         ]
 
 
-class Watching(gl.Component):
-    """A load of 1 N.m over a third of each turn, and of 4 N.m over the rest."""
+DIRECT: dict[str, tuple[Law, float]] = {  # of the phase, of the angle that turns a third as fast, and of the speed
+    "compared": (lambda x, y, w: gl.Piecewise((1, gl.sin(x) > 0.5), (4, True)), 1 / 3 + 4 * 2 / 3),
+    # sin(x) > 0.5 for 120 degrees of the angle, of which 40 are among the 120 where sin(y) > 0.5
+    "both compared": (
+        lambda x, y, w: gl.Piecewise((1, gl.sin(x) > 0.5), (4, gl.sin(y) > 0.5), (7, True)),
+        (120 + 4 * 80 + 7 * 160) / 360,
+    ),
+    "square": (lambda x, y, w: 4 * gl.sin(x) ** 2, 2.0),
+    "beside the speed": (lambda x, y, w: w * gl.cos(x + y) ** 2, W / 2),
+}
 
-    flange, newton_metre = gp.Flange("shaft"), gl.Parameter("N.m", default=1.0)
-    phase = gl.Variable("rad")
+
+class Direct(gl.Component):
+    """A load by a law of two phases themselves."""
+
+    flange, law = gp.Flange("shaft"), gl.Structural("square")
+    newton_metre, second = gl.Parameter("N.m", default=1.0), gl.Parameter("s", default=1.0)
+    x, y, w = gl.Variable("rad"), gl.Variable("rad"), gl.Variable("1")
 
     def equations(self) -> list[gl.Eq]:
-        torque = gl.Piecewise((1, gl.sin(self.phase) > 0.5), (4, True))
-        return [gl.Eq(gl.der(self.phase), 3 * gl.der(self.flange.phi)), gl.Eq(self.flange.tau, self.newton_metre * torque)]
+        return [
+            gl.Eq(gl.der(self.x), 3 * gl.der(self.flange.phi)), gl.Eq(gl.der(self.y), gl.der(self.flange.phi)),
+            gl.Eq(self.w, self.second * gl.der(self.flange.phi)),
+            gl.Eq(self.flange.tau, self.newton_metre * DIRECT[self.law][0](self.x, self.y, self.w)),
+        ]  # fmt: skip
 
 
-def test_a_phase_that_is_only_compared_counts_with_its_turn() -> None:
-    flow = gl.power_flow(driven(Watching()), speeds={"body.w": W})
-    assert flow["load.flange"].torque == pytest.approx(1 / 3 + 4 * 2 / 3, abs=2e-3)
+@cache
+def direct(law: str) -> gl.System:
+    return driven(Direct(law=law))
+
+
+@pytest.mark.parametrize("size", [1e-7, 1.0, 1e9])
+@pytest.mark.parametrize("law", DIRECT)
+def test_phases_count_with_their_turn_where_they_stand_in_the_law_itself(law: str, size: float) -> None:
+    """Also if they are only compared, and whatever the unit of torque."""
+    flow = gl.power_flow(direct(law), speeds={"body.w": W}, parameters={"load.newton_metre": size})
+    assert flow["load.flange"].torque == pytest.approx(size * DIRECT[law][1], rel=2e-3)
 
 
 def test_an_equation_that_is_written_for_one_variable_determines_no_other() -> None:

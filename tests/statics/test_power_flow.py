@@ -15,7 +15,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError, InputWarning, ModelError, NameLookupError
 from gearlib.statics.circulation import PowerEdge, circulations
-from gearlib.statics.power_flow import FlangePower, PowerFlow
+from gearlib.statics.power_flow import FlangePower, PowerFlow, _flows
 
 
 def flange(
@@ -382,3 +382,30 @@ def test_a_gear_is_no_load_where_its_output_idles(tau: float) -> None:
     assert (flow.input_power, flow.output_power) == (pytest.approx(drawn), pytest.approx(-5.0 * tau))
     assert flow.efficiency == pytest.approx(-5.0 * tau / drawn)
     assert flow.losses == {"gear": pytest.approx(drawn + 5.0 * tau)}
+
+
+def test_a_shaft_that_turns_by_rounding_stands_still() -> None:
+    """A brake whose other side moves by 5e-12 rad/s beside 100 rad/s takes the power, and is no gear that loses it."""
+    rows = [("motor", "flange", 100.0, -1.0, 0), ("brake", "a", 100.0, 1.0, 0), ("brake", "b", 5e-12, -1.0, 1)]
+    flow = PowerFlow(tuple(flange(*row) for row in rows), 1)
+    assert flow.outer == ("motor", "brake")
+    assert flow.losses == {}
+    assert flow.efficiency == pytest.approx(1.0)
+
+
+def test_what_stands_still_loses_nothing_and_has_no_ratio() -> None:
+    torques = {"a": 1.0, "b": 2.0, "c": -3.0}
+    flow = PowerFlow(tuple(flange("set", name, 0.0, tau, k) for k, (name, tau) in enumerate(torques.items())), 2)
+    assert (flow.losses, flow.outer, flow.circulating_power) == ({}, (), 0.0)
+    by_speed, by_torque = flow.willis("set.a", "set.b", "set.c")
+    assert math.isnan(by_speed)
+    assert by_torque == -2.0
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_power_goes_from_givers_to_takers_however_little_it_is(size: float) -> None:
+    edges = [("motor", 0, -5.0), ("gear", 0, 5.0), ("gear", 1, -4.5), ("a", 1, 2.0), ("b", 1, 2.5)]
+    flows, joints = _flows([PowerEdge(name, shaft, size * power) for name, shaft, power in edges])
+    pairs = {("motor", "gear"): 5.0, ("gear", "shaft 1"): 4.5, ("shaft 1", "a"): 2.0, ("shaft 1", "b"): 2.5}
+    assert {(a, b): power for a, b, power in flows} == pytest.approx({pair: size * power for pair, power in pairs.items()})
+    assert joints == ["shaft 1"]

@@ -326,6 +326,28 @@ def test_a_spring_that_carries_nothing_holds_its_ends_together_if_it_stiffens() 
     assert found.residual.max() < 1e-9
 
 
+def test_what_grows_as_a_multiple_of_what_grows_has_the_rate_of_the_factor_that_is_found() -> None:
+    """A ratio of 2 by Newton's method, r + r**3 / 10 = 2.8, of a travel that grows by 3 each second."""
+
+    class Travel(gl.Component):
+        second = gl.Parameter("s", default=1.0)
+        ratio, one, other = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(self.ratio + self.ratio**3 / 10, 2.8), gl.Eq(self.second * gl.der(self.one), 3.0),
+                gl.Eq(self.other, self.ratio * self.one),
+            ]  # fmt: skip
+
+    translation = gl.compile(Travel()).translation
+    model = translation.structure.complete
+    found = steady_motion.solve(model, translation.parameter_values({}), [])
+    ratio, one, other = (int(model.representative[model.variable(name)]) for name in ("ratio", "one", "other"))
+    assert found.constants[ratio] == pytest.approx(2.0, rel=1e-12)
+    assert found.rates[[one, other]] == pytest.approx([3.0, 6.0], rel=1e-12)
+    assert found.residual.max() < 1e-12
+
+
 class Stepped(gl.Component):
     """A gear with one ratio below a limit and another above it."""
 

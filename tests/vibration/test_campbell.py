@@ -298,3 +298,11 @@ def test_crossings_are_met_where_curves_veer(order: float, c: float, count: int)
     right = np.sort(roots[(np.abs(roots.imag) < 1e-9) & (roots.real > 0) & (roots.real < 20)].real)
     assert [crossing.speed for crossing in found.crossings] == pytest.approx(right, rel=1e-6)
     assert [2 * np.pi * crossing.frequency for crossing in found.crossings] == pytest.approx(order * right, rel=1e-6)
+
+
+def test_each_mode_has_a_curve_however_few_the_speeds() -> None:
+    speeds, hertz = np.array([10.0, 20.0]), np.array([[2.0, 5.0, 9.0], [3.0, 4.0, 9.5]])
+    axes = Campbell(speeds, hertz, 0 * hertz, np.array([[1, 2, 3]] * 2), {"once": 1.0}, ()).plot()
+    curves = [line.get_ydata() for line in axes.lines if line.get_linestyle() == "-"]
+    assert np.array(curves).tolist() == hertz.T.tolist()
+    plt.close(axes.figure)

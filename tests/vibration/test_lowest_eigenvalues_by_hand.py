@@ -207,3 +207,71 @@ def test_what_is_found_again_is_joined_once(size: float) -> None:
     assert found.values.tolist() == [*known.values, *values[kept]]
     assert found.vectors == pytest.approx(np.hstack([known.vectors, vectors[:, kept]]))
     assert len(joined(found, values, vectors).values) == len(found.values)
+
+
+class Script:
+    """The parts of a search played by hand: what counts and windows find, and the eigenpairs of each further search."""
+
+    def __init__(self, n: int, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.n, self.monkeypatch = n, monkeypatch
+        self.radii: list[float] = []
+        self.grown: list[int] = []
+        self.shifts: list[complex] = []
+        self.missing: list[int | None] = []
+        self.windows: list[tuple[float, float, int] | None] = []
+        self.new: list[list[complex]] = []
+        monkeypatch.setattr(lowest_eigenvalues, "FULL", 0)
+        monkeypatch.setattr(lowest_eigenvalues, "_swept", lambda S, size, radius, known: known)
+        monkeypatch.setattr(lowest_eigenvalues, "_where_missing", lambda *given: self.windows.pop(0))
+        monkeypatch.setattr(lowest_eigenvalues, "missing_inside", self.count)
+        monkeypatch.setattr(lowest_eigenvalues, "_Space", self.space)
+
+    def count(self, S: Any, radius: float, values: Complexes, at_zero: int) -> int | None:
+        self.radii.append(radius)
+        return self.missing.pop(0)
+
+    def space(self, S: Any, shift: complex) -> Any:
+        self.shifts.append(shift)
+        return self
+
+    def grow(self, dimension: int) -> None:
+        self.grown.append(dimension)
+
+    def pairs(self) -> tuple[Complexes, Complexes]:
+        return self.vectors(self.new.pop(0))
+
+    def vectors(self, values: list[complex]) -> tuple[Complexes, Complexes]:
+        return np.array(values, complex), np.eye(self.n, dtype=complex)[:, : len(values)]
+
+    def lowest(self, known: list[complex], radius: float, count: int) -> list[complex] | None:
+        first = Lowest(*self.vectors(known)), radius, None
+        self.monkeypatch.setattr(lowest_eigenvalues, "_first", lambda *given: first)
+        found = lowest(100.0 * sparse.identity(self.n, format="csc"), count, 0)
+        return None if found is None else found.values.tolist()
+
+
+@pytest.mark.parametrize(("n", "grown"), [(300, [68, 128]), (200, [68, 100]), (60, [30, 30])])
+def test_a_disc_grows_until_it_holds_enough_and_is_searched_until_none_is_missing(
+    n: int, grown: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By little where its edge cuts an eigenvalue, by half where too few of those in it oscillate: a critically damped pair does not."""
+    play = Script(n, monkeypatch)
+    play.missing, play.windows = [None, 0, 2, 2, 0], [(4.0, 9.0, 2), (4.0, 9.0, 2)]
+    play.new = [[1j, -1j], [6j, -6j, 2j]]
+    known = [1j, -1j, 2j, -2j, -9 + 7e-5j, -9 - 7e-5j, 16j, -16j]
+    assert play.lowest(known, 10.0, 3) == [1j, -1j, 2j, -2j, 6j, -6j, -9 + 7e-5j, -9 - 7e-5j]
+    assert play.radii == pytest.approx([10.0, 10.03, 15.045, 15.045, 15.045])
+    assert (play.grown, play.shifts) == (grown, [6j, 6j])
+
+
+def test_a_search_that_finds_nothing_new_twice_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not one that finds something in between; nor is one begun without a ring, or beyond all eigenvalues."""
+    play = Script(300, monkeypatch)
+    play.missing, play.windows, play.new = [1] * 6, [(1.0, 4.0, 1)] * 6, [[1j], [3j], [1j], [1j]]
+    assert play.lowest([1j, -1j], 10.0, 1) is None
+    assert play.grown == [64, 124, 64, 124]
+    for radius, window in ((10.0, None), (100.1, (1.0, 4.0, 1))):
+        play = Script(300, monkeypatch)
+        play.missing, play.windows, play.new = [1] * 6, [window] * 6, [[1j]]
+        assert play.lowest([1j, -1j], radius, 1) is None
+        assert play.grown == []

@@ -259,7 +259,7 @@ class GearPair:
                 f"shifts {self.x_1:g} and {self.x_2:g}"
             )
         stiffness = N_PER_MM_UM * CORRECTION * self.blank * rack * math.cos(self.beta) / q
-        return stiffness * min(self.line_load / LIGHT, 1.0) ** 0.25
+        return float(stiffness * min(self.line_load / LIGHT, 1.0) ** 0.25)
 
     @property
     def mesh_stiffness(self) -> float:
