@@ -23,10 +23,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 1 << 20  # bytes: 1 MB
 METHODS = tuple(f"solvers/{name}" for name in ("exponential", "ida", "lanes", "rungekutta", "taylor"))
-PACKAGES = ("compiler", "equations", "flatten", "native", "program", "reduce", "run/tangents", "structure", *METHODS)
+RUNS = tuple(f"run/{name}" for name in ("afterwards", "refusals", "sampling", "tangents"))
+PACKAGES = ("compiler", "drawing/scheme", "equations", "flatten", "native", "program", "reduce", "structure", *RUNS, *METHODS)
 MODULES = (
     *(f"statics/{name}" for name in ("closed_gaps", "load_sharing", "mesh_turn", "steady_motion")),
-    *("drawing/arrangement", "drawing/layers", "drawing/scheme/routing", "linear/linearized_program"),
+    *(f"run/{name}" for name in ("linear_form", "scene", "steady", "translation")),
+    *("drawing/arrangement", "drawing/layers", "linear/linearized_program", "many_runs/side_by_side", "many_runs/work"),
+    *("periodic/floquet", "periodic/fourier_balance", "solvers/drive/driver"),
     *("vibration/eigenvalue_count", "vibration/lowest_eigenvalues"),
     *(f"modelica/class_{name}" for name in ("building", "content", "writing")),
     *(f"modelica/{name}" for name in ("element_types", "equation_reading", "evaluation", "flat_writing", "lexer")),

@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 
+import gearlib as gl
+import gearparts as gp
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -169,6 +172,15 @@ def test_the_release_wheel_has_the_docstrings_that_are_shown(tmp_path):
     assert (own.__doc__, own._f.__doc__, own.__len__.__doc__) == ("A.", None, "Shown.")
     assert own()._f() == 1
     assert own._f.__code__.co_firstlineno == 3
+
+
+def test_public_names_keep_their_docstrings_in_the_release_wheel():
+    engine, public = module("wheel").ENGINE, {name: getattr(owner, name) for owner in (gl, gp) for name in dir(owner)}
+    owners = {
+        name: getattr(value, "__module__", "").replace(".", "/") + ".py" for name, value in public.items() if name[0] != "_"
+    }
+    assert "gearlib/system.py" in owners.values()
+    assert [name for name, owner in owners.items() if owner.startswith(engine)] == []
 
 
 def test_the_release_wheel_is_an_archive_that_others_read(tmp_path):
