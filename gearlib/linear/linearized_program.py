@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.linear.linear_model import full
-from gearlib.linear.one_sided_slopes import warn_of_corners
+from gearlib.linear.one_sided_slopes import APART, SMALL, Sides, warn_of_corners
 from gearlib.linear.operating_point import Point, PointChange, slots_at
 from gearlib.program.derivative_plan import derivative_plan
 from gearlib.program.derivatives import MOST_DENSE, Added, At, derivatives
-from gearlib.program.interpret import Prepared, prepare
+from gearlib.program.interpret import Prepared, evaluate, prepare
 from gearlib.program.program import Program
 from gearlib.program.second_derivatives import Direction, entry_changes
-from gearlib.run.scene import Scene
+from gearlib.run.scene import Scene, node_name
 
 Floats = NDArray[np.float64]
 
@@ -82,14 +82,29 @@ class LinearizedProgram:
             found = derivatives(prepared, t, there, discrete, self.seeds, self.added, self.wanted)[rows]
             return [found[:, :n] if basis is None else found[:, :n] @ basis, found[:, n:]]
 
+        def moved(beside: Floats) -> tuple[Floats, Floats, Floats]:
+            there = (self.slots + beside * np.maximum(np.abs(self.slots), 1.0))[:, None]
+            return np.array([t]), there[:n], there[n : n + len(self.point.inputs)]
+
         def settled(beside: Floats) -> Floats:
-            x = self.slots[:n] + beside[:n] * np.maximum(np.abs(self.slots[:n]), 1.0)
-            at = np.array([t]), x[:, None], self.point.inputs[:, None]
-            return self.scene.discrete_of(prepared, *at, self.point.guess, self.discrete)[:, 0]
+            return self.scene.discrete_of(prepared, *moved(beside), self.point.guess, self.discrete)[:, 0]
+
+        def jumps(discrete: tuple[Floats, Floats], way: Floats) -> list[str]:
+            """What differs on the two sides by more than the way between them makes it."""
+            near, far = (
+                np.subtract(*(evaluate(prepared, *moved(side), own[:, None], self.slots)[wanted, 0] for side, own in ends))
+                for ends in (list(zip((k * way, -k * way), discrete, strict=True)) for k in (1.0, 100.0))
+            )
+            terms = np.asarray(abs(self.derivatives[rows])[:, : len(self.seeds)] @ np.abs(self.slots[[*self.seeds]])).ravel()
+            jump = np.abs(100 * near - far) / 99 > 0.1 * np.abs(near) + APART * np.abs(self.slots[wanted]) + SMALL * terms
+            nodes = {slot: node for node, slot in prepared.program.slots.items()}
+            return [node_name(structure.model, nodes[int(slot)]) for slot in wanted[jump]]
 
         if prepared.program.n_slots:
             structure = self.scene.structure
-            warn_of_corners(structure, prepared.program, prepared.parameters, t, self.discrete, self._slots_of, slopes, settled)
+            wanted = np.arange(prepared.program.n_slots)[rows] if self.wanted is None else np.array(self.wanted, np.int64)[rows]
+            sides = Sides(slopes, settled, jumps)
+            warn_of_corners(structure, prepared.program, prepared.parameters, t, self.discrete, self._slots_of, sides)
 
     def _slots_of(self, program: Program) -> Floats:
         """Values of another program's slots at the point."""

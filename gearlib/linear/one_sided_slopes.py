@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,11 +38,30 @@ class Corner(NamedTuple):
     sides: tuple[float, float]  # whether it holds in a direction, and in the opposite one
 
 
+@dataclass(frozen=True)
+class Sides:
+    """What a linear model has on two sides of its point.
+
+    Attributes
+    ----------
+    slopes : callable
+        Matrices of derivatives with another discrete state, and beside the point: by which part of their size, or of 1, the slots differ.
+    settled : callable
+        The discrete state beside the point.
+    jumps : callable
+        Names of what jumps, from the discrete states of both sides and a way between them.
+    """
+
+    slopes: Callable[[Floats, Floats], list[Any]]
+    settled: Callable[[Floats], Floats]
+    jumps: Callable[[tuple[Floats, Floats], Floats], list[str]]
+
+
 def warn_of_corners(
-    structure: Structure, program: Program, parameters: Floats, t: float, discrete: Floats,
-    slots: Callable[[Program], Floats], slopes: Callable[[Floats, Floats], list[Any]], settled: Callable[[Floats], Floats],
+    structure: Structure, program: Program, parameters: Floats, t: float, discrete: Floats, slots: Callable[[Program], Floats],
+    beside: Sides,
 ) -> None:  # fmt: skip
-    """Warn of equations whose slopes differ on two sides of an operating point, where that matters.
+    """Warn of equations that jump at an operating point, or whose slopes differ on two sides of it, where that matters.
 
     Parameters
     ----------
@@ -50,10 +70,6 @@ def warn_of_corners(
         Time and discrete state at the point.
     slots : callable
         The values of a program's slots there.
-    slopes : callable
-        Matrices of derivatives with another discrete state, and beside the point: by which part of their size, or of 1, the slots differ.
-    settled : callable
-        The discrete state beside the point.
     """
     comparing = _comparing(program, structure)
     if not comparing and not len(discrete):
@@ -75,23 +91,25 @@ def warn_of_corners(
     way = np.zeros(program.n_slots)
     for (v, k), slot in program.slots.items():
         way[slot] = random[k, v] if k < len(random) else 0.0
-    sides = [settled(side * BESIDE * way) for side in (1, -1)]
-    for side, own in enumerate(sides):
-        for corner in found:
-            if corner.place >= 0:
-                own[corner.place] = corner.sides[side]
+    left, right = (beside.settled(side * BESIDE * way) for side in (1, -1))
+    for corner in found:
+        if corner.place >= 0:
+            left[corner.place], right[corner.place] = corner.sides
     said = [corner.text for corner in found]
     first, model = structure.model.n_relations, structure.model
-    said += [model.discretes[d] for d in np.flatnonzero((sides[0] != sides[1])[first : first + len(model.discretes)]).tolist()]
-    if not said:
+    said += [model.discretes[d] for d in np.flatnonzero((left != right)[first : first + len(model.discretes)]).tolist()]
+    slopes = (beside.slopes(left, BESIDE * way), beside.slopes(right, -BESIDE * way)) if said else ([], [])
+    if any(_differ(one, other) for one, other in zip(*slopes, strict=True)):
+        what = f"corner in the equations of {some(list(dict.fromkeys(said)), ', ')}"
+    elif jumping := beside.jumps((left, right), BESIDE * way):
+        what = f"jump of {some(jumping, ', ')}"
+    else:
         return
-    left, right = (slopes(own, side * BESIDE * way) for own, side in zip(sides, (1, -1), strict=True))
-    if any(_differ(one, other) for one, other in zip(left, right, strict=True)):
-        warn(
-            f"at this operating point there is a corner in the equations of {some(list(dict.fromkeys(said)), ', ')}: the linear model is "
-            "that of one side, and holds for no vibration that reaches the other. Take a point beside it (at=...), or simulate",
-            GearlibWarning,
-        )
+    warn(
+        f"at this operating point there is a {what}: the linear model is that of one side, and holds for no vibration that reaches the "
+        "other. Take a point beside it (at=...), or simulate",
+        GearlibWarning,
+    )
 
 
 def _differ(one: Any, other: Any) -> bool:

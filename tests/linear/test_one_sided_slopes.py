@@ -391,3 +391,34 @@ def test_what_is_stuck_has_no_corner(kind: int) -> None:
     assert len(gl.modes(system, at={"spring.phi_rel": -0.1, "body.w": 0.0}).omega) == 0
     result = system.simulate(0.1, start={"spring.phi_rel": -0.1, "body.w": 0.0}, samples=3, inputs={"push.tau": 0.0})
     assert len(gl.modes(system, at=(result, 0.1)).omega) == 0
+
+
+class Jumping(gl.Component):
+    """A torque of the sign of a speed or of an input, written in several ways."""
+
+    law = gl.Structural(None)
+    u, x, y = gl.Input("1"), gl.Variable("1"), gl.Variable("1")
+    side = gl.Discrete("sign of the input")
+
+    def equations(self) -> list[Any]:
+        force = self.law(self.x, self.u, self.side)
+        side = gl.Piecewise((1, self.u > 0), (-1, True))
+        return [gl.Eq(gl.der(self.x), force - self.x), gl.Eq(self.y, -self.x), gl.Eq(self.side, side)]
+
+
+@pytest.mark.parametrize("at", [0.0, 0.1])
+@pytest.mark.parametrize(
+    "law",
+    [
+        lambda x, u, side: gl.Piecewise((1.0, x > 0), (-1.0, True)), lambda x, u, side: gl.sign(u),
+        lambda x, u, side: gl.no_event(gl.Piecewise((1.0, x + u > 0), (-1.0, True))), lambda x, u, side: side,
+    ],
+)  # fmt: skip
+def test_a_jump_at_the_operating_point_is_told(law: Any, at: float) -> None:
+    """Its slopes are the same on both sides; beside it they are right."""
+    system = gl.compile(Jumping(law=law))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        model = system.linearize(["u"], ["y"], at=(system.simulate(0.1, start={"x": at}, inputs={"u": at}, samples=2), 0.0))
+    assert ["there is a jump of der(x): " in str(one.message) for one in said] == [True] * (at == 0)
+    assert (np.asarray(model.A).tolist(), np.asarray(model.B).tolist()) == ([[-1.0]], [[0.0]])
