@@ -121,7 +121,7 @@ def _roots(pair: tuple[Any, Any], t0: float, t_end: float) -> list[float]:
             level, rate = abs(constant[0].real), rates[0].real
             ratio = -constant[0].real / signal[rates[0]][0].real
             times = np.array([math.log(ratio) / rate] if ratio > 0 else [])
-            return _beyond_rounding(times, level * abs(rate), level * rate**2, 2.0 * level)
+            return _beyond_rounding(times, level * abs(rate), 0.0, 2.0 * level)  # it hardly bends over its rounding
         if len(rates) == 2 and all(rate.real == 0 for rate in rates):
             return _sinusoid_roots(constant[0].real, signal, t0, t_end)
     raise OutsideClassError(f"the zeros of {pair[0]} - ({pair[1]}) are not known in closed form")
