@@ -255,21 +255,20 @@ def _polynomial_roots(c: list[float]) -> list[float]:
     return [t if meet is None else meet for t, meet in zip(real.tolist(), several, strict=True)]
 
 
-def _where_several_meet(polynomial: Any, root: float, size: float) -> float | None:
+def _where_several_meet(polynomial: Any, root: Any, size: float) -> float | None:
     """Just behind an odd number of roots that are one: where terms of some size tell the sign again; None at any other root."""
     noise = 2.0**-46 * size
     for m in (k for k in range(polynomial.degree(), 2, -1) if k % 2):
         derivatives = [polynomial.deriv(k) for k in range(m + 1)]
         t = root
-        for _ in range(3):
-            t -= float(derivatives[m - 1](t) / highest) if (highest := derivatives[m](t)) else 0.0
-        if not (highest := abs(float(derivatives[m](t)))):
-            continue
-        way = (noise * math.factorial(m) / highest) ** (1 / m)  # over which the m-th derivative outgrows rounding
-        if abs(t - root) <= 10 * way and all(
-            abs(d(t)) * way**k <= noise * math.factorial(k) for k, d in enumerate(derivatives[:m])
-        ):
-            return float(t + way)
+        with np.errstate(all="ignore"):  # where the m-th derivative is zero, what follows is not finite, and no limit holds
+            for _ in range(3):
+                t = t - derivatives[m - 1](t) / derivatives[m](t)
+            way = (noise * math.factorial(m) / abs(derivatives[m](t))) ** (1 / m)  # over which it outgrows rounding
+            if abs(t - root) <= 10 * way and all(
+                abs(d(t)) * way**k <= noise * math.factorial(k) for k, d in enumerate(derivatives[:m])
+            ):
+                return float(t + way)
     return None
 
 

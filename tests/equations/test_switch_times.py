@@ -154,6 +154,7 @@ def test_double_roots_are_where_they_are() -> None:
         times = times_of_breakpoints(sympy.expand((t - root) ** 2 * (t + 3.0)) > 0, 0.0, 2.0)
         assert times == pytest.approx(root, rel=1e-6)
     assert times_of_breakpoints(t**3 - 0.5 * t**2 > 0, -1.0, 9.0).tolist() == [0.0, 0.5], "a slope of exactly zero"
+    assert times_of_breakpoints(t**5 - t > 0, -2.0, 2.0) == pytest.approx([-1, 0, 1], abs=1e-15), "a third derivative of zero"
 
 
 @pytest.mark.parametrize("power", [3, 5, 7])

@@ -412,3 +412,25 @@ def test_the_place_of_a_variable_is_its_instance_and_its_name_there() -> None:
     found = [place_of(tree, variable) for variable in range(tree.n_variables)]
     assert found == [(instance, name) for instance in tree.instances for name in instance.declared.variables]
     assert list(dict.fromkeys(instance.path for instance, _ in found)) == ["a", "b", "c"]
+
+
+class Joint(gl.Component):
+    """Nothing but a connection of its own flanges."""
+
+    flange_a, flange_b = gp.Flange(), gp.Flange()
+
+    def assemble(self) -> Any:
+        return [gl.connect(self.flange_a, self.flange_b)]
+
+
+def test_a_component_may_be_nothing_but_a_connection() -> None:
+    class Two(gl.Component):
+        def assemble(self) -> Any:
+            self.torque, self.x, self.joint, self.y = gp.Torque(tau=6.0), gp.Inertia(J=1.0), Joint(), gp.Inertia(J=2.0)
+            return [
+                gl.connect(self.torque.flange, self.x.flange_a),
+                gl.connect(self.x.flange_b, self.joint.flange_a),
+                gl.connect(self.joint.flange_b, self.y.flange_a),
+            ]
+
+    assert gl.simulate(Two(), 1.0, samples=2)["y.w"] == pytest.approx([0.0, 2.0])

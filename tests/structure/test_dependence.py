@@ -24,10 +24,13 @@ def test_an_unknown_is_solved_from_its_equation_and_its_derivative_from_the_deri
     assert dependence().equation((0, 3)) == (0, 2)
     assert dependence().of((1, 1)) == [(0, 1)]
     assert dependence().of((0, 1)) == [(1, 0)], "neither itself nor what is given"
-    for node in [(0, 0), (9, 0), (7, 1)]:  # a state, what is given, what is in no equation
-        with pytest.raises(KeyError) as missing:
-            dependence().equation(node)
-        assert missing.value.args == ((node[0], 0),)
+
+
+@pytest.mark.parametrize("node", [(0, 0), (9, 0), (7, 1)], ids=["a state", "given", "in no equation"])
+def test_no_equation_determines_what_is_known_or_nowhere(node: tuple[int, int]) -> None:
+    with pytest.raises(KeyError) as missing:
+        dependence().equation(node)
+    assert missing.value.args == ((node[0], 0),)
 
 
 def test_what_hangs_on_the_rate_of_what_is_given_has_no_derivative() -> None:
