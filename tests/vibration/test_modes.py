@@ -646,6 +646,27 @@ def test_critical_damping_is_a_double_decay_however_rounding_splits_it() -> None
         assert found.decays == pytest.approx([-rate, -rate], rel=1e-6)
 
 
+@pytest.mark.parametrize("slower", [1e-6, 1e-2, 1.0, 1e4])
+def test_slow_modes_have_the_damping_of_fast_ones(slower: float) -> None:
+    class Shaft(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.ground, self.disc, self.loose = gp.Fixed(), gp.Inertia(J=2.0), gp.Spring(c=7.0)
+            self.shaft = gp.SpringDamper(c=8.0 * slower**2, d=1.6 * slower)
+            return [
+                gl.connect(self.ground.flange, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.disc.flange_a, self.loose.flange_a),
+            ]
+
+    system = gl.compile(Shaft())
+    found = gl.modes(system)
+    assert found.omega == pytest.approx([2.0 * slower])
+    assert found.damping == pytest.approx([0.2])
+    model = system.translation.model  # what is always zero moves in no mode
+    zero = [v for v in range(model.n_variables) if not model.sign[v]]
+    assert zero
+    assert found.amplitudes(0)[zero].tolist() == [0.0] * len(zero)
+
+
 class Meshing(gl.Component):
     """Two free gears, whose mesh stiffness varies around its mean; a torque drives them."""
 
