@@ -409,8 +409,8 @@ class Translation:
 
     def fitted(self, given: Mapping[str, float] | None) -> tuple[Translation, Floats]:
         """The translation that fits parameters given by path, with the complete parameter table."""
-        found = self.fitting(numbers := self.parameter_values(given))
-        return found, numbers if found is self else found.parameter_values(given)
+        numbers = self.parameter_values(given)  # one table for all: they have the parameters of one component
+        return self.fitting(numbers), numbers
 
     def parameter_values(self, given: Mapping[str, float] | None, bounded: bool = True) -> Floats:
         """Complete parameter table, with some values given by path; ``bounded``: whether their bounds are checked.

@@ -12,7 +12,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import SolverError
+from gearlib.errors import NameLookupError, SolverError
 from gearparts.trains import zhou_cui_2022 as zc
 from tests.linear.random_trains import Train, draw, matrices, sensor_name
 
@@ -362,8 +362,10 @@ def test_an_input_that_no_equation_contains_is_named() -> None:
     ]
     for action in actions:
         with pytest.warns(gl.InputWarning, match=r"Outside: no equation contains the input e, and nothing responds to it$"):
-            action(["e", "inside.half"])
+            action(["inside.half", "e"])
         action(["inside.half"])
+        with pytest.raises(NameLookupError, match=r"^the model has no input 'inside\.body\.w'; "):
+            action(["inside.body.w"])
 
 
 def test_an_input_that_reaches_equations_through_others_is_not() -> None:

@@ -51,6 +51,7 @@ CORNERS = {  # with the stiffness on the left and on the right
     "two slopes": (lambda c, x, b: gl.Piecewise((c * x, x >= 0), (0.1 * c * x, True)), 10.0, 100.0),
     "no event": (lambda c, x, b: gl.no_event(gl.Max(c * x, 0)), 0.0, 100.0),
     "size": (lambda c, x, b: c * abs(x), -100.0, 100.0),
+    "an event beside none": (lambda c, x, b: gl.Max(c * x, 0) + gl.no_event(gl.Max(-c * x, 0)), -100.0, 100.0),
     "table": (lambda c, x, b: TABLE(x) * c / 100, 10.0, 100.0),
 }
 SMOOTH = {

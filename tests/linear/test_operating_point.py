@@ -50,6 +50,7 @@ def test_start_values_and_how_they_move_with_parameters(plant: Any) -> None:
     scene, numbers, point = operating_point(plant, states, inputs={"tank.u": 7.0})
     table = plant.model.parameters.index
     assert (point.t, point.states, point.inputs.tolist(), point.steady) == (0.0, {node: 12.0}, [7.0], False)
+    assert operating_point(plant, states, inputs={"tank.u": lambda t: 7.0 + t})[2].inputs.tolist() == [7.0]
     assert point.discrete is None
     assert point.history is None
     assert scene.states == states

@@ -48,6 +48,20 @@ def test_an_unstable_steady_state_is_told_with_its_fastest_growth() -> None:
     assert gl.steady_state(system, parameters={"a": -0.25, "b": -0.5}).values == pytest.approx(found.values)
 
 
+def test_a_single_state_that_leaves_is_told_too() -> None:
+    class One(gl.Component):
+        x, rate = gl.Variable("1", start=1.0), gl.Parameter("1/s", default=0.25)
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), self.rate * (self.x - 3.0))]
+
+    with pytest.warns(
+        gl.GearlibWarning, match=r"^One: the steady state is unstable, a motion near it grows by a factor of e in 4 s;"
+    ):
+        found = gl.steady_state(gl.compile(One()))
+    assert found["x"] == pytest.approx(3.0)
+
+
 @pytest.mark.parametrize(
     ("changing", "speed", "told"),
     [(gl.cos(5 * gl.time), 8.0, True), (gl.sin(5 * gl.time), 6.0, False), (2 * gl.time, 6.0, True), (0.5, 7.0, False)],

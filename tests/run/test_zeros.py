@@ -82,6 +82,10 @@ def test_every_set_of_zeros_is_translated_once_and_said_in_the_summary() -> None
     assert without is not whole
     assert without is whole.fitted({"J": 0.0})[0] is without.fitted({"J": 0.0})[0]
     assert without.fitted({})[0] is whole
+    for given in ({}, {"J": 0.0}, {"d1": 0.0, "J": 2.0}):  # all have one table of parameters
+        found, numbers = whole.fitted(given)
+        assert numbers.tolist() == found.parameter_values(given).tolist()
+        assert [*found.model.parameters.index] == [*whole.model.parameters.index]
     massless = gl.System(without)
     assert "zeros       translated with these values, at which a coefficient is zero: n.J = 0" in massless.summary()
     assert "zeros" not in system.summary()

@@ -726,6 +726,76 @@ def test_critical_damping_is_a_double_decay_however_rounding_splits_it() -> None
         assert found.decays == pytest.approx([-rate, -rate], rel=1e-6)
 
 
+class Plane(gl.Connector):
+    """Of something that moves in a plane."""
+
+    x, y = gl.Potential("m"), gl.Potential("m")
+    f_x, f_y = gl.Flow("N"), gl.Flow("N")
+
+
+class Puck(gl.Component):
+    """A mass in a plane, on springs of its own to the ground."""
+
+    at = Plane("middle")
+    m, c_x, c_y = gl.Parameter("kg", default=2.0), gl.Parameter("N/m", default=8.0), gl.Parameter("N/m", default=18.0)
+    v_x, v_y = gl.Variable("m/s"), gl.Variable("m/s")
+
+    def equations(self) -> list[gl.Eq]:
+        at = self.at
+        return [
+            gl.Eq(self.v_x, gl.der(at.x)), gl.Eq(self.m * gl.der(self.v_x), at.f_x - self.c_x * at.x),
+            gl.Eq(self.v_y, gl.der(at.y)), gl.Eq(self.m * gl.der(self.v_y), at.f_y - self.c_y * at.y),
+        ]  # fmt: skip
+
+
+class Geared(TwoFlanges):
+    """A body whose second shaft turns three times as far, the other way round, as the first one, that of the body."""
+
+    J, w = gl.Parameter("kg.m2", default=2.0), gl.Variable("rad/s")
+
+    def equations(self) -> list[gl.Eq]:
+        a, b = self.flange_a, self.flange_b
+        return [
+            gl.Eq(b.phi, -3 * a.phi), gl.Eq(self.w, gl.der(a.phi)), gl.Eq(self.J * gl.der(self.w), a.tau - 3 * b.tau),
+        ]  # fmt: skip
+
+
+def test_motions_are_those_of_the_first_connector_of_a_body_each_way_by_its_name() -> None:
+    class Both(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.ground, self.shaft, self.body, self.puck = gp.Fixed(), gp.Spring(c=2.0), Geared(), Puck()
+            return [gl.connect(self.ground.flange, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.body.flange_b)]
+
+    found = gl.modes(gl.compile(Both()))
+    assert found.omega == pytest.approx([2.0, 3.0, 3.0])  # 2 * 3**2 = 18 N.m/rad for the body, too
+    for mode in range(3):
+        names, units, values = zip(*found.motions(mode), strict=True)
+        assert (names, units) == (("body", "puck.x", "puck.y"), ("rad", "m", "m"))
+        assert values == pytest.approx(found.shape(mode, "body.flange_a.phi", "puck.at.x", "puck.at.y"), abs=1e-12)
+        assert found.shape(mode, "body.flange_b.phi")[0] == pytest.approx(-3 * values[0], abs=1e-12)
+
+
+@pytest.mark.parametrize("slower", [1e-6, 1e-2, 1.0, 1e4])
+def test_slow_modes_have_the_damping_of_fast_ones(slower: float) -> None:
+    class Shaft(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.ground, self.disc, self.loose = gp.Fixed(), gp.Inertia(J=2.0), gp.Spring(c=7.0)
+            self.shaft = gp.SpringDamper(c=8.0 * slower**2, d=1.6 * slower)
+            return [
+                gl.connect(self.ground.flange, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.disc.flange_a, self.loose.flange_a),
+            ]
+
+    system = gl.compile(Shaft())
+    found = gl.modes(system)
+    assert found.omega == pytest.approx([2.0 * slower])
+    assert found.damping == pytest.approx([0.2])
+    model = system.translation.model  # what is always zero moves in no mode
+    zero = [v for v in range(model.n_variables) if not model.sign[v]]
+    assert zero
+    assert found.amplitudes(0)[zero].tolist() == [0.0] * len(zero)
+
+
 class Meshing(gl.Component):
     """Two free gears, whose mesh stiffness varies around its mean; a torque drives them."""
 
