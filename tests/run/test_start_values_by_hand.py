@@ -230,7 +230,9 @@ def test_a_contradiction_names_what_is_fixed_and_what_follows() -> None:
     )
     both = {"a": 1.0, "b": 2.0, "c": 3.0, "s": 5.5, "t": 11.0}
     for given, first in ((both, "s is fixed at 5.5"), (dict(reversed(both.items())), "t is fixed at 11")):
-        with pytest.raises(StartError, match=f"^start values contradict each other: {first}, but"):  # that which was given first
+        with pytest.raises(
+            StartError, match=f"^start values contradict each other: {first}, but"
+        ):  # that which was given first
             begun(given)
     begun({"a": 1.0, "b": 2.0, "s": 5.0 * (1 + 0.9e-10)})
     with pytest.raises(StartError, match=r"s is fixed at 5\.000000002, but .* make it 5; fix"):
