@@ -151,7 +151,7 @@ def _run(args: argparse.Namespace) -> None:
     system = compile(_component(args.model), outputs)
     result = system.simulate(
         args.t_end, samples=args.samples, method=args.method, rtol=args.rtol, parameters=_parameters(args),
-        start=dict(_assigned("--start", text) for text in args.start) or None, inputs=_inputs(args.input),
+        start=_each_once(("--start", args.start, _assigned)) or None, inputs=_each_once(("--input", args.input, _input)) or None,
     )  # fmt: skip
     if args.out == "-":
         write_columns(result.record(), sys.stdout)
@@ -174,20 +174,19 @@ def _sweep(args: argparse.Namespace) -> None:
     names = None if args.outputs is None else args.outputs.split(",")
     system = compile(_component(args.model), names)
     names = list(system.states) if names is None else names
-    along = [_varied(text) for text in args.vary]
-    if len(dict(along)) < len(along):
-        raise ArgumentError(f"--vary {' --vary '.join(args.vary)}: one name is given twice; give all of its values at once")
-    varied = grid({**_parameters(args), **dict(along)})
+    along = _each_once(("--vary", args.vary, _varied))
+    _each_once(("--vary", args.vary, _varied), ("--set", args.set, _assigned))
+    varied = grid({**_parameters(args), **along})
     options: dict[str, Any] = {
-        "samples": args.samples, "method": args.method, "rtol": args.rtol, "inputs": _inputs(args.input),
-        "start": dict(_assigned("--start", text) for text in args.start) or None,
+        "samples": args.samples, "method": args.method, "rtol": args.rtol,
+        "inputs": _each_once(("--input", args.input, _input)) or None, "start": _each_once(("--start", args.start, _assigned)) or None,
     }  # fmt: skip
     if args.out not in (None, "-") and not args.out.endswith(".csv"):
         print(system.sweep(varied, args.t_end, outputs=names, to=args.out, **options))
         return
     last = {name: lambda result, name=name: result[name][-1] for name in names}
     runs = system.sweep(varied, args.t_end, reduce=last, **options)
-    rows = [[*dict(along), *names]]
+    rows = [[*along, *names]]
     rows += [[repr(float(runs[name][place])) for name in rows[0]] for place in np.ndindex(runs.shape)]
     text = "".join(",".join(row) + "\n" for row in rows)
     if args.out in (None, "-"):
@@ -308,6 +307,20 @@ def _module(place: str) -> Any:
     return module
 
 
+def _each_once(*given: tuple[str, Sequence[str], Callable[[str, str], tuple[str, Any]]]) -> dict[str, Any]:
+    """Values by name of repeated options; a name that is given twice is refused."""
+    found: dict[str, Any] = {}
+    written: dict[str, str] = {}
+    for option, texts, read in given:
+        for text in texts:
+            name, value = read(option, text)
+            if name in found:
+                advice = "give all of its values at once" if option == "--vary" else "give it once"
+                raise ArgumentError(f"{written[name]} {option} {text}: one name is given twice; {advice}")
+            found[name], written[name] = value, f"{option} {text}"
+    return found
+
+
 def _assigned(option: str, text: str) -> tuple[str, float]:
     name, equals, value = text.partition("=")
     try:
@@ -317,7 +330,7 @@ def _assigned(option: str, text: str) -> tuple[str, float]:
         raise ArgumentError(f"{option} {text}: there is {found}; expected NAME=NUMBER, as in {option} load.J=3") from None
 
 
-def _varied(text: str) -> tuple[str, list[float]]:
+def _varied(option: str, text: str) -> tuple[str, list[float]]:
     """A parameter's name and its values."""
     import numpy as np
 
@@ -329,34 +342,31 @@ def _varied(text: str) -> tuple[str, list[float]]:
                 return name.strip(), np.linspace(float(first), float(last), int(count)).tolist()
         return name.strip(), [float(value) for value in values.split(",")]
     except (ValueError, MemoryError):
-        example = "--vary load.J=1,2,5 or --vary load.J=1:5:9"
-        raise ArgumentError(f"--vary {text}: expected NAME=NUMBER,NUMBER or NAME=FIRST:LAST:COUNT, as in {example}") from None
+        example = f"{option} load.J=1,2,5 or {option} load.J=1:5:9"
+        raise ArgumentError(f"{option} {text}: expected NAME=NUMBER,NUMBER or NAME=FIRST:LAST:COUNT, as in {example}") from None
+
+
+def _input(option: str, text: str) -> tuple[str, Any]:
+    """An input's name, and its number or table."""
+    from gearlib.solvers.inputs.table import Table
+
+    name, equals, value = text.partition("=")
+    path, colon, columns = value.rpartition(":")
+    time, comma, column = columns.partition(",")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        if equals and colon and comma and column:
+            return name.strip(), Table.read(path, time=time, column=column)
+        example = f"{option} torque.tau=torque.csv:t,tau"
+        raise ArgumentError(f"{option} {text}: expected NAME=NUMBER or NAME=FILE:TIME,COLUMN, as in {example}") from None
 
 
 def _parameters(args: argparse.Namespace) -> dict[str, float]:
     from gearlib.files.parameter_sets import load_parameters
 
     found = {} if args.parameters is None else load_parameters(args.parameters)
-    return found | dict(_assigned("--set", text) for text in args.set)
-
-
-def _inputs(given: Sequence[str]) -> dict[str, Any] | None:
-    from gearlib.solvers.inputs.table import Table
-
-    found: dict[str, Any] = {}
-    for text in given:
-        name, equals, value = text.partition("=")
-        path, colon, columns = value.rpartition(":")
-        time, comma, column = columns.partition(",")
-        try:
-            found[name] = float(value)
-        except ValueError:
-            if not (equals and colon and comma and column):
-                raise ArgumentError(
-                    f"--input {text}: expected NAME=NUMBER or NAME=FILE:TIME,COLUMN, as in --input torque.tau=torque.csv:t,tau"
-                ) from None
-            found[name] = Table.read(path, time=time, column=column)
-    return found or None
+    return found | _each_once(("--set", args.set, _assigned))
 
 
 if __name__ == "__main__":

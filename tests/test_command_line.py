@@ -152,6 +152,22 @@ def test_models_go_to_modelica_text_and_come_from_it(drive: str, tmp_path: Path,
             "--vary J_load=1 --vary J_load=2,3: one name is given twice; give all of its values at once",
         ),
         (
+            ["info", "{drive}", "--set", "J_load=1", "--set", "J_load =2"],
+            "--set J_load=1 --set J_load =2: one name is given twice",
+        ),
+        (
+            ["run", "{drive}", "--t-end", "1", "--start", "load.w=1", "--start", "load.w=2"],
+            "--start load.w=1 --start load.w=2: one name is given twice",
+        ),
+        (
+            ["run", "{drive}", "--t-end", "1", "--input", "torque.tau=1", "--input", "torque.tau=2"],
+            "--input torque.tau=1 --input torque.tau=2: one name is given twice",
+        ),
+        (
+            ["sweep", "{drive}", "--t-end", "1", "--vary", "J_load=1,2", "--set", "J_load=3"],
+            "--vary J_load=1,2 --set J_load=3: one name is given twice",
+        ),
+        (
             ["sweep", "{drive}", "--t-end", "1", "--vary", "J_load=1:inf:3"],
             "values['J_load'] is [nan, inf, inf]; expected a number",
         ),

@@ -43,7 +43,7 @@ def save_parameters(
     Raises
     ------
     ArgumentError
-        No format has that suffix, or a value is not a number.
+        No format has that suffix, a value is not a number, or a name has characters that the format cannot hold.
     FileError
         The file cannot be written.
 
@@ -65,7 +65,12 @@ def save_parameters(
         values[name] = float(value)
     known = by_name("units", units, "a mapping of paths to units")
     spelled = {name: one_name(f"the unit of {name}", known.get(name, ""), "kg.m2") for name in values}
-    text = by_suffix(target, FORMATS)[0](values, spelled)
+    text = _text(target, values, spelled)
+    if text is None:
+        name = next((n for n in values if _text(target, {n: values[n]}, spelled) is None), "")
+        raise ArgumentError(
+            f"{target} cannot hold the parameter {name!r} of the unit {spelled[name]!r}; rename it, or use .toml"
+        )
     with replacing(target) as beside:
         beside.write_text(text, encoding="utf-8", newline="")
 
@@ -92,7 +97,7 @@ def load_parameters(path: str | os.PathLike[str]) -> dict[str, float]:
     source = as_path("path", path)
     read = by_suffix(source, FORMATS)[1]
     try:
-        text = source.read_text(encoding="utf-8-sig")
+        text = source.read_bytes().decode("utf-8-sig")  # line ends as they are: a name may contain one
     except OSError as problem:
         raise FileError(f"{source} cannot be read: {problem.strerror or problem}") from None
     except UnicodeDecodeError:
@@ -114,6 +119,17 @@ def load_parameters(path: str | os.PathLike[str]) -> dict[str, float]:
                 raise FileError(f"{source}: parameter {name}: {problem}") from None
         found[name] = value
     return found
+
+
+def _text(target: Path, values: Mapping[str, float], units: Mapping[str, str]) -> str | None:
+    """The text of a file; None where its names would not be read as they are, such as control characters in XML."""
+    write, read = by_suffix(target, FORMATS)
+    text = write(values, {name: units[name] for name in values})
+    try:
+        text.encode()
+        return text if [name for name, _, _ in read(text, target)] == list(values) else None
+    except (FileError, ValueError, csv.Error):
+        return None
 
 
 Triples = Iterator[tuple[str, float, str]]  # name, value, unit
@@ -204,6 +220,8 @@ def _from_ssv(text: str, path: Path) -> Triples:
     scales: dict[str, tuple[float, float]] = {}
     for unit in root.iter(f"{{{SSC}}}Unit"):
         for base in unit.iter(f"{{{SSC}}}BaseUnit"):
+            if unit.get("name", "") in scales:
+                raise FileError(f"{path} defines the unit {unit.get('name')} twice")
             scales[unit.get("name", "")] = float(base.get("factor", 1.0)), float(base.get("offset", 0.0))
     for entry in root.iter(f"{{{SSV}}}Parameter"):
         name = entry.get("name", "")

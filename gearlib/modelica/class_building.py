@@ -6,7 +6,6 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from gearlib.arguments import shown
 from gearlib.errors import ModelicaError
 from gearlib.language.component import RESERVED, Component, Connection
 from gearlib.language.declarations import NO_VALUE, Connector, Declaration, Discrete, Input, Parameter, Structural, Variable
@@ -25,7 +24,7 @@ from gearlib.modelica.counterparts import Counterpart, ModelicaClass
 from gearlib.modelica.element_types import (
     ElementKind,
     ElementType,
-    TypeKind,
+    check_type,
     connector_class,
     element_of,
     kind_of,
@@ -142,7 +141,10 @@ class _ClassBuilder:
     @property
     def fixed_values(self) -> Evaluation:
         """Evaluation context for values that must be known with the class."""
-        return Evaluation(self.scope, None, self._constants())
+        return self._within(self.scope)
+
+    def _within(self, scope: ClassScope) -> Evaluation:
+        return Evaluation(scope, None, self._constants(), types={name: m.type.kind for name, m in self.members.items()})
 
     def _constants(self) -> Mapping[str, SyntaxNode]:
         """Values of constants, including structural choices whose default depends on others."""
@@ -152,7 +154,7 @@ class _ClassBuilder:
     def evaluation(self, component: Component, scope: ClassScope | None = None) -> Evaluation:
         """Evaluation context for the expressions of the class in one instance."""
         conditional = frozenset(n for n, m in self.members.items() if m.element.node.condition is not None and m.kind == "part")
-        return Evaluation(scope or self.scope, component, self._constants(), conditional)
+        return replace(self._within(scope or self.scope), component=component, conditional=conditional)
 
     # ------------------------------------------------------------ declarations
 
@@ -163,6 +165,8 @@ class _ClassBuilder:
                 raise ModelicaError(f"{node.at}: '{prefix}' is not supported")
         if member.kind not in ("connector", "part"):
             check_attributes(attributes)
+        if _names_in(node.value):
+            self.fixed_values.check_assigned(name, node.value or node)
         unit = unit_of(member.element, member.type)
         match member.kind:
             case "parameter":
@@ -175,7 +179,7 @@ class _ClassBuilder:
             case "variable":
                 return Variable(unit, node.comment, **self._variable(name, node, attributes))
             case "discrete":
-                return Discrete(node.comment, start=self._attribute(attributes["start"]) if "start" in attributes else 0.0)
+                return Discrete(node.comment, start=self._start(name, attributes["start"]) if "start" in attributes else 0.0)
             case "connector":
                 return self._connector(member)
             case "constant" if not _names_in(node.value):
@@ -190,8 +194,8 @@ class _ClassBuilder:
         if isinstance(node, GivenNode) or _names_in(node):
             scope, constant = member.element.scope, member.kind == "parameter"
             return lambda c: replace(self.evaluation(c, scope), of_parameters=constant).number(node)
-        evaluation = Evaluation(member.element.scope, None, self._constants())
-        _check_type(evaluation.value(node), member.type.kind, node)
+        evaluation = self._within(member.element.scope)
+        check_type(evaluation.value(node), member.type.kind, node)
         found = evaluation.number(node)
         return float(found) if isinstance(found, (int, float)) else found
 
@@ -200,8 +204,8 @@ class _ClassBuilder:
         node = member.default
         if node is None or any(name in self.members and self.members[name].kind != "constant" for name in _names_in(node)):
             return None
-        found = Evaluation(member.element.scope, None, self._constants()).constant(node)
-        _check_type(found, member.type.kind, node)
+        found = self._within(member.element.scope).constant(node)
+        check_type(found, member.type.kind, node)
         return float(found) if member.type.kind == "real" and isinstance(found, int) else found
 
     def _variable(self, name: str, node: SyntaxNode, attributes: Modifications) -> dict[str, Any]:
@@ -225,6 +229,11 @@ class _ClassBuilder:
                 found[number] = self._attribute(attributes[number])
         if "stateSelect" in attributes:
             found["state"] = self._attribute(attributes["stateSelect"])
+        return found
+
+    def _start(self, name: str, m: Modification) -> Any:
+        found = self._attribute(m)
+        check_type(self.fixed_values.constant(given_value(m)), self.members[name].type.kind, m)
         return found
 
     def _attribute(self, m: Modification) -> Any:
@@ -362,23 +371,6 @@ class _ClassBuilder:
 def _reference(node: SyntaxNode, name: str) -> ReferenceNode:
     names = tuple(name.split("."))
     return ReferenceNode(node.at, names, ((),) * len(names))
-
-
-def _check_type(value: Any, kind: TypeKind, node: SyntaxNode) -> None:
-    """Refuse a constant value of another type; whole numbers are real ones, too."""
-    if isinstance(value, tuple):
-        for each in value:
-            _check_type(each, kind, node)
-    elif isinstance(value, (bool, int, float, str)) and kind in _VALUES:
-        types, expected = _VALUES[kind]
-        if not isinstance(value, types) or isinstance(value, bool) != (kind == "boolean"):
-            raise ModelicaError(f"{node.at}: {shown(value)} is given; expected {expected}")
-
-
-_VALUES: Mapping[TypeKind, tuple[tuple[type, ...], str]] = {
-    "real": ((int, float), "a number"), "integer": ((int,), "an Integer, a whole number"), "boolean": ((bool,), "true or false"),
-    "string": ((str,), "a string, or a literal of the enumeration"),
-}  # fmt: skip
 
 
 def _check_name(name: str, node: SyntaxNode) -> None:

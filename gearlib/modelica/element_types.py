@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from gearlib.arguments import shown
 from gearlib.errors import ModelicaError, nearest
 from gearlib.language.declarations import Connector, Flow, Input, Potential
 from gearlib.modelica.class_content import DeclaredElement, Modifications, by_name, check_attributes, content_of, merged
@@ -148,3 +149,20 @@ def unit_of(element: DeclaredElement, kind: ElementType) -> str:
     given = merged(kind.attributes, element.modifications).get("unit")
     text = getattr(given.value, "value", "") if given is not None else kind.unit
     return (unit_written(text) or "any") if isinstance(text, str) else "any"
+
+
+_VALUES: Mapping[TypeKind, tuple[tuple[type, ...], str]] = {
+    "real": ((int, float), "a number"), "integer": ((int,), "an Integer, a whole number"), "boolean": ((bool,), "true or false"),
+    "string": ((str,), "a string, or a literal of the enumeration"),
+}  # fmt: skip
+
+
+def check_type(value: Any, kind: TypeKind | None, node: SyntaxNode) -> None:
+    """Refuse a constant value of another type; whole numbers are real ones, too."""
+    if isinstance(value, tuple):
+        for each in value:
+            check_type(each, kind, node)
+    elif isinstance(value, (bool, int, float, str)) and kind is not None and kind in _VALUES:
+        types, expected = _VALUES[kind]
+        if not isinstance(value, types) or isinstance(value, bool) != (kind == "boolean"):
+            raise ModelicaError(f"{node.at}: {shown(value)} is given; expected {expected}")

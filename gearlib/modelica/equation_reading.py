@@ -40,6 +40,8 @@ def equations_from(node: SyntaxNode, evaluation: Evaluation) -> Iterator[Eq | Wh
 
 
 def _equality(node: EqualityNode, evaluation: Evaluation) -> Iterator[Eq]:
+    if isinstance(node.left, ReferenceNode) and len(node.left.names) == 1:
+        evaluation.check_assigned(node.left.names[0], node.right)
     left, right = evaluation.number(node.left), evaluation.number(node.right)
     if isinstance(left, tuple) != isinstance(right, tuple) or (isinstance(left, tuple) and len(left) != len(right)):
         raise ModelicaError(f"{node.at}: the two sides are arrays of different sizes")

@@ -14,6 +14,7 @@ from gearlib.language import expressions as language
 from gearlib.language.component import Component, Port
 from gearlib.language.declarations import Connector, Declaration, Derivative, Discrete, Variable, declared_by
 from gearlib.modelica.counterparts import ModelicaClass, array_in, local_name, names_in
+from gearlib.modelica.element_types import TypeKind, check_type, type_named
 from gearlib.modelica.scopes import ClassScope, lookup
 from gearlib.modelica.si_types import constant_named, conversion_named
 from gearlib.modelica.syntax_tree import (
@@ -49,6 +50,7 @@ _OF_NUMBERS: Mapping[str, tuple[Callable[..., Any], int]] = {
     "zeros": (lambda n: (0.0,) * n, 1), "ones": (lambda n: (1.0,) * n, 1), "fill": (lambda v, n: (v,) * n, 2),
     "linspace": (lambda a, b, n: tuple(a + (b - a) * k / (n - 1) for k in range(n)), 3),
 }  # fmt: skip
+_OF_THEIR_ARGUMENTS = ("abs", "min", "max", "mod", "div", "rem", "sum", "product", "pre", "noEvent", "fill")  # as for the type
 _RELATIONS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 _LOGICAL = ("and", "or", "not")
 
@@ -82,6 +84,8 @@ class Evaluation:
         Indices of the enclosing loops.
     of_parameters : bool
         Whether the value is one of a parameter, so that it is constant.
+    types : mapping of str to str
+        Types of the elements of the class.
     """
 
     scope: ClassScope
@@ -90,6 +94,7 @@ class Evaluation:
     conditional: frozenset[str] = frozenset()
     indices: Mapping[str, int] = field(default_factory=dict)
     of_parameters: bool = False
+    types: Mapping[str, TypeKind] = field(default_factory=dict)
 
     def at_index(self, index: str, value: int) -> Evaluation:
         """The same context within a loop."""
@@ -178,25 +183,57 @@ class Evaluation:
             for name, subscripts in zip(node.names, node.subscripts, strict=True):
                 found = self._subscripted(self._member(found, name, node), subscripts, node)
             if found is None and len(node.names) == 1 and first in self.constants:
-                found = self._subscripted(self.value(self.constants[first]), node.subscripts[0], node)
+                found = self._subscripted(self._constant(first), node.subscripts[0], node)
             if found is None:
                 raise ModelicaError(f"{node.at}: {node} has no value")
             return found
         if first in self.conditional:
             raise Absent(node)
         if first in self.constants:
-            return self._subscripted(replace(self, indices={}).value(self.constants[first]), node.subscripts[0], node)
+            return self._subscripted(replace(self, indices={})._constant(first), node.subscripts[0], node)
         return self._constant_of_class(node)
+
+    def _constant(self, name: str) -> Any:
+        found = self.value(self.constants[name])
+        check_type(found, self.types.get(name), self.constants[name])
+        return found
+
+    def check_assigned(self, name: str, node: SyntaxNode) -> None:
+        """Refuse an expression that is Real by its form for what is declared as Integer or Boolean."""
+        kind = self.types.get(name)
+        if kind in ("integer", "boolean") and self._is_real(node):
+            form = "integer() or div(), for a quotient is Real also of Integers" if kind == "integer" else "a condition"
+            raise ModelicaError(f"{node.at}: a Real expression is given to '{name}'; expected {form}")
+
+    def _is_real(self, node: SyntaxNode) -> bool:
+        """Whether an expression is Real by its form in Modelica; what other components declare is not known."""
+        match node:
+            case NumberNode():
+                return isinstance(node.value, float)
+            case OperationNode():
+                sign = node.operator.removeprefix(".")
+                return sign in ("/", "^") or (sign in ("+", "-", "*") and any(map(self._is_real, node.operands)))
+            case ChoiceNode():
+                return any(map(self._is_real, (*(value for _, value in node.branches), node.otherwise)))
+            case ArrayNode():
+                return any(map(self._is_real, node.items))
+            case CallNode():
+                if node.function in _OF_THEIR_ARGUMENTS:
+                    return any(map(self._is_real, node.arguments))
+                return node.function in ("floor", "ceil", "der") or (node.function in _FUNCTIONS and node.function != "sign")
+            case ReferenceNode() if len(node.names) == 1:
+                return node.names == ("time",) or self.types.get(node.names[0]) == "real"
+        return False
 
     def _constant_of_class(self, node: ReferenceNode) -> Any:
         """A constant of an enclosing class, another class or the library; or an enumeration literal."""
         for level in self.scope.upwards() if len(node.names) == 1 else ():
             if (found := _constant_in(level, node.names[0])) is not None:
-                return Evaluation(level).value(found)
+                return _of_its_type(found, level)
         place = lookup(node.names[:-1], self.scope) if len(node.names) > 1 else node.names
         if isinstance(place, ClassScope):
             if (found := _constant_in(place, node.names[-1])) is not None:
-                return Evaluation(place).value(found)
+                return _of_its_type(found, place)
             if node.names[-1] in place.node.literals:
                 return node.names[-1]
         full = lookup(node.names, self.scope)
@@ -473,11 +510,18 @@ def _arithmetic(sign: str, values: list[Any]) -> Any:
     return a**b
 
 
-def _constant_in(level: ClassScope, name: str) -> SyntaxNode | None:
-    """The value of a constant declared in a class."""
+def _of_its_type(element: ComponentNode, level: ClassScope) -> Any:
+    assert element.value is not None
+    found = Evaluation(level).value(element.value)
+    check_type(found, type_named(element.type, level, element).kind, element.value)
+    return found
+
+
+def _constant_in(level: ClassScope, name: str) -> ComponentNode | None:
+    """A constant declared in a class."""
     for element in level.node.elements:
         if isinstance(element, ComponentNode) and element.name == name and element.prefixes & {"constant", "parameter"}:
-            return element.value if "constant" in element.prefixes else None
+            return element if "constant" in element.prefixes and element.value is not None else None
     return None
 
 

@@ -149,6 +149,12 @@ SSV = f'<ParameterSet xmlns="{NAMESPACE}"><Parameters>{{}}</Parameters></Paramet
             f'<ParameterSet xmlns="{NAMESPACE}" xmlns:c="{UNITS}"><c:Unit name="u"><c:BaseUnit factor="x"/></c:Unit></ParameterSet>',
             r"p\.ssv cannot be read: could not convert string to float: 'x'",
         ),
+        (
+            "p.ssv",
+            f'<ParameterSet xmlns="{NAMESPACE}" xmlns:c="{UNITS}"><Units><c:Unit name="u"><c:BaseUnit factor="2"/></c:Unit>'
+            '<c:Unit name="u"><c:BaseUnit factor="3"/></c:Unit></Units></ParameterSet>',
+            r"p\.ssv defines the unit u twice",
+        ),
         ("p.yaml", "", r"suffix '\.yaml'; expected \.toml, \.csv, \.ssv"),
     ],
 )
@@ -188,3 +194,24 @@ def test_what_cannot_be_read_or_written(tmp_path: Path) -> None:
             gl.save_parameters(name, {"a": 1.0})
     with pytest.raises(ArgumentError, match="the unit 'rpm'"):
         gl.save_parameters(tmp_path / "p.ssv", {"a": 1.0}, {"a": "rpm"})
+
+
+@pytest.mark.parametrize("suffix", [".toml", ".csv", ".ssv"])
+def test_each_character_of_a_name_is_read_back_or_refused(suffix: str, tmp_path: Path) -> None:
+    refused = set()
+    for code in (*range(0x30), 0x7F, 0x85, 0x2028, 0xD800, 0xFEFF, 0xFFFE, 0x10FFFF):
+        name, path = f"{chr(code)}a{chr(code)}{chr(10)}", tmp_path / f"p{suffix}"
+        try:
+            gl.save_parameters(path, {"J": 1.0, name: 2.0})
+        except ArgumentError as problem:
+            assert f"cannot hold the parameter {name!r}" in str(problem)
+            refused.add(code)
+        else:
+            assert gl.load_parameters(path) == {"J": 1.0, name: 2.0}
+    control = {*range(0x20)} - {9, 10, 13} | {0xFFFE} if suffix == ".ssv" else set()
+    assert refused == control | {0xD800}
+
+
+def test_a_unit_that_breaks_the_line_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError, match=r"cannot hold the parameter 'a' of the unit 'm\\n\]'"):
+        gl.save_parameters(tmp_path / "p.toml", {"b": 1.0, "a": 2.0}, {"a": "m\n]"})

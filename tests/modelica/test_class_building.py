@@ -318,11 +318,39 @@ def test_a_class_that_says_nothing_is_described_by_its_name() -> None:
         ("parameter String n = 1;", "1 is given; expected a string"),
         ("type E = enumeration(a, b); parameter E n = 3;", "3 is given; expected a string, or a literal of the enumeration"),
         ("type N = Integer(min = 1); parameter N n = 2.5;", "2.5 is given; expected an Integer"),
+        (
+            "parameter Integer m = 8; parameter Integer n = m / 2;",
+            "a Real expression is given to 'n'; expected integer() or div()",
+        ),
+        ("parameter Integer m = 8; parameter Integer n[2] = {m ^ 2, m};", "a Real expression is given to 'n'"),
+        ("parameter Real m = 8; parameter Integer n = if m > 2 then 3 else m;", "a Real expression is given to 'n'"),
+        ("Integer k(start = 2.5); equation when time > 1 then k = 3; end when;", "2.5 is given; expected an Integer"),
+        ("Integer k = if time > 1 then 2.5 else 1;", "a Real expression is given to 'k'; expected integer()"),
+        (
+            "parameter Integer m = 7; parameter Boolean n = m; Real x = if n then 1 else 2;",
+            "7 is given; expected true or false",
+        ),
+        ("package P constant Integer n = 7 / 2; end P; Real x = P.n;", "3.5 is given; expected an Integer"),
+        ("Integer k; equation when time > 1 then k = (pre(k) + 3) / 2; end when;", "a Real expression is given to 'k'"),
+        (
+            "Integer k; Real x = time; equation when time > 1 then k = max(pre(k), -x); end when;",
+            "a Real expression is given to 'k'",
+        ),
+        (
+            "Boolean b; equation when time > 1 then b = 2.5; end when;",
+            "a Real expression is given to 'b'; expected a condition",
+        ),
     ],
 )
 def test_values_have_the_type_of_what_they_are_given_to(declared: str, said: str) -> None:
     with pytest.raises(ModelicaError, match=f"line 1, column [0-9]+: {re.escape(said)}"):
-        gl.read_modelica(f"model M {declared} end M;")
+        gl.compile(gl.read_modelica(f"model M {declared} end M;")())
+
+
+def test_integers_are_computed_of_integers() -> None:
+    declared = "parameter Integer m = 7; parameter Integer n = div(m, 2) * 2 + integer(m / 2); Integer k(start = 1); Real x = n * time;"
+    when = "equation when time > 0.5 then k = max(pre(k) + 2 * n, if x > 0 then mod(m, 3) else sign(x)); end when;"
+    assert gl.simulate(gl.read_modelica(f"model M {declared} {when} end M;")(), 1.0, samples=2)["k"].tolist() == [1.0, 19.0]
 
 
 def test_whole_numbers_are_real_ones_too() -> None:
