@@ -52,7 +52,7 @@ def unite(n: int, left: Integers, right: Integers, sign: Integers, rank: Integer
 
     for a, b, s in zip(left.tolist(), right.tolist(), sign.tolist(), strict=True):
         if b < 0:
-            b, s = zero, 1
+            b = zero  # whatever the sign
         (ra, sa), (rb, sb) = find(a), find(b)
         if ra == rb:
             if ra == find(zero)[0] or sa == s * sb:

@@ -40,7 +40,7 @@ def specialised(template: Template, pattern: Pattern, values: frozenset[tuple[st
     for name, order in (*template.columns, *template.relation_columns):
         lead, sign = pattern[where[name]]
         if lead != where[name]:
-            table[column_symbol((name, order))] = sign * column_symbol((template.locals[lead], order)) if lead >= 0 else 0
+            table[column_symbol((name, order))] = sign * column_symbol((template.locals[lead], order))  # without a lead, 0
     residual = sympy.sympify(template.residual).xreplace(table)
     relations: list[Relation] = []
     known = {}

@@ -644,7 +644,7 @@ def test_values_that_can_not_be_read_are_refused() -> None:
 
 def test_a_part_that_is_deleted_is_no_part_any_more() -> None:
     def assemble(self: Any) -> list[Any]:
-        self.tried, self.load = body(), body()
+        self.tried, self.load, self.several = body(), body(), [body()]
         del self.tried
         return []
 
@@ -653,13 +653,14 @@ def test_a_part_that_is_deleted_is_no_part_any_more() -> None:
     own, pair = model.own, model.pair
     del model.own, model.pair, model.note
     assert list(parts_of(model)) == ["owner"]
-    assert gl.compile(model).states == ("owner.w", "load.w")
+    assert gl.compile(model).states == ("owner.w", "load.w", "several[0].w")
     other = composite(lambda s: [])
     other.own, other.pair = own, pair
     model.own = body()
-    assert gl.compile(model).states == ("owner.w", "own.w", "load.w")
-    with pytest.raises(ModelError, match=r"^Model\.load: assemble\(\) made this part, and makes it again"):
-        del model.load
+    assert gl.compile(model).states == ("owner.w", "own.w", "load.w", "several[0].w")
+    for made in ("load", "several"):
+        with pytest.raises(ModelError, match=rf"^Model\.{made}: assemble\(\) made this part, and makes it again"):
+            delattr(model, made)
     for missing in ("nothing", "_nothing"):
         with pytest.raises(AttributeError, match=missing):
             delattr(model, missing)
