@@ -125,15 +125,15 @@ def frozen(linearized: LinearizedProgram, rows: Sequence[int], outputs: Sequence
     angles = [scene.states[i] for i in order if _is_angle(structure.model, scene.states[i])]
     others = needed_states(structure, [(v, k + 1) for v, k in {*scene.states} - {*angles}] + [*outputs])
     angles = [angle for angle in angles if angle in others][:MOST_FROZEN]
-    templates = {group.template for group in structure.model.groups}
-    switched = any(relation_kernel(t, c).on_time for t in templates for c in range(len(t.relations)))
+    templates = [group.template for group in structure.model.groups]
+    on_time = program.on_time or any(relation_kernel(t, c).on_time for t in templates for c in range(len(t.relations)))
     found: list[str] = []
     with suppress(GearlibError):  # an angle or a time at which the train cannot be
         here = slopes((), 0.0)
         if angles and vary(angles):
             turning = [a for a in angles if not differ(here, slopes([a], 2 * np.pi)) and vary([a])]
             found += [f"{structure.model.name(v)} = {point.states[v, k]:g} rad" for v, k in turning]
-        if (program.on_time or switched) and any(differ(here, slopes((), 0.0, 10 * step)) for step in STEPS):
+        if on_time and any(differ(here, slopes((), 0.0, 10 * step)) for step in STEPS):
             found.append(f"t = {point.t:g} s")
     return [*steady, f"frozen at {', '.join(sorted(found))}, with which the coefficients vary"] if found else steady
 

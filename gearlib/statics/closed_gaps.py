@@ -27,7 +27,7 @@ MOST_TRIALS = 64  # combinations of sides: all of six gaps with two each
 
 
 def with_gaps_closed(model: FlatModel, parameters: Floats, given: Sequence[Given], motion: Motion) -> Motion:
-    """The motion itself if it is permanent, else one with gaps closed, else the motion itself again."""
+    """The motion itself if it is permanent, else one with gaps closed, all by a load of either sense first, else the motion again."""
     if not drifting(model, parameters, motion) and not (motion.residual > CONTRADICTION).any():
         return motion
     n = model.n_variables
@@ -35,7 +35,6 @@ def with_gaps_closed(model: FlatModel, parameters: Floats, given: Sequence[Given
     gaps = compared[(motion.undetermined[compared] > UNDETERMINED) & ~model.flow[compared] & ~model.potential[compared]]
     way = np.sign(without_rounding(motion.rates)[gaps])
     side = np.where(way == 0.0, np.sign(way.sum()) or 1.0, way)
-    # Of a long row of gaps all are closed by a load of one sense; each trial is followed by that of the other sense.
     for others, sense in islice(product(product((1.0, -1.0), repeat=max(len(gaps) - 1, 0)), (1.0, -1.0)), MOST_TRIALS):
         x = np.concatenate([motion.constants, motion.rates])
         x[gaps] = APART * sense * side * np.array([1.0, *others])[: len(gaps)]
