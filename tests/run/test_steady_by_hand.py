@@ -134,6 +134,34 @@ def test_an_angle_that_turns_beside_what_may_grow() -> None:
     assert said.startswith("the equations vary with y, which would grow for ever")
 
 
+@pytest.mark.parametrize("slow", [1.0, 1e-8, 1e-14])
+@pytest.mark.parametrize("unit", [1.0, 1e7])
+def test_rates_and_states_of_very_different_sizes(slow: float, unit: float) -> None:
+    """Each equation counts by its own size, each state in its own unit."""
+    apart = steady(lambda x, y, p, q: (p - x, slow * (q * unit - y)), 5.0, 7.0 * unit, q=3.0)
+    assert apart == [pytest.approx(1.0, rel=1e-9), pytest.approx(3.0 * unit, rel=1e-9)]
+    coupled = steady(lambda x, y, p, q: (p - 2 * x + y / unit, slow * (unit * (3 * q - x) - 4 * y)), 5.0, 7.0 * unit)
+    assert coupled == [pytest.approx(10 / 9, rel=1e-9), pytest.approx(11 / 9 * unit, rel=1e-9)]
+
+
+class Thousands(Pair):
+    """The same, in thousands."""
+
+    x, y = gl.Variable("any", nominal=1e3), gl.Variable("any", nominal=1e3)
+
+
+@pytest.mark.parametrize(("kind", "p"), [(Pair, 1.0), (Thousands, 1.0), (Thousands, 1e6)])
+def test_what_was_wrongly_taken_to_grow_is_noticed(kind: type[Pair], p: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The motion is looked at again where what grows has grown: x follows y, unless y rests."""
+    monkeypatch.setattr("gearlib.run.steady.growing", lambda scene, numbers: np.eye(2)[:, [scene.state_names.index("y")]])
+
+    def follows(x: Any, y: Any, p: Any, q: Any) -> tuple[Any, Any]:
+        return p - x + y / 100, q
+
+    assert reason(follows, kind=kind, p=p).startswith("der(x) stays at ")
+    assert steady(follows, 0.0, 5.0, kind, p=p, q=0.0) == pytest.approx([p + 0.05, 5.0], rel=1e-9)
+
+
 def test_directions_that_may_grow() -> None:
     """Orthonormal; none where each state matters, one where only a difference does."""
 
@@ -171,6 +199,16 @@ def test_how_a_steady_state_follows_its_parameters() -> None:
     assert slopes(linear, 0.0, 0.0, "p", "q") == pytest.approx(np.array([[4 / 9, 3 / 9], [-1 / 9, 6 / 9]]), rel=1e-9)
     assert slopes(cubic, 0.5, 0.5, "p", "q") == pytest.approx(np.array([[1.0, 0.0], [1.0, 0.0]]), rel=1e-6, abs=1e-9)
     assert slopes(circle, 1.0, 1.0, "p", p=9.0) == pytest.approx(np.array([[1 / 6], [1 / 6]]), rel=1e-6)
+
+
+@pytest.mark.parametrize(("slow", "unit"), [(1e-8, 1.0), (1e8, 1.0), (1e-12, 1.0), (1e-8, 1e9)])
+def test_derivatives_where_rates_and_states_differ_in_size(slow: float, unit: float) -> None:
+    """Each equation counts by its own size, each state in its own unit."""
+    found = slopes(lambda x, y, p, q: (p - 2 * x + y / unit, slow * (unit * (3 * q - x) - 4 * y)), 0.0, 0.0, "p", "q")
+    assert found[0] == pytest.approx([4 / 9, 3 / 9], rel=1e-9)
+    assert found[1] / unit == pytest.approx([-1 / 9, 6 / 9], rel=1e-9)
+    apart = slopes(lambda x, y, p, q: (p - x, slow * (q - y)), 0.0, 0.0, "p", "q")
+    assert apart == pytest.approx(np.eye(2), rel=1e-9, abs=1e-12)
 
 
 def test_what_grows_keeps_how_its_start_changes() -> None:
