@@ -183,7 +183,7 @@ class PowerFlow:
 
     def sankey(self) -> Picture:
         """Sankey diagram: band widths are proportional to power, from drives to loads; circulating power flows back below."""
-        flows, joints = _flows(self._branches)
+        flows, joints = flows_of(self._branches)
         return sankey([Band(*flow) for flow in flows], self.losses, self._title, joints)
 
     def scheme(self) -> Scheme:
@@ -319,11 +319,11 @@ class PowerFlow:
         return lines
 
 
-def _flows(branches: Sequence[PowerEdge]) -> tuple[list[tuple[str, str, float]], list[str]]:
+def flows_of(branches: Sequence[PowerEdge]) -> tuple[list[tuple[str, str, float]], list[str]]:
     """Power from component to component; via a node where more than two share a shaft.
 
     >>> shaft = [PowerEdge("gear", 1, -5.0), PowerEdge("a", 1, 2.0), PowerEdge("b", 1, 3.0)]
-    >>> _flows([PowerEdge("motor", 0, -5.0), PowerEdge("gear", 0, 5.0), *shaft])
+    >>> flows_of([PowerEdge("motor", 0, -5.0), PowerEdge("gear", 0, 5.0), *shaft])
     ([('motor', 'gear', 5.0), ('gear', 'shaft 1', 5.0), ('shaft 1', 'a', 2.0), ('shaft 1', 'b', 3.0)], ['shaft 1'])
     """
     by_shaft: dict[int, list[PowerEdge]] = {}

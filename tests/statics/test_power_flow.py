@@ -15,7 +15,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError, InputWarning, ModelError, NameLookupError
 from gearlib.statics.circulation import PowerEdge, circulations
-from gearlib.statics.power_flow import FlangePower, PowerFlow, _flows
+from gearlib.statics.power_flow import FlangePower, PowerFlow, flows_of
 
 
 def flange(
@@ -405,7 +405,7 @@ def test_what_stands_still_loses_nothing_and_has_no_ratio() -> None:
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_power_goes_from_givers_to_takers_however_little_it_is(size: float) -> None:
     edges = [("motor", 0, -5.0), ("gear", 0, 5.0), ("gear", 1, -4.5), ("a", 1, 2.0), ("b", 1, 2.5)]
-    flows, joints = _flows([PowerEdge(name, shaft, size * power) for name, shaft, power in edges])
+    flows, joints = flows_of([PowerEdge(name, shaft, size * power) for name, shaft, power in edges])
     pairs = {("motor", "gear"): 5.0, ("gear", "shaft 1"): 4.5, ("shaft 1", "a"): 2.0, ("shaft 1", "b"): 2.5}
     assert {(a, b): power for a, b, power in flows} == pytest.approx({pair: size * power for pair, power in pairs.items()})
     assert joints == ["shaft 1"]
