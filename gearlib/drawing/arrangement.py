@@ -100,7 +100,7 @@ def arranged(outline: Outline, width: float) -> Arrangement:
     ]
     sides = _border_sides(things, liking)
     layer = layers(len(things), liking, sides)
-    side = _sides(things, ends, layer, sides, inner, outline.nets)
+    side = port_sides(things, ends, layer, sides, inner, outline.nets)
     design = _Design(things, ends, side, layer, inner)
     return _routed(outline, design, width)
 
@@ -145,7 +145,7 @@ def _border_sides(things: Sequence[Outline | Terminal], liking: Sequence[Sequenc
 Sides = dict[tuple[int, str], int]
 
 
-def _sides(
+def port_sides(
     things: Sequence[Outline | Terminal], ends: Sequence[Sequence[tuple[int, Pin]]], layer: Sequence[int], border: dict[int, int],
     inner: dict[str, Arrangement], nets: Sequence[Net],
 ) -> Sides:  # fmt: skip

@@ -195,7 +195,7 @@ def deflate(matrix: Floats) -> tuple[Floats, Floats, tuple[int, ...], float]:
     n = len(matrix)
     zero, others, rest = np.empty((n, 0)), np.eye(n), matrix
     chains: list[int] = []
-    limit = RANK * max(10, n) / 10 * _norm(matrix)
+    limit = RANK * max(10, n) / 10 * largest_singular_value(matrix)
     while len(rest):
         rows, null = rows_and_null(rest, limit)
         if not null.shape[1]:
@@ -206,7 +206,7 @@ def deflate(matrix: Floats) -> tuple[Floats, Floats, tuple[int, ...], float]:
     return zero, others, tuple(chains), limit
 
 
-def _norm(matrix: Floats) -> float:
+def largest_singular_value(matrix: Floats) -> float:
     """Lower estimate of the largest singular value, at least the norm of the largest row.
 
     Power iteration starts from that row, since the matrix of a freely rotating train maps equal speeds to zero.

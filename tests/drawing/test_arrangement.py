@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gearlib.drawing.arrangement import LEFT, RIGHT, _sides, arranged
+from gearlib.drawing.arrangement import LEFT, RIGHT, arranged, port_sides
 from gearlib.drawing.block_diagram import Net, Outline, Pin, Terminal
 
 
@@ -31,4 +31,4 @@ def test_the_lowest_port_of_a_box_is_above_the_highest_of_the_box_below() -> Non
 
 def test_a_shaft_that_leads_nowhere_leaves_a_drive_at_its_right_and_a_load_at_its_left() -> None:
     parts = [Outline(name, name, icon, (Terminal("flange", "rotational"),)) for name, icon in (("m", "torque"), ("z", "load"))]
-    assert _sides(parts, (), (0, 0), {}, {}, ()) == {(0, "flange"): RIGHT, (1, "flange"): LEFT}
+    assert port_sides(parts, (), (0, 0), {}, {}, ()) == {(0, "flange"): RIGHT, (1, "flange"): LEFT}

@@ -18,7 +18,7 @@ from gearlib.feedback.feedback_loop import as_loop
 from gearlib.linear import eigenvalue_changes as eigenvalue_changes_module
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
 from gearlib.linear.linear_model import is_sparse
-from gearlib.linear.poles import Poles, _norm, deflate, eigen, poles, rows_and_null, warn_of_rounding
+from gearlib.linear.poles import Poles, deflate, eigen, largest_singular_value, poles, rows_and_null, warn_of_rounding
 from gearlib.linear.steady_state import SteadyState
 from gearlib.vibration.spectrum import dense_spectrum
 
@@ -448,5 +448,5 @@ def test_the_largest_singular_value_is_estimated_from_the_largest_row(size: floa
         np.array([[0.0, 7.0], [0.0, 0.0]]),
         np.array([[1.0, -1.0], [-1.0, 1.0]]),
     ):
-        assert _norm(size * matrix) / size == pytest.approx(np.linalg.norm(matrix, 2), rel=1e-12)
-    assert _norm(np.zeros((2, 2))) == 0.0
+        assert largest_singular_value(size * matrix) / size == pytest.approx(np.linalg.norm(matrix, 2), rel=1e-12)
+    assert largest_singular_value(np.zeros((2, 2))) == 0.0
