@@ -12,7 +12,7 @@ import pytest
 import gearlib as gl
 from gearlib.errors import SingularError
 from gearlib.program.build import build
-from gearlib.program.interpret import evaluate, prepare
+from gearlib.program.interpret import evaluate, prepare, regular
 from gearlib.program.program import Batch
 from gearlib.program.residual_form import index_reduced_form, torn_form
 
@@ -80,7 +80,9 @@ def test_a_tear_is_an_unknown_and_its_equation_a_residual() -> None:
 def test_a_coefficient_that_is_divided_by_in_a_torn_form_must_not_vanish() -> None:
     form = torn_form(torn().structure, torn().scene.program, None, ())
     table = torn().model.parameters.values.copy()
+    assert regular(form.program, table[:, None]).tolist() == [True]
     table[[torn().model.parameters.index[name] for name in "pq"]] = 0.0
+    assert regular(form.program, table[:, None]).tolist() == [False]
     with pytest.raises(SingularError, match=r"^Torn: .* cannot be solved with [pq] = 0; division by zero"):
         values(form, [0.1, 0.2], table)
 

@@ -94,3 +94,22 @@ def test_a_factor_of_zero_cancels_and_is_decisive(factor: float) -> None:
     for c in found:
         assert set(c.gone) == {(node[n], 0) for n in "uvw"}
         assert [structure.model.parameters.names[p] for p in c.decisive] == ["c"]
+
+
+def test_a_sum_of_which_nothing_is_left_does_not_hide_another() -> None:
+    """The first two of four equations say the same where k = m; the others leave ``q = r``."""
+
+    class Twice(gl.Component):
+        p, q, r, s = (gl.Variable("1", start=1.0) for _ in range(4))
+        k, m = gl.Parameter("1", default=2.0), gl.Parameter("1", default=2.0)
+
+        def equations(self) -> list[Any]:
+            one, other = gl.der(self.p) + gl.der(self.q), gl.der(self.r) + gl.der(self.s)
+            same = [gl.Eq(one + other, -self.p), gl.Eq(self.k * (one + other), -self.m * self.p)]
+            return [*same, gl.Eq(one - other, self.q), gl.Eq(one - other, self.r)]
+
+    structure, node, found = found_in(Twice())
+    assert [set(c.gone) for c in found] == [{(node[n], 1) for n in "pqrs"}]
+    c = found[0]
+    held = {n for e, k, _ in c.terms for n in structure.model.nodes(e, k)}
+    assert held - set(c.gone) == {(node["q"], 0), (node["r"], 0)}
