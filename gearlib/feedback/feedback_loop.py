@@ -59,32 +59,41 @@ class Loop:
 
         if not len(self.A):
             return np.empty((0, 0), complex), np.empty(0, complex), np.empty(0, complex)
-        balanced, scale = balance(self.A)
-        b, c = self.b / scale, self.c * scale
-        triangle, basis = schur(balanced, output="complex")
+        # Balanced with the way from the output back to the input: alone, states in series would be scaled until their couplings are
+        # lost. The gain on that way is one at which the loop is of the size 1, so that the scales do not depend on its units.
+        n = len(self.A)
+        ring, scale = balance(np.block([[self.A, self.b[:, None] / self._size], [self.c, 0.0]]))
+        b, c = self.b * scale[n] / scale[:n], self.c * scale[:n] / scale[n]
+        triangle, basis = schur(ring[:n, :n], output="complex")
         return triangle, basis.conj().T @ b, c @ basis
+
+    @cached_property
+    def _size(self) -> float:
+        """Largest magnitude of the transfer function without its feedthrough, between the slowest and the fastest pole."""
+        speeds = np.abs(self.open_poles.values[self.open_poles.values != 0])
+        points = np.geomspace(speeds.min(), speeds.max(), 9) if len(speeds) else np.array(self.scale)
+        A, scale = balance(self.A)
+        x = np.linalg.solve(np.exp(1j) * points[:, None, None] * np.eye(len(A)) - A, (self.b / scale)[:, None])[:, :, 0]
+        sizes = np.abs(x @ (self.c * scale))
+        return float(sizes.max()) or 1.0
 
     def response(self, s: Any) -> Complexes:
         """Transfer function at complex frequencies, by back substitution in a Schur form."""
         points = np.asarray(s, complex)
         with np.errstate(divide="ignore", invalid="ignore"):
-            result: Complexes = (self._schur[2] @ self._states(points.ravel()) + self.d).reshape(points.shape)
+            result: Complexes = (self._schur[2] @ _substituted(*self._schur[:2], points.ravel()) + self.d).reshape(points.shape)
         return result
 
     def rounding(self, s: Any) -> Floats:
-        """Bound on the rounding error of the transfer function: small differences of large terms are inaccurate."""
+        """Bound on the rounding error of the transfer function: small differences of large terms, and the matrix's own rounding."""
         points = np.asarray(s, complex)
-        terms = np.abs(self._schur[2]) @ np.abs(self._states(points.ravel())) + abs(self.d)
-        result: Floats = (1e2 * np.finfo(float).eps * terms).reshape(points.shape)
+        triangle, b, c = self._schur
+        x, y = _substituted(triangle, b, points.ravel()), _substituted(triangle.T[::-1, ::-1], c[::-1], points.ravel())
+        terms = 1e2 * (np.abs(c) @ np.abs(x) + abs(self.d))
+        with np.errstate(invalid="ignore", over="ignore"):
+            terms += 4 * np.linalg.norm(triangle) * np.linalg.norm(x, axis=0) * np.linalg.norm(y, axis=0)
+        result: Floats = (np.finfo(float).eps * terms).reshape(points.shape)
         return result
-
-    def _states(self, s: Complexes) -> Complexes:
-        triangle, b, _ = self._schur
-        x = np.zeros((len(b), len(s)), complex)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            for i in range(len(b) - 1, -1, -1):
-                x[i] = (b[i] + triangle[i, i + 1 :] @ x[i + 1 :]) / (s - triangle[i, i])
-        return x
 
     @cached_property
     def open_poles(self) -> Poles:
@@ -144,6 +153,15 @@ class Loop:
         features = features[np.abs(features) > 0]
         points = refine(marks, lambda x: 1j * x, features, step)
         return points[~np.isin(points, self.open_poles.on_axis)]
+
+
+def _substituted(triangle: Complexes, b: Complexes, s: Complexes) -> Complexes:
+    """Solutions of ``(s - triangle) x = b`` by back substitution."""
+    x = np.zeros((len(b), len(s)), complex)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for i in range(len(b) - 1, -1, -1):
+            x[i] = (b[i] + triangle[i, i + 1 :] @ x[i + 1 :]) / (s - triangle[i, i])
+    return x
 
 
 def refine(marks: Floats, path: Any, features: Complexes, step: float) -> Floats:

@@ -37,9 +37,8 @@ def stable_gains(loop: Loop, crossings: Sequence[PhaseCrossing]) -> tuple[tuple[
     edges = [0.0, *sorted({c.gain_margin for c in crossings if 0 < c.gain_margin < np.inf}), np.inf]
     found: list[tuple[float, float]] = []
     for low, high in zip(edges[:-1], edges[1:], strict=True):
-        factor = (
-            1.0 if (low, high) == (0.0, np.inf) else high / 2 if not low else 2 * low if high == np.inf else np.sqrt(low * high)
-        )
+        # as near to 1 as it is clear of the ends: poles of an extreme gain are lost in the rounding of its fastest ones
+        factor = float(np.clip(1.0, 2 * low, high / 2)) if high > 4 * low else float(np.sqrt(low * high))
         if not poles(loop.closed(factor)).right:
             joined = found and found[-1][1] == low
             found[-1:] = [(found[-1][0], high)] if joined else [*found[-1:], (low, high)]

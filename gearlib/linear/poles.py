@@ -27,6 +27,8 @@ Verdict = Literal["stable", "marginal", "drifting", "unstable"]
 RANK = 4e-15
 # Resolution relative to the slowest pole above which it is reported: where poles count as 0 or as undamped, and where none do.
 HIDING, BLURRING = 1e-6, 1e-3
+NEARLY_DEFECTIVE = 1e-4  # cosine between the left and the right eigenvector
+MOST_QUARTERS = 30
 MEANING: dict[Verdict, str] = {
     "stable": "asymptotically stable: every motion dies away",
     "marginal": "marginally stable: nothing grows, but not everything dies away",
@@ -168,8 +170,25 @@ def eigen(balanced: Floats) -> Eigen:
     rest = others.T @ balanced @ others if chains else balanced
     values, left, right = eig(rest, left=True, right=True)
     overlap = np.abs(np.einsum("ij,ij->j", left.conj(), right))
-    error = 40 * np.finfo(float).eps * float(np.linalg.norm(rest)) / np.maximum(overlap, 1e-12)
+    perturbation = 40 * np.finfo(float).eps * float(np.linalg.norm(rest))
+    error = perturbation / np.maximum(overlap, 1e-12)
+    for k in np.flatnonzero((overlap < NEARLY_DEFECTIVE) & (np.abs(values.real) <= error)):
+        error[k] = _reach(rest, values[k], perturbation, error[k])
     return Eigen(zero, others, chains, values, error, right, resolution)
+
+
+def _reach(matrix: Floats, value: complex, perturbation: float, first_order: float) -> float:
+    """How far a perturbation of a matrix moves an eigenvalue that is nearly defective, where the bound of first order is no bound.
+
+    It moves no further than to where ``matrix - z`` is regular by more than the perturbation.
+    """
+    reach = first_order
+    for _ in range(MOST_QUARTERS):
+        around = (value + reach * 1j**k for k in range(4))
+        if any(np.linalg.svd(matrix - z * np.eye(len(matrix)), compute_uv=False)[-1] <= perturbation for z in around):
+            break
+        reach /= 4
+    return reach if reach == first_order else 4 * reach
 
 
 def warn_of_rounding(name: str, states: Sequence[str], A: Any, found: Poles | Eigen) -> None:

@@ -8,10 +8,12 @@ from typing import Any
 import control
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import gearlib as gl
 from gearlib.errors import ArgumentError, NameLookupError
 from gearlib.feedback.feedback_loop import Loop, as_loop, refine
+from gearlib.feedback.margins import margins
 from gearlib.linear.linear_model import full
 
 
@@ -59,14 +61,17 @@ def test_zeros_do_not_depend_on_the_units_of_the_signals(unit: float, d: float) 
 
 
 def test_rounding_is_that_of_the_terms_which_cancel() -> None:
-    """Of 1e8 / (s + 1) - 1e8 / (s + 1): a hundred units in the last place of either."""
+    """Of 1e8 / (s + 1) - 1e8 / (s + 1): a hundred units in the last place of either, and four of the matrix's."""
     loop = Loop(-np.eye(2) + np.array([[0, 1e-3], [0, 0]]), np.array([1.0, 1.0]), np.array([1e8, -1e8]), 0.5, "u", "y")
     terms = 2e8 + 0.5
-    assert float(loop.rounding(0.0)) == pytest.approx(1e2 * np.finfo(float).eps * terms, rel=0.01)
+    matrix = np.sqrt(2) * np.sqrt(2) * 1e8 * np.sqrt(2)  # its norm, and those of the states and of the weights of an output
+    assert float(loop.rounding(0.0)) == pytest.approx(np.finfo(float).eps * (1e2 * terms + 4 * matrix), rel=0.01)
     assert loop.rounding([1j, 2j]).shape == (2,)
     for d in (5.0, -5.0):  # beside a feedthrough that is as large as the rest: of 3 / (s + 2)
         plain = Loop(np.array([[-2.0]]), np.array([3.0]), np.array([-1.0]), d, "u", "y")
-        assert float(plain.rounding(1.5j)) == pytest.approx(1e2 * np.finfo(float).eps * (3.0 / 2.5 + 5.0), rel=1e-9)
+        assert float(plain.rounding(1.5j)) == pytest.approx(
+            np.finfo(float).eps * (1e2 * (3.0 / 2.5 + 5.0) + 4 * 2.0 * 3.0 / 2.5**2), rel=1e-9
+        )
 
 
 @pytest.mark.parametrize("decades", [1.0, 2.0])
@@ -200,3 +205,38 @@ def test_zeros_in_any_unit_of_time(unit: float) -> None:
     A, b, c = turned @ plain.A @ turned.T, turned @ plain.b, turned @ plain.c
     found = Loop(unit * A, unit * b, c, 0.0, "u", "y").zeros
     assert (found / unit).tolist() == [pytest.approx(-2.5, rel=1e-6)]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_vibrations_in_series_keep_their_response_whatever_their_units(seed: int) -> None:
+    """Their couplings are hardly felt beside their rates, in the units of the states."""
+    draw = np.random.default_rng(seed)
+    w, z = draw.uniform(30, 300, 5), draw.uniform(0.3, 1.2, 5)
+    w[4], z[4] = w[0], z[0]
+    A, b, c = np.zeros((10, 10)), np.zeros(10), np.zeros(10)
+    for k in range(5):
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[-2 * z[k] * w[k], -(w[k] ** 2)], [1.0, 0.0]]
+        if k:
+            A[2 * k, 2 * k - 1] = 1.0
+    b[0], c[-1] = 2 * float(np.prod(w**2)), 1.0
+    loop, omega = Loop(A, b, c, 0.0, "u", "y"), np.geomspace(1, 300, 40)
+    exact = 2 * np.prod(w**2 / (w**2 - omega[:, None] ** 2 + 2j * z * w * omega[:, None]), axis=1)
+    found = loop.response(1j * omega)
+    assert found == pytest.approx(exact, rel=1e-6)
+    assert (np.abs(found - exact) <= loop.rounding(1j * omega)).all()
+
+    def past_half_a_turn(x: float) -> float:
+        return float(np.angle(w**2 - x**2 + 2j * z * w * x).sum() - np.pi)
+
+    crossings = [c.omega for c in margins(loop).phase_crossings]
+    assert crossings[0] == pytest.approx(brentq(past_half_a_turn, 0.0, 1e3), rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_zero_at_rest_is_no_crossing_and_a_gain_is_no_cure(seed: int) -> None:
+    """k s / ((s - p) (s^2 + a s + b)): the pole on the right goes to the zero at 0, which no gain reaches."""
+    p, a, b, k = np.random.default_rng(seed).uniform([1, 30, 1e3, 1e3], [3, 60, 3e3, 3e3])
+    A = np.array([[-a, -b, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, p]])
+    report = gl.stability(control.ss(A, [[k], [0.0], [0.0]], [[0.0, 0.0, 1.0]], 0.0), loop=(0, 0)).loop
+    assert report is not None
+    assert (report.margins.phase_crossings, report.stable_gains, report.verdict) == ((), (), "unstable")

@@ -450,3 +450,19 @@ def test_the_largest_singular_value_is_estimated_from_the_largest_row(size: floa
     ):
         assert largest_singular_value(size * matrix) / size == pytest.approx(np.linalg.norm(matrix, 2), rel=1e-12)
     assert largest_singular_value(np.zeros((2, 2))) == 0.0
+
+
+@pytest.mark.parametrize("value", [-1.0, 1.0, 0.02, -0.02 + 3j])
+@pytest.mark.parametrize("fastest", [1.0, 1e3, 1e5])
+def test_repeated_poles_off_the_axis_are_not_on_it(value: complex, fastest: float) -> None:
+    """Beside a fast pole, where the bound of first order of the rounding of a defective pole is larger than the pole."""
+    w = complex(value).imag
+    block = np.array([[value.real, w], [-w, value.real]]) if w else np.array([[value]])
+    n = len(block)
+    A = np.zeros((2 * n + 1, 2 * n + 1))
+    A[:n, :n] = A[n : 2 * n, n : 2 * n] = block
+    A[:n, n : 2 * n], A[-1, -1] = np.eye(n), -fastest
+    found = poles(A)
+    assert found.verdict == ("stable" if value.real < 0 else "unstable")
+    assert found.right == (0 if value.real < 0 else 2)
+    assert sorted(found.values.real) == pytest.approx(sorted([value.real] * 2 * n + [-fastest]), rel=1e-4)
