@@ -14,6 +14,7 @@ from gearlib.feedback.feedback_loop import Loop
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 LEVEL = 1e-12  # relative: of a magnitude that is this close to 1 rounding decides whether it is above
+BEYOND = 10.0 ** np.arange(0.1, 6.0, 0.1)
 BESIDE = 1e-7  # relative to its frequency: a sign that changes this near a pole on the imaginary axis is the pole's
 
 
@@ -125,14 +126,17 @@ def margins(loop: Loop) -> Margins:
     (0.5, 1.0)
     """
     omega = loop.frequencies()
+    # a curve that ends near the circle or the axis meets it far from all poles; there it is smooth, and a few points will do
+    omega = np.concatenate([omega[0] / BEYOND[::-1], omega, omega[-1] * BEYOND])
     curve = loop.response(1j * omega)
     keep = np.isfinite(curve)
+    dense = np.pad(np.ones(len(omega) - 2 * len(BEYOND), bool), len(BEYOND))[keep]
     omega, curve = omega[keep], curve[keep]
     size = np.abs(curve)
-    real = bool(np.median(np.abs(curve.imag) / np.maximum(size, 1e-300)) < 1e-11)
+    real = bool(np.median((np.abs(curve.imag) / np.maximum(size, 1e-300))[dense]) < 1e-11)
     phase = _phase_crossings(loop, omega, curve, real)
     gain = [_gain_crossing(loop, w) for w in _unit_gain(loop, omega, size)]
-    modulus, at = _nearest(loop, omega, curve)
+    modulus, at = _nearest(loop, omega[dense], curve[dense])
     return Margins(tuple(phase), tuple(gain), modulus, at, real, loop.d)
 
 
@@ -146,7 +150,8 @@ def _gain_crossing(loop: Loop, omega: float) -> GainCrossing:
 def _unit_gain(loop: Loop, omega: Floats, size: Floats) -> list[float]:
     """Frequencies at which |L| crosses 1; if it is 1 everywhere (an all-pass), the one at which the curve is nearest to -1."""
     level = np.log(np.maximum(size, 1e-300))
-    clear = np.abs(level) > LEVEL  # elsewhere rounding decides the sign
+    # elsewhere rounding decides the sign
+    clear = np.abs(level) > np.maximum(LEVEL, loop.rounding(1j * omega) / np.maximum(size, 1e-300))
     if not clear.any():
         return [float(omega[np.argmin(np.abs(np.angle(-loop.response(1j * omega))))])]
     return roots(omega[clear], level[clear], lambda x: float(np.log(abs(loop.response(1j * x)))))
@@ -209,6 +214,19 @@ def roots(omega: Floats, values: Floats, f: Callable[[float], float]) -> list[fl
             value = f(x)
         return value if np.isfinite(value) else 0.0  # ends the search at the pole
 
+    same = values[:-2] * values[2:] > 0
+    dips = _may_reach(np.abs(values), 0.0) & same & (values[1:-1] * values[2:] > 0)
+    between = []  # where the function may reach 0 and return between two samples
+    for k in (np.flatnonzero(dips) + 1).tolist():
+        sign = float(np.sign(values[k]))
+        least, at = least_between(partial(_signed, finite, sign), (float(omega[k - 1]), float(omega[k + 1])))
+        between += [(at, sign * least)] if least < 0 else []
+    if between:
+        omega, values = (
+            np.concatenate([old, new]) for old, new in zip((omega, values), zip(*between, strict=True), strict=True)
+        )
+        order = np.argsort(omega)
+        omega, values = omega[order], values[order]
     places = np.flatnonzero(values[1:] * values[:-1] < 0)
     found = []
     for a, b in zip(omega[places], omega[places + 1], strict=True):
@@ -222,6 +240,21 @@ def roots(omega: Floats, values: Floats, f: Callable[[float], float]) -> list[fl
     return sorted(found + [float(w) for w in omega[values == 0.0]])
 
 
+def _may_reach(values: Floats, level: float) -> NDArray[np.bool_]:
+    """Inner samples beside which a function has a minimum that may be as low as a level.
+
+    A parabola falls below the least of three samples by a quarter of their differences at most; the curve is no parabola, and the steps
+    are not all equal.
+    """
+    inner, rise = values[1:-1], np.maximum(values[:-2], values[2:]) - values[1:-1]
+    found: NDArray[np.bool_] = (inner <= np.minimum(values[:-2], values[2:])) & (inner - rise <= level) & (rise > 1e-9 * inner)
+    return found
+
+
+def _signed(f: Callable[[float], float], sign: float, x: float) -> float:
+    return sign * f(x)
+
+
 def _nearest(loop: Loop, omega: Floats, curve: Complexes) -> tuple[float, float]:
     """Smallest distance from -1, and its frequency."""
     distance = np.abs(1 + curve)
@@ -229,8 +262,9 @@ def _nearest(loop: Loop, omega: Floats, curve: Complexes) -> tuple[float, float]
     if not loop.open_poles.at_zero:
         ends.append((float(abs(1 + loop.response(0.0))), 0.0))
     i = int(np.argmin(distance))
-    if 0 < i < len(omega) - 1:
-        ends.append(least_between(lambda x: float(abs(1 + loop.response(1j * x))), (float(omega[i - 1]), float(omega[i + 1]))))
+    for k in (np.flatnonzero(_may_reach(distance, float(distance[i]))) + 1).tolist():
+        between = float(omega[k - 1]), float(omega[k + 1])
+        ends += [least_between(lambda x: float(abs(1 + loop.response(1j * x))), between)]
     ends.append((float(distance[i]), float(omega[i])))
     return min(ends)
 

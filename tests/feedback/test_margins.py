@@ -398,3 +398,50 @@ def test_the_nearest_point_lies_between_its_neighbours(at: int) -> None:
     inside = 0 < at < 4
     assert found.modulus_margin == pytest.approx(0.1 if inside else sampled, rel=1e-9)
     assert found.modulus_omega == pytest.approx(3.0 if inside else 2.9, rel=1e-6)
+
+
+@pytest.mark.parametrize("above", [1e-3, 1e-5, 1e-7])
+@pytest.mark.parametrize("w", [1.0, 5.95, 77.0])
+def test_a_resonance_that_hardly_reaches_the_circle_crosses_it_twice(w: float, above: float) -> None:
+    """k 2 z w s / (s^2 + 2 z w s + w^2) has the magnitude k at w, and 1 where (s / w - w / s) / 2 z is +-sqrt(k^2 - 1)."""
+    z, k = 0.02, 1 + above
+    found = margins(as_loop(control.tf([2 * k * z * w, 0.0], [1, 2 * z * w, w**2]))).gain_crossings
+    half = z * np.sqrt(k**2 - 1)
+    sides = [w * (np.sqrt(half**2 + 1) - half), w * (np.sqrt(half**2 + 1) + half)]
+    assert [c.omega for c in found] == pytest.approx(sides, rel=1e-9)
+
+
+@pytest.mark.parametrize("off", [1e-2, 1e-4, 1e-6])
+def test_a_curve_that_ends_near_the_circle_meets_it_far_from_its_poles(off: float) -> None:
+    """k (s + 7) / s falls to k just below 1 at infinite frequency; k / (s + 1) falls from k just above 1 at rest."""
+    k = 1 - off
+    high = margins(as_loop(control.tf([k, 7 * k], [1, 0]))).gain_crossings
+    assert [c.omega for c in high] == pytest.approx([7 * k / np.sqrt((1 - k) * (1 + k))], rel=1e-9)
+    low = margins(as_loop(control.tf([1 + off], [1, 1]))).gain_crossings
+    assert [c.omega for c in low] == pytest.approx([np.sqrt(off * (2 + off))], rel=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_roots_between_two_samples_are_found(sign: float) -> None:
+    """Of a function that goes through 0 and returns before the next sample, as of a curve that hardly reaches the axis."""
+    x = np.linspace(0.0, 2.0, 18)
+    assert parts.roots(x, sign * ((x - 0.97) ** 2 - 1e-6), lambda x: sign * ((x - 0.97) ** 2 - 1e-6)) == pytest.approx(
+        [0.969, 0.971]
+    )
+    assert parts.roots(x, sign * ((x - 0.97) ** 2 + 1e-6), lambda x: sign * ((x - 0.97) ** 2 + 1e-6)) == []
+
+
+def test_the_lower_one_of_two_near_places_is_the_nearest() -> None:
+    """Two resonances that come as near to -1 as 0.5 and 0.4; of the samples, the lowest is at the top of the first one."""
+
+    class Coarse(Loop):
+        def frequencies(self, *_: Any, **__: Any) -> Any:
+            return np.array([0.3, 0.8, 1.0, 1.2, 3.0, 9.3, 10.8, 30.0])
+
+    tops = (control.tf([k * 0.2 * w, 0], [1, 0.2 * w, w**2]) for w, k in ((1.0, -0.5), (10.0, -0.6)))
+    both = as_loop(sum(tops, control.tf([0], [1])))
+    found = margins(Coarse(both.A, both.b, both.c, both.d, "u", "y"))
+    w = np.linspace(9.9, 10.1, 200_001)
+    assert (found.modulus_margin, found.modulus_omega) == (
+        pytest.approx(float(np.abs(1 + both.response(1j * w)).min()), rel=1e-9), pytest.approx(10.0, rel=1e-3),
+    )  # fmt: skip
