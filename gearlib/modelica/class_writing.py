@@ -469,11 +469,10 @@ def _merged(changes: list[Change]) -> list[str]:
         own = [c.inner.get(name, Change()) for c in changes]
         inner = _merged(own)
         values = [c.value for c in own]
+        value, *others = dict.fromkeys(values)
         text = f"({', '.join(inner)})" if inner else ""
-        if all(v is None for v in values):
-            found.append(f"{name}{text}")
-        elif len(set(values)) == 1:
-            found.append(f"each {name}{text} = {values[0]}")
+        if not others:
+            found.append(f"{name}{text}" if value is None else f"each {name}{text} = {value}")
         elif None in values:
             raise ModelicaError(f"'{name}' is given to some parts of a family only; flat=True writes such a model")
         else:

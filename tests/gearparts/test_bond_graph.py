@@ -204,6 +204,38 @@ def test_laws_and_modulation_by_time_and_stored_quantities() -> None:
         assert result.energy_balance().relative_residual < 1e-6
 
 
+@pytest.mark.parametrize(
+    ("law", "potential"), [(lambda q: q + q**3, lambda q: q**2 / 2 + q**4 / 4), (None, lambda q: q**2 / 0.4)]
+)
+def test_what_storage_elements_store(law: Any, potential: Any) -> None:
+    v = One("v")
+    graph = BondGraph((1, v, I(2.0)), (2, v, C(law=law) if law else C(0.2)), (3, v, R(0.1)))
+    result = gl.simulate(gp.from_bond_graph(graph)(start={"p_1": 0.5, "q_2": 0.8}), t_end=2.0, samples=9, rtol=1e-10)
+    stored = sum(result.energy_balance().stored.values())
+    assert stored == pytest.approx(result["p_1"] ** 2 / 4.0 + potential(result["q_2"]), rel=1e-9)
+
+
+def test_a_deflection_of_a_graph_is_a_state_before_what_is_not_preferred() -> None:
+    """Where one follows from the other: q / C is the torque of what it is joined to."""
+
+    class Held(gl.Component):
+        flange = gp.Flange()
+        turn = gl.Variable("1", "share of a turn")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.turn * 2 * gl.pi, self.flange.phi), gl.Eq(self.flange.tau, 3.0 * self.turn)]
+
+    class Train(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.held, self.soft = Held(), Soft()
+            return [gl.connect(self.soft.end, self.held.flange)]
+
+    node = Zero("z")
+    Soft = gp.from_bond_graph(BondGraph((1, Se(), node), (2, node, C(0.5)), (3, node, R(0.2))), ports={"end": 1})
+    system = gl.compile(Train(), outputs=["soft.q_2", "held.turn"])
+    assert system.translation.scene.state_names == ("soft.q_2",)
+
+
 # ---------------------------------------------------------------- mistakes
 
 

@@ -155,11 +155,20 @@ class Branched(gl.Component):
         ]
 
 
-def test_a_run_stays_on_its_branch() -> None:
-    system = gl.compile(Branched())
+class Behind(gl.Component):
+    """The same behind many variables that it does not depend on."""
+
+    def assemble(self) -> list[Any]:
+        self.others, self.branched = [Thermostat() for _ in range(9)], Branched()
+        return []
+
+
+@pytest.mark.parametrize(("kind", "path"), [(Branched, ""), (Behind, "branched.")])
+def test_a_run_stays_on_its_branch(kind: type[gl.Component], path: str) -> None:
+    system = gl.compile(kind(), outputs=[f"{path}z"])
     whole = system.simulate(5.0, samples=1001, rtol=1e-10)
     rest = system.simulate(5.0, samples=501, rtol=1e-10, start=(whole, 2.5))
-    assert rest["z"][-1] == pytest.approx(whole["z"][-1], rel=1e-6)
+    assert rest[f"{path}z"][-1] == pytest.approx(whole[f"{path}z"][-1], rel=1e-6)
 
 
 class Rattle(gl.Component):

@@ -71,6 +71,15 @@ def test_an_interrupt_leaves_what_was_computed(oscillator: gl.System, method: st
     assert part.stats["interrupted"] >= part.time[-1]
 
 
+def test_an_interrupt_before_the_first_sample_leaves_nothing(oscillator: gl.System) -> None:
+    """The start, which was not asked for, is none."""
+    with pytest.raises(KeyboardInterrupt, match=r"^before the first sample, at t = 2\d"):
+        oscillator.simulate(40.0, times=[30.0, 40.0], t_start=0.0, progress=interrupted_at(0.5), on_interrupt="stop")
+    with pytest.warns(GearlibWarning, match=r"interrupted at t = 2\d"):
+        part = oscillator.simulate(40.0, times=[10.0, 40.0], t_start=0.0, progress=interrupted_at(0.5), on_interrupt="stop")
+    assert part.time.tolist() == [10.0]
+
+
 def test_an_interrupt_between_events() -> None:
     system = gl.compile(Rattle(), outputs=["load.w"])
     with pytest.warns(GearlibWarning, match="interrupted at"):

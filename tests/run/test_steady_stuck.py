@@ -83,6 +83,25 @@ def test_a_slip_of_the_size_of_a_tolerance_is_taken_away(slip: float) -> None:
     assert np.abs(held) == pytest.approx(np.array([[1.0], [0.0]]), abs=1e-12)
 
 
+class Alone(gl.Component):
+    """A body in a bearing: its slip is the only state."""
+
+    def assemble(self) -> list[Any]:
+        self.body, self.bearing = gp.Inertia(J=1.0), gp.BearingFriction(tau_pos=((0.0, 3.0), (10.0, 3.0)))
+        return [gl.connect(self.body.flange_b, self.bearing.flange_a)]
+
+
+@pytest.mark.parametrize("slip", [1e-6, -1e-6])
+def test_the_slip_of_a_body_alone_is_taken_away(slip: float) -> None:
+    translation = gl.compile(Alone(), outputs=["body.w"]).translation
+    scene, numbers = translation.scene, translation.parameter_values({})
+    begin = translation.start(scene, numbers, 0.0, {"body.w": 1.0}, ())
+    own = Search(scene, scene.prepared(numbers), begin, np.zeros(0), 0.0, np.zeros((1, 0)))
+    stuck = own.discrete(np.zeros(1))[:, 0]
+    moved, held = steady_module.sticking(own, np.array([slip * own.scale[0]]), stuck)
+    assert held is None or abs(moved[0]) < 1e-10
+
+
 def test_what_slides_or_is_far_from_sticking_stays() -> None:
     own = search()
     stuck = own.discrete(np.array([0.0, -0.2]))[:, 0]

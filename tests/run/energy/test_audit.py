@@ -93,6 +93,17 @@ def test_one_source_one_store_and_one_loss() -> None:
     assert (found.rtol, found.unresolved) == (1e-6, 0.0)
 
 
+@pytest.mark.parametrize("level", [9.0, -1.0, -20.0])
+def test_the_level_of_what_is_stored_does_not_matter(level: float) -> None:
+    """Only its change is an energy exchanged: half of the power put in and taken, and that."""
+    found = audit(
+        part("source", "-2*w", source=True), part("body", "2*w", stored=f"w**2 + {level}"), histories={"w": lambda t: t}
+    )
+    assert found.stored["body"] == pytest.approx(T**2 + level, abs=1e-12)
+    assert found.throughput == pytest.approx((4.0 + 4.0) / 2 + 4.0)
+    assert found.largest_residual < 1e-12
+
+
 def test_a_part_that_stores_the_wrong_sign_keeps_a_residual() -> None:
     found = audit(part("body", "2*w", stored="-w**2"), histories={"w": lambda t: t})
     assert found.residuals["body"] == pytest.approx(-2 * T**2, abs=1e-12)

@@ -107,7 +107,7 @@ def test_the_estimated_error_is_about_the_true_one(count: int) -> None:
     assert other.error([(t[:8], u[:8]), (t, u)]) == other.error([(t, u)])
 
 
-@pytest.mark.parametrize("times", [[0.0], [0.0, 0.4], [0.0, 0.01, 0.7]])
+@pytest.mark.parametrize("times", [[0.0], [0.0, 0.4], [0.0, 0.01, 0.7], [0.0, 1e-9, 0.7]])
 @pytest.mark.parametrize("count", [4, 32, 33])
 def test_points_lie_between_the_times(times: list[float], count: int) -> None:
     """``count`` in a length of 2 at least, eight in each interval at least, evenly, and an even number of steps; not quite at the ends."""

@@ -310,6 +310,7 @@ def test_stops_are_time_events_after_the_start_and_the_end(events: list[float], 
 
 REFUSED: dict[str, tuple[Callable[[Problem], Problem], str]] = {
     "falling": (lambda p: replace(p, times=np.array([1.0, 0.5])), "times must be finite and not decrease"),
+    "falling later": (lambda p: replace(p, times=np.array([0.0, 2.0, 1.0])), "times must be finite and not decrease"),
     "none": (lambda p: replace(p, times=np.empty(0)), "there must be one at least"),
     "in a table": (lambda p: replace(p, times=np.zeros((1, 1))), "times must be finite"),
     "from minus infinity": (lambda p: replace(p, times=np.array([-math.inf, 1.0])), "times must be finite"),

@@ -88,6 +88,7 @@ def test_the_state_that_fails_the_error_test_gets_its_whole_tolerance(kind: str)
     assert stepper.recovers(ERROR_TEST)
     assert np.flatnonzero(stepper.atol != before).tolist() == [worst]
     assert stepper.atol[worst] == stepper.full_atol[worst] == pytest.approx(50 * before[worst])
+    assert not stepper.recovers(ERROR_TEST)  # it has its full tolerance already
     assert run.advance(5) == "more"
     assert stepper.worst_state() not in (worst, still)
     while run.advance() == "more":

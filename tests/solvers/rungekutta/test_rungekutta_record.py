@@ -52,11 +52,12 @@ def test_work_of_steps_and_events_in_nanoseconds() -> None:
     assert work(own, 5, 0, 10) == pytest.approx(10 * (70.0 + 13.0 + 110.0))
 
 
-def test_what_limits_the_steps_is_a_decay_within_45_degrees() -> None:
+@pytest.mark.parametrize("size", [1.0, 1e-3])
+def test_what_limits_the_steps_is_a_decay_within_45_degrees(size: float) -> None:
     run = driver(problem(lambda *_: 0, [0.0]), [0.0, 1.0], RungeKutta())
     record: Any = run.record
     for cosine, damped in ((-1.01 * DAMPED, True), (-0.99 * DAMPED, False), (0.99, False)):
-        record.slopes, record.moves, record.products = 4.0, 9.0, cosine * 6.0
+        record.slopes, record.moves, record.products = 4.0 * size, 9.0 * size, cosine * 6.0 * size
         assert run.stepper.damped == damped  # type: ignore[attr-defined]
 
 
