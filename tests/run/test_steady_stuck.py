@@ -83,23 +83,29 @@ def test_a_slip_of_the_size_of_a_tolerance_is_taken_away(slip: float) -> None:
     assert np.abs(held) == pytest.approx(np.array([[1.0], [0.0]]), abs=1e-12)
 
 
-class Alone(gl.Component):
-    """A body in a bearing: its slip is the only state."""
+class Beside(gl.Component):
+    """A body that spins freely, and one in a bearing, whose slip is the last state."""
 
     def assemble(self) -> list[Any]:
-        self.body, self.bearing = gp.Inertia(J=1.0), gp.BearingFriction(tau_pos=((0.0, 3.0), (10.0, 3.0)))
+        self.spin, self.body = gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+        self.bearing = gp.BearingFriction(tau_pos=((0.0, 3.0), (10.0, 3.0)))
         return [gl.connect(self.body.flange_b, self.bearing.flange_a)]
 
 
 @pytest.mark.parametrize("slip", [1e-6, -1e-6])
-def test_the_slip_of_a_body_alone_is_taken_away(slip: float) -> None:
-    translation = gl.compile(Alone(), outputs=["body.w"]).translation
+def test_a_slip_is_taken_away_beside_what_moves(slip: float) -> None:
+    translation = gl.compile(Beside(), outputs=["spin.w", "body.w"]).translation
     scene, numbers = translation.scene, translation.parameter_values({})
-    begin = translation.start(scene, numbers, 0.0, {"body.w": 1.0}, ())
-    own = Search(scene, scene.prepared(numbers), begin, np.zeros(0), 0.0, np.zeros((1, 0)))
-    stuck = own.discrete(np.zeros(1))[:, 0]
-    moved, held = steady_module.sticking(own, np.array([slip * own.scale[0]]), stuck)
-    assert held is None or abs(moved[0]) < 1e-10
+    begin = translation.start(scene, numbers, 0.0, {"spin.w": 5.0, "body.w": 0.0}, ())
+    assert scene.state_names[0] == "spin.w"
+    own = Search(scene, scene.prepared(numbers), begin, np.zeros(0), 0.0, np.zeros((2, 0)))
+    stuck = own.discrete(np.array([5.0, 0.0]))[:, 0]
+    moved, held = steady_module.sticking(own, np.array([5.0, slip]), stuck)
+    assert moved[0] == 5.0
+    assert abs(moved[1]) < 1e-10
+    assert own.discrete(moved)[:, 0].tolist() == stuck.tolist()
+    assert held is not None
+    assert np.abs(held) == pytest.approx(np.array([[0.0], [1.0]]), abs=1e-12)
 
 
 def test_what_slides_or_is_far_from_sticking_stays() -> None:
