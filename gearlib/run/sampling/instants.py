@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from gearlib.equations.switch_times import rounding
 from gearlib.errors import ArgumentError, SolverError, StartError
+from gearlib.program.newton import Correction, newton
 from gearlib.run.methods.method import Integrates
 from gearlib.run.methods.method_table import BY_TURNS, METHODS
 from gearlib.run.methods.run import Run
@@ -207,21 +208,31 @@ def begun_with(begin: Callable[[tuple[Any, ...]], Start], run: Run, controllers:
             taken.append(float(sign * _segment(found, float(run.times[0])).history(node)[0]) if sign else 0.0)
         return found, np.array(taken)
 
-    given = np.array([run.signals[d.gives[0]] for d in delays], float)
-    slopes = np.zeros((len(delays), len(delays)))
-    for k in range(MOST_PASSES):
+    begun, unit = np.array([run.signals[d.gives[0]] for d in delays], float), np.eye(len(delays))
+    found, slopes, passes, enough = run, np.zeros_like(unit), 0, False
+
+    def equations(given: Floats) -> tuple[Floats, Correction]:
+        nonlocal found, passes, enough
         found, taken = tried(given)
         gain = 1.0 + np.abs(slopes).sum(axis=1)
-        if (np.abs(taken - given) <= 1e-13 * gain * np.maximum(np.abs(taken), 1e-3)).all():
-            return found
-        if k >= EASY_PASSES:  # a loop through delays: Newton's method
+        passes, enough = passes + 1, bool((np.abs(taken - given) <= 1e-13 * gain * np.maximum(np.abs(taken), 1e-3)).all())
+
+        def correction(error: Floats) -> Floats:
+            nonlocal slopes
+            if enough or passes <= EASY_PASSES:
+                return error
             sizes = 1e-3 * np.maximum(np.maximum(np.abs(given), np.abs(taken)), 1e-3)
-            beside = [tried(given + size * unit)[1] for size, unit in zip(sizes, np.eye(len(delays)), strict=True)]
-            slopes = (np.array(beside) - taken).T / sizes
-            if abs(np.linalg.det(np.eye(len(delays)) - slopes)) < 1e-9:
-                break
-            taken = given + np.linalg.solve(np.eye(len(delays)) - slopes, taken - given)
-        given = taken
+            slopes = (np.array([tried(given + step)[1] for step in np.diag(sizes)]) - taken).T / sizes
+            if abs(np.linalg.det(unit - slopes)) < 1e-9:
+                raise np.linalg.LinAlgError
+            return np.asarray(np.linalg.solve(unit - slopes, error), float)
+
+        return given - taken, correction
+
+    if not delays:
+        return tried(begun)[0]
+    if newton(equations, begun, lambda *_: enough, MOST_PASSES).settled:
+        return found
     raise StartError(
         f"the signal of {', '.join(d.path for d in delays)} at the start follows from itself: the delay gives at first what it takes, and "
         "the value does not settle. Let it pass a block with a state, such as gearparts.blocks.FirstOrder"
