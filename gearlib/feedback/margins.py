@@ -196,13 +196,9 @@ def _extrema(loop: Loop, omega: Floats, values: Floats) -> list[PhaseCrossing]:
     for i in np.flatnonzero((rise[1:] * rise[:-1] < 0) & (values[1:-1] < 0)).tolist():
         ends, sign = (float(omega[i]), float(omega[i + 2])), float(np.sign(rise[i + 1]))
         if not ((loop.open_poles.on_axis > ends[0]) & (loop.open_poles.on_axis < ends[1])).any():
-            least, at = least_between(partial(_real_part, loop, sign), ends)
+            least, at = least_between(partial(_signed, lambda x: float(loop.response(1j * x).real), sign), ends)
             found.append(PhaseCrossing(at, -sign / least))
     return found
-
-
-def _real_part(loop: Loop, sign: float, omega: float) -> float:
-    return sign * float(loop.response(1j * omega).real)
 
 
 def roots(omega: Floats, values: Floats, f: Callable[[float], float]) -> list[float]:
@@ -221,12 +217,9 @@ def roots(omega: Floats, values: Floats, f: Callable[[float], float]) -> list[fl
         sign = float(np.sign(values[k]))
         least, at = least_between(partial(_signed, finite, sign), (float(omega[k - 1]), float(omega[k + 1])))
         between += [(at, sign * least)] if least < 0 else []
-    if between:
-        omega, values = (
-            np.concatenate([old, new]) for old, new in zip((omega, values), zip(*between, strict=True), strict=True)
-        )
-        order = np.argsort(omega)
-        omega, values = omega[order], values[order]
+    omega, values = np.hstack([(omega, values), np.reshape(between, (-1, 2)).T])
+    order = np.argsort(omega, kind="stable")
+    omega, values = omega[order], values[order]
     places = np.flatnonzero(values[1:] * values[:-1] < 0)
     found = []
     for a, b in zip(omega[places], omega[places + 1], strict=True):

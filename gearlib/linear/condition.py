@@ -128,6 +128,8 @@ def frozen(linearized: LinearizedProgram, rows: Sequence[int], outputs: Sequence
     templates = [group.template for group in structure.model.groups]
     on_time = program.on_time or any(relation_kernel(t, c).on_time for t in templates for c in range(len(t.relations)))
     found: list[str] = []
+    if not angles and not on_time:
+        return steady
     with suppress(GearlibError):  # an angle or a time at which the train cannot be
         here = slopes((), 0.0)
         if angles and vary(angles):

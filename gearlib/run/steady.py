@@ -69,9 +69,7 @@ GROWN = 1e3  # factor by which the rounding of a rate may exceed that at the sta
 MARGIN = 1e-11  # by which a relation that a run holds is satisfied where states are moved to it
 SINGULAR = 1e-12  # singular value of scaled equations that counts as zero
 STEP = 1e-4  # of the states, for differences of derivatives
-KEPT = (
-    1e-8  # cosine between what the rates keep and a direction in which none changes: below it the direction does not change it
-)
+KEPT = 1e-8  # cosine between what the rates keep and a direction in which none changes; a smaller one is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -593,9 +591,7 @@ class _Equations:
         self._left, self._right, self._rest = left[:, :rank], right[:rank].T, left[:, rank:]
         self._sizes = self._sizes[:rank]
         self.open = self._movable @ (right[rank:].T / self._column[:, None])  # directions in which no rate changes
-        self.kept = self._stationary @ (
-            self._rest / self._row[:, None]
-        )  # combinations of states that do not change, as a momentum
+        self.kept = self._stationary @ (self._rest / self._row[:, None])  # what does not change, as a momentum
         self._oblique = _oblique(self.open, self.kept)
 
     def change(self, f: Floats) -> Floats:

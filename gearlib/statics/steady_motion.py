@@ -27,9 +27,7 @@ from gearlib.structure.sparse_elimination import Factors, factorise
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 CONTRADICTION = 1e-8  # relative residual of an equation that cannot be satisfied
-ROUNDING = (
-    1e-13  # of a row's largest coefficient, in equations that are not linear; and of the largest unknown, in their solution
-)
+ROUNDING = 1e-13  # in equations that are not linear: of a row's largest coefficient, and of their largest unknown
 YIELDS = 1e-20  # relative: smaller terms only make the torque that holds a speed an unknown of its equation
 REST = 1e-9  # rad/s or m/s: below it a train stands still, and its speeds are rounding
 UNDETERMINED = 1e-8  # of a scaled free motion of about 1; such motions are accurate to about 1e-13

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 RPM = 30 / np.pi  # 1/min per rad/s
-
 MEETS = 1e-6  # of a frequency: a mode that is farther from the order has jumped over it
 
 

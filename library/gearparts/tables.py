@@ -79,7 +79,7 @@ def interpolated(
         first, last = rows[0], rows[-1]
         lines = [(first[column] + slopes[0] * (x - first[0]), x < first[0]), *lines]
         lines.append((last[column] + slopes[-1] * (x - last[0]), True))
-        rise = slopes[-1]
+    rise = _last_slope(rows, column, smoothness)
     limit = limits[0] if rise < 0 else limits[1]
     if rise and math.isfinite(limit):
         lines[-1:] = [(lines[-1][0], x < reaches(rows, column, limit, smoothness)), (limit, True)]
@@ -94,13 +94,19 @@ def reaches(rows: Rows, column: int, limit: float, smoothness: str = "linear") -
     >>> reaches(((0.0, 0.5), (2.0, 0.75)), 1, 1.0), reaches(((0.0, 0.5), (2.0, 0.25)), 1, 1.0)
     (4.0, inf)
     """
-    last, rise = rows[-1], 0.0
-    if len(rows) > 1 and smoothness != "constant":
-        rise = (last[column] - rows[-2][column]) / (last[0] - rows[-2][0])
-    if smoothness == "akima" and len(rows) > 2:
-        rise = _akima_slopes(rows, column)[-1]
+    last, rise = rows[-1], _last_slope(rows, column, smoothness)
     to_go = limit - last[column]
     return last[0] if to_go == 0 else last[0] + to_go / rise if to_go * rise > 0 else math.inf
+
+
+def _last_slope(rows: Rows, column: int, smoothness: str) -> float:
+    """Slope of the extrapolation beyond the last row."""
+    if len(rows) == 1 or smoothness == "constant":
+        return 0.0
+    if smoothness == "akima" and len(rows) > 2:
+        return _akima_slopes(rows, column)[-1]
+    left, right = rows[-2:]
+    return (right[column] - left[column]) / (right[0] - left[0])
 
 
 def _akima_slopes(rows: Rows, column: int) -> list[float]:

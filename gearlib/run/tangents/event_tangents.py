@@ -163,8 +163,8 @@ class EventTangents:
         everything = np.ctypeslib.as_array(x, (self.n * (1 + self.count),))
         numbers = np.ctypeslib.as_array(data, (self.size,))
         held = numbers[self.shared.relations :][: self.shared.n_discrete]
-        states, before = everything[: self.n].copy(), held.copy()
         count, begun = len(self.relations.searched), (everything.copy(), numbers.copy())
+        states, before = begun[0][: self.n], held.copy()
         sides = np.sign(np.ctypeslib.as_array(fired, (count,))) if count else np.empty(0, np.int32)
         starting, self.started = not self.started, True
         first = starting and not any(since < t for since, _ in self.tangents.noted)
