@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from gearlib.equations.kernel import partial_kernel
+from gearlib.equations.kernel import partial_kernel, residual_kernel
 from gearlib.flatten.model import FlatModel
 from gearlib.fmi.exported_model import ExportedModel
 from gearlib.fmi.fmu_variables import FmuVariables, differentiated_unit
@@ -115,7 +115,7 @@ def _speeds(model: FlatModel) -> dict[int, set[tuple[int, int]]]:
             continue
         (first, _), (second, _) = t.local_columns
         one, other = (partial_kernel(t, c).number for c in range(2))
-        if one is None or other is None or abs(one) != abs(other):
+        if one is None or other is None or abs(one) != abs(other) or residual_kernel(t, frozenset({0, 1})).number != 0:
             continue
         differentiated = 0 if t.columns[0][1] else 1
         for row, signs in zip(group.variables.tolist(), group.signs.tolist(), strict=True):

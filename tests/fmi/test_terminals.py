@@ -149,7 +149,7 @@ def test_members_turn_as_their_flange_does(sensed: bool) -> None:
 def test_a_law_of_the_speed_is_no_derivative() -> None:
     class Sliding(gl.Component):
         tau, flange = gl.Input("N.m"), Flange()
-        speed, square = gl.Variable("rad/s"), gl.Variable("rad/s")
+        speed, square, beside = gl.Variable("rad/s"), gl.Variable("rad/s"), gl.Variable("rad/s")
         unit = gl.Parameter("s/rad", default=1.0)
 
         def equations(self) -> list[gl.Eq]:
@@ -157,6 +157,7 @@ def test_a_law_of_the_speed_is_no_derivative() -> None:
                 gl.Eq(self.flange.tau, -self.tau),
                 gl.Eq(gl.der(self.flange.phi), self.unit * self.square**2),
                 gl.Eq(2 * gl.der(self.flange.phi), self.speed),
+                gl.Eq(gl.der(self.flange.phi) + 3, self.beside),
             ]
 
     class Pushed(gl.Component):
@@ -164,7 +165,7 @@ def test_a_law_of_the_speed_is_no_derivative() -> None:
             self.slide, self.body = Sliding(), gp.Inertia(J=1.0)
             return [gl.connect(self.slide.flange, self.body.flange_a)]
 
-    (terminal,) = found(Pushed(), ["slide.square", "slide.speed", "body.w"])
+    (terminal,) = found(Pushed(), ["slide.square", "slide.speed", "slide.beside", "body.w"])
     assert {(m.variable, m.name) for m in terminal.members} == {("slide.tau", "tau"), ("body.w", "w")}
 
 
