@@ -142,7 +142,9 @@ class StabilityReport:
 
     @cached_property
     def passivity(self) -> Passivity | None:
-        return None if self.find_passivity is None else self.find_passivity()
+        with warnings.catch_warnings():  # as `_modes`
+            warnings.simplefilter("ignore", GearlibWarning)
+            return None if self.find_passivity is None else self.find_passivity()
 
     @cached_property
     def conditions(self) -> tuple[str, ...]:

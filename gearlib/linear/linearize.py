@@ -49,8 +49,9 @@ def linearized(
     default = translation.states if translation.outputs is None else translation.outputs
     chosen_inputs = name_list("inputs", translation.inputs if inputs is None else inputs, "torque.tau")
     chosen = name_list("outputs", default if outputs is None else outputs, "load.w")
-    states = needed_states(translation.structure, translation.nodes(chosen))
-    scene, numbers, point = operating_point(translation, states, at, parameters)
+    nodes = translation.nodes(chosen)
+    states = needed_states(translation.structure, nodes)
+    scene, numbers, point = operating_point(translation, states, at, parameters, outputs=nodes)
     model = linearize(scene, numbers, chosen_inputs, chosen, point, worded)
     if inputs is not None:
         _warn_of_unread(translation, chosen_inputs)
