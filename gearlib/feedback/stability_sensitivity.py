@@ -121,8 +121,13 @@ def margin_changes(whole: Matrices, change: Matrices, loop: Loop, margins: Margi
     elif shortest is not None:
         angle, shift = _angle_change(*moved(shortest.omega))
         delay = (angle - shortest.delay_margin * shift) / shortest.omega
-    value, by_parameter, _ = moved(margins.modulus_omega)
-    modulus = ((1 + value).conjugate() * by_parameter).real / abs(1 + value) if value != -1 else np.nan
+    value, by_parameter, by_frequency = moved(margins.modulus_omega)
+    off = 1 + value
+    if by_frequency:  # the nearest point is known to half of the digits only: what is left along the curve is no distance
+        along = by_frequency / abs(by_frequency)
+        across = off - along * (along.conjugate() * off).real
+        off = across if abs(across) > 0.5 * abs(off) else off
+    modulus = (off.conjugate() * by_parameter).real / abs(off) if off else np.nan
     return float(gain), float(phase), float(delay), float(modulus)
 
 
