@@ -19,7 +19,7 @@ from gearlib.drawing.quantities import spelled
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.linear.balancing import balance
 from gearlib.linear.linear_model import LinearModel, Matrices, label, matrices
-from gearlib.linear.linearize import linearized
+from gearlib.linear.linearize import linearized, states_of_outputs
 from gearlib.linear.poles import Poles, poles, warn_of_rounding
 from gearlib.linear.resolvent import laurent
 from gearlib.run.subject import is_compiled, translation_of
@@ -235,8 +235,10 @@ def as_loop(
     gain = real("gain", gain)
     translation = None
     if is_compiled(model):
-        inputs, outputs = (None, None) if loop is None else ([loop[0]], [loop[1]])
         translation = translation_of(model)
+        inputs = outputs = None
+        if loop is not None:  # with all states: what the loop does not see may grow all the same
+            inputs, outputs = [loop[0]], [*dict.fromkeys((loop[1], *states_of_outputs(translation)))]
         model = linearized(translation, inputs, outputs, at, parameters)
     elif at is not None or by_name("parameters", parameters, "a mapping of paths to numbers"):
         raise ArgumentError("at and parameters belong to a System; a linear model has its numbers already")

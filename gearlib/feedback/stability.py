@@ -22,7 +22,7 @@ from gearlib.feedback.nyquist import NyquistCount, nyquist_count
 from gearlib.feedback.passivity import Passivity, passivity
 from gearlib.feedback.stability_sensitivity import StabilitySensitivity, stability_sensitivity
 from gearlib.linear.linear_model import check_linear
-from gearlib.linear.linearize import linearized
+from gearlib.linear.linearize import linearized, states_of_outputs
 from gearlib.linear.operating_point import parameters_at
 from gearlib.linear.poles import MEANING, Poles, Verdict, poles, warn_of_rounding
 from gearlib.run.subject import is_compiled, translation_of
@@ -288,7 +288,8 @@ def stability(
     chosen = None if loop is None else as_loop(model, loop, gain=gain, at=at, parameters=parameters)
     linear: Any = model
     if is_compiled(model) and chosen is None:
-        linear = linearized(translation_of(model), [], None, at, parameters)
+        translation = translation_of(model)
+        linear = linearized(translation, [], states_of_outputs(translation), at, parameters)
     elif not hasattr(model, "A") and chosen is None:
         linear = as_loop(model)
     later: tuple[Any, Any] = None, None  # evaluated when the report is printed or accessed

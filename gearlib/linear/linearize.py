@@ -40,6 +40,13 @@ def input_names(model: FlatModel) -> list[str]:
     return unbound + bound
 
 
+def states_of_outputs(translation: Translation) -> list[str]:
+    """The states of the linear model that is asked for no outputs in particular."""
+    chosen = translation.states if translation.outputs is None else translation.outputs
+    structure = translation.structure
+    return [node_name(structure.model, s) for s in needed_states(structure, translation.nodes(chosen))]
+
+
 def linearized(
     translation: Translation, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, at: Any = None,
     parameters: Mapping[str, float] | None = None, worded: bool = True,

@@ -227,8 +227,8 @@ def check_periodic(name: str, function: Callable[[float, float], Any], omega: fl
     off = np.abs(np.subtract(again, once)).max()
     if off > 1e-6 * np.ptp(once) + 1e-9 * np.abs(once).max():
         raise ArgumentError(
-            f"the input {name} is not 2 pi periodic in the phase: it differs by {off:.3g} after a period. Give it the slowest frequency, "
-            "of which all others are multiples"
+            f"the input {name} is not 2 pi periodic in the phase: it differs by {off:.3g} after a period at {omega:g} rad/s. "
+            "Give it the slowest frequency, of which all others are multiples"
         )
 
 

@@ -1040,3 +1040,11 @@ def test_a_period_has_eight_samples_for_each_harmonic_and_more_for_few(
         gl.GearlibError, match=rf"a whole number from {2 * harmonics + 2} on \({harmonics} harmonics need as many\)"
     ):
         samples_of_a_period(2 * harmonics + 1, harmonics, switching)
+
+
+def test_a_fixed_frequency_that_is_a_multiple_of_the_first_one_is_refused() -> None:
+    """Between the ends it is no multiple, and the series would be that of a force that jumps after each period."""
+    system = gl.compile(Duffing())
+    said = r"^the input F is not 2 pi periodic in the phase: it differs by .* after a period at 1\.38197 rad/s\."
+    with pytest.raises(gl.GearlibError, match=said):
+        gl.harmonic_balance(system, 1.0, 2.0, inputs={"F": lambda phase, w: np.cos(phase) + np.cos(3.0 / w * phase)})
