@@ -1048,3 +1048,28 @@ def test_a_fixed_frequency_that_is_a_multiple_of_the_first_one_is_refused() -> N
     said = r"^the input F is not 2 pi periodic in the phase: it differs by .* after a period at 1\.38197 rad/s\."
     with pytest.raises(gl.GearlibError, match=said):
         gl.harmonic_balance(system, 1.0, 2.0, inputs={"F": lambda phase, w: np.cos(phase) + np.cos(3.0 / w * phase)})
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_a_vibration_at_any_frequency(unit: float) -> None:
+    """``x'' = F - 2 z W x' - W^2 x``: at W = 1e9 rad/s, speeds and accelerations are as far apart as nothing else; nothing is undetermined."""
+
+    class Vibration(gl.Component):
+        F = gl.Input("m/s2")
+        x = gl.Variable("m")
+        v = gl.Variable("m/s")
+        W = gl.Parameter("rad/s", default=unit)
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(gl.der(self.x), self.v),
+                gl.Eq(gl.der(self.v), self.F - 2 * ZETA * self.W * self.v - self.W**2 * self.x),
+            ]
+
+    found = gl.harmonic_balance(
+        gl.compile(Vibration()), 0.4 * unit, 1.4 * unit, inputs={"F": lambda phase, w: np.cos(phase)}, outputs=["x"], step=0.1
+    )
+    w = found.omega / unit
+    assert found.amplitude("x") * unit**2 == pytest.approx(1 / np.abs(1 - w**2 + 2j * ZETA * w), rel=1e-8)
+    multiplier = np.exp(-2 * np.pi * ZETA / w)
+    assert np.abs(found.multipliers) == pytest.approx(np.column_stack([multiplier, multiplier]), rel=1e-6)
