@@ -1052,7 +1052,7 @@ def test_a_fixed_frequency_that_is_a_multiple_of_the_first_one_is_refused() -> N
 
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
 def test_a_vibration_at_any_frequency(unit: float) -> None:
-    """``x'' = F - 2 z W x' - W^2 x``: at W = 1e9 rad/s, speeds and accelerations are as far apart as nothing else; nothing is undetermined."""
+    """``x'' = F - 2 z W x' - W^2 x``: at W = 1e9 rad/s, speeds and angles are far apart, and nothing is undetermined."""
 
     class Vibration(gl.Component):
         F = gl.Input("m/s2")
