@@ -255,7 +255,8 @@ def stability(
     ----------
     model : System, control.StateSpace, control.TransferFunction or LinearModel
     loop : (input, output), optional
-        Signals of a loop that negative unit feedback closes: ``u = r - y``. If omitted, only the poles of the model are reported.
+        Signals of a loop that negative unit feedback closes: ``u = r - y``. If omitted, only the poles of the model are reported. The poles
+        of the closed loop, too, are those of the whole model, also of parts that the loop does not see.
     gain : float
         Loop gain factor; negative for positive feedback.
     at : None, "steady", mapping, or (Result, time)
