@@ -21,7 +21,7 @@ from gearlib.program.build import build
 from gearlib.program.interpret import prepare
 from gearlib.reduce.coefficients import some
 from gearlib.run.refusals.limits import refuse_too_small_in
-from gearlib.run.sampling.controllers import refuse_instants
+from gearlib.run.sampling.controllers import check_instants
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled, Translation
 from gearlib.solvers.inputs.table import values
@@ -108,7 +108,7 @@ def power_flow(
     (20.0, 10.0, 1000.0)
     """
     translation = _fitting(translation_of(system), parameters)
-    refuse_instants(translation.structure, translation.scene.states, "a steady motion")
+    check_instants(translation.structure, translation.scene.states, "a steady motion")
     model = translation.structure.complete  # with the equations that leave torques of rigid parallel paths undetermined
     numbers = translation.parameter_values(parameters)
     given = given_values(model, speeds, torques)
