@@ -583,6 +583,30 @@ def test_times_that_no_formula_gives_are_looked_for(method: str) -> None:
     )
 
 
+class LargestOfFive(gl.Component):
+    """A choice among what is compared: sympy turns comparisons of it into choices of comparisons, within other conditions."""
+
+    x, p = gl.Variable("1", start=-1.0), gl.Parameter("1", default=0.5)
+    w, y, z = gl.Variable("1", start=1.0), gl.Variable("1"), gl.Variable("s", start=0.0)
+    one = gl.Parameter("s", default=1.0)
+
+    def equations(self) -> list[Any]:
+        x, w, t = self.x, self.w, gl.time / self.one
+        largest = gl.Max(gl.Max(t, t**4 / 40), gl.Max(gl.Piecewise((w, x > 0), (self.p, True)), gl.Max(w, x)))
+        moved = [gl.Eq(self.one * gl.der(x), 1), gl.Eq(self.one * gl.der(w), 1 - t)]
+        return [*moved, gl.Eq(self.y, largest), gl.Eq(gl.der(self.z), self.y)]
+
+
+@pytest.mark.parametrize("method", ["rk5", "rk8", "ida", "taylor", "auto"])
+def test_comparisons_of_choices_within_conditions(method: str) -> None:
+    """They ended in a TypeError of sympy's printer, or had no Taylor series."""
+    run = gl.simulate(LargestOfFive(), 5.0, samples=13, method=method, outputs=["y", "z"], rtol=1e-9)
+    t = np.linspace(0.0, 5.0, 1_200_001)
+    right = np.max([t, t**4 / 40, t - 1, 1 + t - t**2 / 2, np.where(t > 1, 1 + t - t**2 / 2, 0.5)], axis=0)
+    assert run["y"] == pytest.approx(right[::100_000], abs=1e-7)
+    assert run["z"][-1] == pytest.approx(np.trapezoid(right, t), abs=1e-6)
+
+
 @pytest.mark.parametrize("method", ["rk5", "rk8", "ida", "taylor"])
 def test_a_moment_of_an_event_is_asked_for_after_the_run(method: str) -> None:
     """It is that behind the event, as a sample there holds: x has been set back, and the event counted."""
