@@ -155,7 +155,7 @@ class EventTangents:
     def _called(self, t: float, x: Any, fired: Any, data: Any, index: Any) -> int:
         try:
             return self._iterated(t, x, fired, data, index)
-        except BaseException as problem:  # an exception must not propagate through native frames
+        except BaseException as problem:  # an
             self.callbacks.stop(problem)
             return -1
 
@@ -170,6 +170,8 @@ class EventTangents:
         first = starting and not any(since < t for since, _ in self.tangents.noted)
         f = np.zeros(self.n) if starting else self._rates(t, x, data, index)
         code = int(self._update(t, x, fired, data, index))
+        if first and code >= 0:
+            self._check_start(t, (x, data, index))
         if code < 0 or (code == 0 and not (starting and self.code.discrete)):
             return code
         here = everything[self.n :].reshape(self.n, self.count).copy()
@@ -321,6 +323,33 @@ class EventTangents:
                 "touches zero there without crossing it, and whether there is an event depends on the parameters"
             )
         return dict(zip(relations, delays, strict=False))
+
+    def _check_start(self, t: float, native: tuple[Any, Any, Any]) -> None:
+        """Refuse directions that move an event function which is zero at the start: what happens differs on its two sides.
+
+        A bend is no matter, as of a gap that closes there: the rates are the same on both sides.
+        """
+        everything = np.ctypeslib.as_array(native[0], (self.n * (1 + self.count),))
+        numbers = np.ctypeslib.as_array(native[1], (self.size,))
+        states, here = everything[: self.n], everything[self.n :].reshape(self.n, self.count)
+        held = numbers[self.shared.relations :][: self.shared.n_discrete]
+        now = np.array([t])
+        slots = evaluate(self.prepared, now, states[:, None], self._inputs(t)[0], held[:, None].copy(), self._guess(numbers))
+        moved, along = np.column_stack([here, np.zeros(self.n)]), np.zeros(self.count + 1)
+        changes = self._varied(t, numbers, states, held.copy(), moved, along, self.discretes)[:, :-1]
+        f = self._rates(t, *native)
+        acting = {int(r) for b in (*self.relations.discretes, *self.relations.reinits) for r in b.relations.ravel()}
+        for row, (relation, slot) in enumerate(self.events.functions.tolist()):
+            if slots[slot, 0] == 0.0 and changes[row].any():
+                held[relation] = 1.0 - held[relation]
+                jump = np.abs(self._rates(t, *native) - f).max(initial=0.0)
+                held[relation] = 1.0 - held[relation]
+                if relation in acting or jump > SAME * self.run.rtol * np.abs(f).max(initial=0.0):
+                    name = self.tangents.directions.names[int(np.flatnonzero(changes[row])[0])]
+                    raise SolverError(
+                        f"there is no sensitivity to {name!r}: the event function of {self.run.scene.relation_names[relation]} is zero at "
+                        f"the start, t = {t:.9g} s, and what follows differs on its two sides; let the run begin beside it"
+                    )
 
     def _refuse_together(self, t: float, relations: Iterable[int]) -> NoReturn:
         names = " and ".join(self.run.scene.relation_names[k] for k in relations)
