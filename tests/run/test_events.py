@@ -640,6 +640,11 @@ def test_what_an_event_moves_away_from_its_zero_is_compared_anew(how: dict[str, 
     assert run["y"].tolist() == [1.0] * 20
     assert run["below"] == pytest.approx(run.time, abs=1e-6)
     assert run["over"] == pytest.approx(np.zeros(20), abs=1e-6)
+    assert (
+        len([t for t, _ in run.events if abs(t - 1.0) < 1e-6]) <= 4
+    )  # the sample, and each condition once: nothing follows later
+    end = gl.simulate(MovedLimits(), 3.0, samples=2, **how)  # the run ends as a limit is reached
+    assert (end["limit"][-1], end["y"][-1]) == (4.0, 1.0)
 
 
 class ReachedAtASample(gl.Component):

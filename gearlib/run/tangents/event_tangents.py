@@ -133,6 +133,9 @@ class EventTangents:
         self.prepared = Prepared(self.events.program, prepared.structure, prepared.parameters, prepared.solutions)
         self.discretes = tangents.discretes(code.discrete)
         self.started = False
+        self.last: tuple[float, Floats, Floats | None] | None = (
+            None  # time, states and delay of the last event; None: there are several
+        )
         double, whole = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
         kind = partial(ctypes.CFUNCTYPE, ctypes.c_int32, ctypes.c_double, double)
         update = kind(ctypes.POINTER(ctypes.c_int32), double, whole)
@@ -176,7 +179,12 @@ class EventTangents:
             return code
         here = everything[self.n :].reshape(self.n, self.count).copy()
         delay = np.zeros(self.count)
-        if not starting:
+        again = self.last if self.last is not None and self.last[0] == t and (self.last[1] == states).all() else None
+        if again is not None:  # what has jumped across zero at an event changes with it, whatever its own function does
+            if again[2] is None:
+                self._refuse_together(t, self.relations.searched[sides != 0].tolist())
+            delay = again[2]
+        elif not starting:
             switched = self.relations.timed[held[self.relations.timed] != before[self.relations.timed]]
             delays = self._delays(
                 t, numbers, states, before, f, np.union1d(self.relations.searched[sides != 0], switched), here
@@ -190,6 +198,7 @@ class EventTangents:
                 if carried or (np.abs(effect) > SAME * self.run.rtol * np.abs(here).max(axis=0, initial=0.0)).any():
                     if carried or not changed <= delays.keys():
                         everything[self.n :] = self._in_any_order(t, (x, data, index), begun, sides, delays)
+                        self.last = t, everything[: self.n].copy(), None
                         return code
                     held[:] = before
                     for relation, own in delays.items():  # one after another
@@ -198,6 +207,7 @@ class EventTangents:
                         here += np.outer(last - f, own)
         steps = self._first_steps(t, states) if first and self.code.discrete else None
         everything[self.n :] = self._jumped(t, (x, data, index), f, here, delay, steps, starting).ravel()
+        self.last = t, everything[: self.n].copy(), delay
         return code
 
     def _jumped(

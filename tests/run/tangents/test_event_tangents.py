@@ -560,3 +560,32 @@ def test_of_the_time_of_a_step_at_the_start(method: str) -> None:
     if method != "exact":
         ramp = gl.compile(Begun(kind="ramp")).simulate(1.0, **more)
         assert ramp.sensitivity("v", "t_0")[-1] == pytest.approx(1 - np.exp(-0.5), rel=1e-6)
+
+
+class Raised(gl.Component):
+    """x = p t is always below its limit, which is raised by L each time it is reached; y' is the limit."""
+
+    x, one = gl.Variable("1", start=0.0), gl.Parameter("s", default=1.0)
+    below, y = gl.Variable("s", start=0.0), gl.Variable("s", start=0.0)
+    L, p, limit = gl.Parameter("1", default=1.0), gl.Parameter("1", default=1.0), gl.Discrete()
+
+    def equations(self) -> list[Any]:
+        x, limit = self.x, self.limit
+        reached = gl.Or(gl.initial(), x >= gl.pre(limit))
+        return [
+            gl.Eq(self.one * gl.der(x), self.p),
+            gl.When(reached, gl.Eq(limit, gl.pre(limit) + self.L)),
+            gl.Eq(gl.der(self.below), gl.Piecewise((1, x < limit), (0, True))),
+            gl.Eq(gl.der(self.y), limit),
+        ]
+
+
+@pytest.mark.parametrize("method", ["rk5", "rk8", "ida", "auto"])
+def test_of_what_jumps_away_from_its_zero(method: str) -> None:
+    """It does so at the time of the event; its own zero is elsewhere, by which the time below depended on the limit."""
+    run = gl.simulate(Raised(), 3.5, samples=2, method=method, rtol=1e-9, sensitivities=["L", "p"])
+    assert run["below"][-1] == pytest.approx(3.5, abs=1e-6)
+    # y = L (4 t - t_1 - t_2 - t_3) with t_k = k L / p
+    right = {"below": (0.0, 0.0), "y": (14.0 - 2 * 6.0, 6.0)}
+    for name, values in right.items():
+        assert [run.sensitivity(name, q)[-1] for q in ("L", "p")] == pytest.approx(values, abs=1e-6), name
