@@ -77,7 +77,8 @@ def establish_sides(s: LoopRecord) -> int:
     of the same instant, and ``fired`` says which.
     """
     side, fired, g, slope = int32s_at(s.side), int32s_at(s.fired), floats_at(row(s, OLD)), floats_at(row(s, SLOPE_OLD))
-    ahead, jumped = max(AT_ONCE * s.h, LOCATED * max(abs(s.origin + s.t), s.span)), 0  # as `root_finding` takes it for rounding
+    jumped, rounding = 0, LOCATED * max(abs(s.origin + s.t), s.span)
+    ahead = max(AT_ONCE * min(s.h, s.h_max), rounding)  # what has come over by then, `root_finding` takes for rounding
     for i in range(s.n_roots):
         held = fired[i]
         side[i] = held // 2 if abs(held) == 2 else sign(g[i])
