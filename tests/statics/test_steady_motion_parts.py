@@ -250,6 +250,29 @@ def test_at_most_six_variables_that_never_settle_are_named() -> None:
     assert str(refused.value) == "there is no steady motion: b, c, d, e, f, g does not settle, each event changes it"
 
 
+def test_a_speed_and_the_rate_of_its_angle_are_of_one_size() -> None:
+    """That in which a damper of 1e-4 N.m.s/rad has a coefficient of about 1, whatever the unit of time."""
+
+    class Damped(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.brake, self.ground = gp.Inertia(J=1.0), gp.Damper(d=1e-4), gp.Fixed()
+            return [
+                gl.connect(self.body.flange_b, self.brake.flange_a),
+                gl.connect(self.brake.flange_b, self.ground.flange),
+            ]
+
+    translation = gl.compile(Damped()).translation
+    model = translation.structure.complete
+    n, zero = model.n_variables, np.zeros(model.n_variables)
+    sizes = steady_motion.assemble(model, translation.parameter_values({}), [], zero, zero, model.initial_discrete()).sizes
+    speed, angle, torque = (
+        int(model.representative[model.variable(name)]) for name in ("body.w", "body.phi", "brake.flange_a.tau")
+    )
+    assert sizes[speed] == pytest.approx(sizes[n + angle])
+    assert sizes[n + speed] * sizes[angle] == pytest.approx(sizes[speed] ** 2)
+    assert 1e-4 * sizes[speed] / sizes[torque] == pytest.approx(1.0, rel=0.5)
+
+
 def test_equations_of_a_single_coefficient_say_nothing_of_units() -> None:
     rng = np.random.default_rng(5)
     exponents = rng.integers(-2, 3, (6, 2)).astype(float)
