@@ -481,3 +481,28 @@ def test_torques_forces_and_whatever_flows_are_told_from_other_variables() -> No
                 )
                 seen.add((owner == 0, own.rpartition(".")[2] if own else None))
     assert seen >= {(True, "tau"), (True, "phi"), (False, "P"), (False, "T"), (False, "inner"), (False, "w")}
+
+
+class Against(gl.Component):
+    """A shaft that slips against one that never turns, by a share of its own speed."""
+
+    flange, share = gp.Flange("shaft"), gl.Parameter("1", default=2.0)
+    w, still = gl.Variable("rad/s"), gl.Variable("rad/s")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.w, gl.der(self.flange.phi)),
+            gl.Eq(self.still, 0),
+            gl.Eq(self.share * self.w, self.share * 3 * self.still),
+        ]
+
+
+def test_a_speed_of_zero_in_an_equation_makes_it_no_equation_of_torques() -> None:
+    """Two of three bodies are held by what never turns."""
+
+    class Three(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.against = [gp.Inertia(J=1.0) for _ in range(3)], [Against() for _ in range(2)]
+            return [gl.connect(body.flange_b, part.flange) for body, part in zip(self.body, self.against, strict=False)]
+
+    assert gl.mobility(gl.compile(Three())) == 1
