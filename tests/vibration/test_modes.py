@@ -14,7 +14,7 @@ from scipy.linalg import eig, eigh, eigh_tridiagonal
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import NameLookupError, SolverError
+from gearlib.errors import GearlibWarning, NameLookupError, SolverError
 from gearparts.interfaces import TwoFlanges
 from tests.linear.random_trains import Train, draw, matrices
 
@@ -176,6 +176,26 @@ def test_free_motions_across_open_gaps_are_those_whose_bodies_have_different_spe
         across = [f"row.gap[{k}]" for k in range(3) if at[k] == 0.0 and abs(speeds[k + 1] - speeds[k]) > 1e-9]
         expected |= {mode: ", ".join(across)} if across else {}
     assert found.gaps == expected
+
+
+def test_modes_slower_than_the_rounding_of_the_fastest_are_told() -> None:
+    """A body of 1e-14 kg.m2 behind a damper: its pole of 1e14 rad/s leaves hardly a digit of a swing of 1 rad/s."""
+
+    class Light(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.ground, self.shaft, self.body = gp.Fixed(), gp.Spring(c=1.0), gp.Inertia(J=1.0)
+            self.damper, self.light = gp.Damper(d=1.0), gp.Inertia(J=1e-14)
+            return [
+                gl.connect(self.ground.flange, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.body.flange_a),
+                gl.connect(self.body.flange_b, self.damper.flange_a),
+                gl.connect(self.damper.flange_b, self.light.flange_a),
+            ]
+
+    system = gl.compile(Light())
+    with pytest.warns(GearlibWarning, match=r"since the fastest one, mostly of light\.w, is 1e\+14 rad/s"):
+        gl.modes(system)
+    assert gl.modes(system, parameters={"light.J": 1e-3}).omega.max() == pytest.approx(1.0, rel=1e-2)
 
 
 def test_a_rate_without_a_slope_is_refused_by_its_name() -> None:
