@@ -300,6 +300,13 @@ class Measured(gl.Component):
         return [gl.Eq(self.y, silent + told), gl.Eq(gl.der(self.x), -self.gain * self.y)]
 
 
+@pytest.mark.parametrize("x", [1e-9, 1.0, 1e9])
+def test_a_corner_without_an_event_is_told_at_values_of_any_size(x: float) -> None:
+    system = gl.compile(Measured(), outputs=["x"])
+    with pytest.warns(GearlibWarning, match=r"corner in the equations of Measured \([^=]*edge[^=]* = 0\): the"):
+        system.linearize([], at={"x": x}, parameters={"edge": x}, sparse=True)
+
+
 def test_a_corner_without_an_event_leaves_the_events_of_others_alone() -> None:
     class Row(gl.Component):
         def assemble(self) -> list[Any]:
