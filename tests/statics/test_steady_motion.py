@@ -519,6 +519,7 @@ class OfItsAngle(gl.Component):
         return [gl.Eq(self.w, gl.der(angle)), gl.Eq(self.flange.tau, self.law(self, angle, speed))]
 
 
+BEGINNING_FLAT = gl.Table([-100.0, 0.0, 5.0, 10.0], [0.0, 0.0, 0.0, 100.0])
 GROWING = {
     "beside what is curved in the speed": lambda own, phi, w: own.c * phi + own.n * gl.tanh(own.d * w / own.n),
     "square": lambda own, phi, w: own.c * phi**2 + own.d * w,
@@ -526,6 +527,8 @@ GROWING = {
     "size": lambda own, phi, w: own.c * abs(phi) + own.d * w,
     "levels off": lambda own, phi, w: own.n * gl.tanh(phi) + own.d * w,
     "cut by what repeats": lambda own, phi, w: gl.Piecewise((own.c * phi, gl.sin(phi) > 0.5), (2 * own.c * phi, True)),
+    "a table that is flat at first": lambda own, phi, w: own.n * BEGINNING_FLAT(phi) + own.d * w,
+    "a stop without an event": lambda own, phi, w: gl.no_event(gl.Max(own.c * (phi - 7), 0)) + own.d * w,
     "a stop": lambda own, phi, w: gl.Max(own.c * (phi - 7), 0) + own.d * w,
 }
 
