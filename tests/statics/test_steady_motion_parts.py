@@ -506,3 +506,33 @@ def test_a_speed_of_zero_in_an_equation_makes_it_no_equation_of_torques() -> Non
             return [gl.connect(body.flange_b, part.flange) for body, part in zip(self.body, self.against, strict=False)]
 
     assert gl.mobility(gl.compile(Three())) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "x", "sizes", "settled"),
+    [
+        ([0.0, 0.0], [0.0, 0.0], [1.0, 1.0], True), ([1e-8, 0.0], [1e6, 1.0], [1e6, 1.0], True),
+        ([1e-8, 0.0], [1e6, 1.0], [1e-6, 1.0], True), ([0.0, 1e-8], [1e6, 1.0], [1e6, 1.0], False),
+        ([1e-12, 0.0], [1.0, 0.0], [1.0, 1.0], False), ([1e-300, 0.0], [0.0, 0.0], [1.0, 1.0], False),
+    ],
+)  # fmt: skip
+def test_changes_are_rounding_beside_the_largest_unknown_in_its_own_size(
+    change: list[float], x: list[float], sizes: list[float], settled: bool
+) -> None:
+    assert steady_motion.is_rounding(np.array(change), np.array(x), np.array(sizes)) == settled
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(("beyond", "holds"), [(1e-10, True), (-1e-10, False), (1e-15, False), (0.0, False)])
+def test_what_is_compared_is_equal_to_rounding_of_its_own_size(size: float, beyond: float, holds: bool) -> None:
+    class Limited(gl.Component):
+        limit, x, y = gl.Parameter("1", default=size), gl.Variable("1", start=size), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), -self.x), gl.Eq(self.y, gl.Piecewise((1.0, self.x > self.limit), (0.0, True)))]
+
+    translation = gl.compile(Limited()).translation
+    model, a = translation.structure.complete, np.zeros(translation.structure.complete.n_variables)
+    a[model.representative[model.variable("x")]] = size * (1 + beyond)
+    found = steady_motion.settled_discrete(model, translation.parameter_values({}), a, 0 * a)
+    assert found[: model.n_relations].tolist() == [float(holds)]
