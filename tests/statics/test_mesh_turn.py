@@ -473,6 +473,7 @@ TOGETHER = {  # rates, law, mean over time at 5 rad/s
 @pytest.mark.parametrize("law", TOGETHER)
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_two_phases_meet_as_their_rates_and_beginnings_are(law: str, way: float) -> None:
+    """The steps of each phase are as the rates are, where phases meet in a product alone, too."""
     rates, torque, mean = TOGETHER[law]
 
     class Driven(gl.Component):
@@ -487,6 +488,8 @@ def test_two_phases_meet_as_their_rates_and_beginnings_are(law: str, way: float)
 
 @pytest.mark.parametrize("speed", [1 / 3, -1 / 3])
 def test_a_phase_of_one_radian_in_a_second_turns(speed: float) -> None:
+    """What repeats every turn is averaged at any rate."""
+
     class Driven(gl.Component):
         def assemble(self) -> list[Any]:
             self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Sinusoidal(law="a ramp with a ripple")

@@ -525,6 +525,8 @@ def test_changes_are_rounding_beside_the_largest_unknown_in_its_own_size(
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize(("beyond", "holds"), [(1e-10, True), (-1e-10, False), (1e-15, False), (0.0, False)])
 def test_what_is_compared_is_equal_to_rounding_of_its_own_size(size: float, beyond: float, holds: bool) -> None:
+    """A sweep over the comparisons takes for equal what differs by rounding alone."""
+
     class Limited(gl.Component):
         limit, x, y = gl.Parameter("1", default=size), gl.Variable("1", start=size), gl.Variable("1")
 
