@@ -25,7 +25,7 @@ from gearlib.run.sampling.controllers import check_instants
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled, Translation
 from gearlib.solvers.inputs.table import values
-from gearlib.statics.closed_gaps import drifting, refuse_drift, with_gaps_closed
+from gearlib.statics.closed_gaps import drifting, refuse_change, refuse_drift, with_gaps_closed
 from gearlib.statics.load_sharing import shared
 from gearlib.statics.power_flow import FlangePower, PowerFlow
 from gearlib.statics.steady_motion import (
@@ -133,6 +133,7 @@ def _refuse_passing(model: FlatModel, numbers: Floats, motion: Motion, given: Se
     refuse_too_small_in(model, motion.constants)
     refuse_unsettled(model, numbers, motion)
     refuse_drift(model, numbers, motion, given)
+    refuse_change(model, numbers, motion, given)
 
 
 def _fitting(translation: Translation, parameters: Mapping[str, float] | None) -> Translation:
