@@ -39,7 +39,9 @@ ANGLE = 1.7  # rad, at which it is released; its states change on the way, since
 
 @cache
 def translation() -> Any:
-    return gl.compile(Watched(start={"x": np.sin(ANGLE), "y": -np.cos(ANGLE), "u": 0.0, "v": 0.0}), outputs=["x", "y", "z", "left"]).translation
+    return gl.compile(
+        Watched(start={"x": np.sin(ANGLE), "y": -np.cos(ANGLE), "u": 0.0, "v": 0.0}), outputs=["x", "y", "z", "left"]
+    ).translation
 
 
 def run(times: Any, **more: Any) -> Run:
