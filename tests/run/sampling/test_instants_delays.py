@@ -166,7 +166,7 @@ class Pulse(gl.Component):
 @pytest.mark.parametrize("method", ["rk", "ida"])
 @pytest.mark.parametrize("middle", [0.4, 6.5, 13.45, 13.6])
 def test_a_late_pulse_is_not_stepped_over(middle: float, method: str) -> None:
-    """Nothing changes before it comes. Its area is the width times sqrt(pi)."""
+    """However long the longest step may be. Nothing changes before it comes; its area is the width times sqrt(pi)."""
     times = [0.0, middle + 0.5, middle + 1.5]
     found = gl.compile(Pulse()).simulate(
         times[-1], parameters={"middle": middle}, times=times, method=method, rtol=1e-8, atol=1e-10
