@@ -22,9 +22,11 @@ def starts_of_runs(columns: Integers) -> Integers:
 
     >>> starts_of_runs(np.array([[0, 5], [1, 6], [2, 9], [3, 10]]))
     array([0, 2])
+    >>> starts_of_runs(np.empty((0, 1)))
+    array([], dtype=int64)
     """
     breaks = (np.diff(columns, axis=0) != 1).any(axis=1)
-    return np.concatenate([[0], 1 + np.flatnonzero(breaks)])
+    return np.flatnonzero(np.concatenate([np.ones(len(columns[:1]), bool), breaks]))
 
 
 def has_runs(batch: Batch) -> bool:

@@ -13,6 +13,7 @@ from gearlib.errors import SolverError
 from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import evaluate
 from gearlib.program.program import Newton
+from tests.native.test_source import Chain
 from tests.stress.described import Model
 from tests.stress.hybrid_draw import hybrid_train
 from tests.stress.trains import RandomTrain
@@ -49,7 +50,8 @@ def agree(system: gl.System, seed: int) -> None:
     scene, plain, compiled, evaluator, (t, x, u, flags) = points(system, seed)
     slots = evaluate(plain, t, x, u, flags)
     size = np.abs(slots).max(axis=1, keepdims=True, initial=1e-300)
-    np.testing.assert_allclose(evaluate(compiled, t, x, u, flags) / size, slots / size, rtol=1e-9, atol=1e-10)
+    for other in (compiled, scene.compiled_program(plain)):  # with derivatives, and without
+        np.testing.assert_allclose(evaluate(other, t, x, u, flags) / size, slots / size, rtol=1e-9, atol=1e-10)
     plan = scene.jacobian
     expected = dense(plan, entries(plan, At(plain, t, slots, flags)))
     found_slots, found = evaluator.derivatives(t, x, u, flags)
@@ -74,6 +76,13 @@ def test_random_trains_that_switch(seed: int) -> None:
 def test_many_random_trains(seed: int) -> None:
     agree(gl.compile(RandomTrain(seed=seed)), seed)
     agree(gl.compile(Model(train=hybrid_train(seed))), seed)
+
+
+def test_loops_over_neighbours(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their coefficients are stored behind the program's numbers."""
+    monkeypatch.setattr("gearlib.native.consecutive.SHORTEST", 2)
+    monkeypatch.setattr("gearlib.native.source.LONGEST", 0)
+    agree(gl.compile(Chain(n=5)), 2)
 
 
 def test_the_papers_train() -> None:

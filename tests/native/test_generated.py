@@ -60,7 +60,18 @@ class Blocks(gl.Component):
         ]  # fmt: skip
 
 
-MORE = {"quotients": Quotients, "blocks": Blocks, "chain": lambda: Chain(n=12)}
+class Varying(gl.Component):
+    """A linear block whose matrix varies."""
+
+    p, rate = gl.Parameter("1", default=2.0), gl.Parameter("1/s", default=1.5)
+    x, a, b = (gl.Variable("1") for _ in range(3))
+
+    def equations(self) -> list[gl.Eq]:
+        a, b, x = self.a, self.b, self.x
+        return [gl.Eq(gl.der(x), self.rate * (a - b)), gl.Eq(a + x * b, self.p), gl.Eq(x * a - 3 * b, 1.0)]
+
+
+MORE = {"quotients": Quotients, "blocks": Blocks, "varying": Varying, "chain": lambda: Chain(n=12)}
 
 
 @cache
@@ -77,8 +88,8 @@ def at_point(kind: str) -> Point:
 class Carried:
     """A function of a scene on a block of data of its own, at one of the two times of a point."""
 
-    def __init__(self, p: Point, which: int) -> None:
-        self.p, self.which = p, which
+    def __init__(self, p: Point, which: int, before: float = 1.01) -> None:
+        self.p, self.which, self.before = p, which, before  # times the slots, those of the evaluation before
         program, model = p.program, p.scene.model
         self.shared = Shared(len(model.parameters.names), p.scene.n_discrete, len(program.inputs))
         self.states = p.slots[: len(program.states), which]
@@ -94,7 +105,7 @@ class Carried:
         for matrix in layout.kept:
             if matrix is not None:
                 data[matrix.place : matrix.place + matrix.size] = 0.0
-        data[layout.slots : layout.scratch] = p.slots[:, self.which] * 1.01
+        data[layout.slots : layout.scratch] = p.slots[:, self.which] * self.before
         data[: shared.n_parameters] = p.numbers.parameters
         data[shared.relations : shared.inputs] = p.flags[:, self.which]
         data[shared.inputs : shared.size] = p.slots[n : n + shared.n_inputs, self.which]
@@ -141,6 +152,20 @@ def test_rates(kind: str) -> None:
         end = layout.size + body.n_coefficients
         found = own("rhs", ["x", "dx", "data", "index"], body, layout, own.states, len(own.states), end)
         close(found, p.slots[p.program.output_slots, which])
+
+
+def test_values_before_cost_a_linear_block_no_digits() -> None:
+    """However large they were: it is solved again from a solution that is smaller by six orders of magnitude."""
+    p = at_point("varying")
+    assert [step.linear for step in p.program.steps if isinstance(step, Newton)] == [True]
+    x = p.slots[0]
+    a, b = (2.0 * 3.0 + x) / (3.0 + x**2), (2.0 * x - 1.0) / (3.0 + x**2)
+    for which, before in itertools.product(range(2), (0.0, 1.0, 1e5, 1e9, 1e15, -1e15)):
+        own = Carried(p, which, before)
+        layout = lay_out(p.program, own.shared, own.shared.size, keep=False)
+        body = looped(p.program, layout, guarded=False)
+        (rate,) = own("rhs", ["x", "dx", "data", "index"], body, layout, own.states, 1, layout.size + body.n_coefficients)
+        assert rate == pytest.approx(1.5 * (a - b)[which], rel=1e-9)
 
 
 @kinds

@@ -49,6 +49,19 @@ class Bodies(gl.Component):
         return [gl.Eq(one.common, total) for one in self.body]
 
 
+class Always(Bodies):
+    """The same beside a body that its parameters hold, whatever the discrete state."""
+
+    w, r, soft, other, rate = gl.Variable("1"), gl.Variable("1"), *(gl.Parameter("1", default=v) for v in (1e-25, 0.0, 1.0))
+
+    def equations(self) -> list[Any]:
+        acceleration, common = gl.der(self.w) / self.rate, self.body[0].common
+        return [
+            gl.Eq(acceleration + 0.5 * common, 1.0 - self.r),
+            gl.Eq((2.0 + gl.sin(gl.time)) * acceleration + self.soft * self.r + self.other * common, 0),
+        ]  # fmt: skip
+
+
 @cache
 def bodies() -> Any:
     return gl.compile(Bodies()).translation
@@ -261,3 +274,9 @@ def test_a_held_speed_beside_inputs(u: tuple[float, float]) -> None:
     x = [at[name] for name in driven.scene.state_names]
     assert found(driven, {}, x, u) == pytest.approx(np.array([[2 * at["p"] * at["w"], 1 + at["p"] ** 2]]), rel=1e-13)
     assert found(driven, {}, x, u, 0.05).shape == (0, 2)
+
+
+def test_what_no_discrete_state_holds_is_not_held() -> None:
+    values = {"body[0].held": 1.0, "body[1].held": 0.0, "body[2].held": 0.0}
+    rows = found(gl.compile(Always()).translation, values, [0.2, -0.7, 1.1, 0.4])
+    assert rows.tolist() == [[1.0, 0.0, 0.0, 0.0]]

@@ -90,10 +90,13 @@ def test_linear_equations_in_a_ring(most: int, entries: int, monkeypatch: pytest
 
 
 @pytest.mark.parametrize("most", [400, 10], ids=["dense", "sparse"])
-def test_equations_in_a_ring_that_depend_on_each_other_up_to_rounding(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("unit", [1.0, 1e8, 1e-8])
+def test_equations_in_a_ring_that_depend_on_each_other_up_to_rounding(
+    most: int, unit: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """0.1 times 3 is not 0.3: one of the many solutions, and no large numbers."""
     monkeypatch.setattr("gearlib.program.interpret.MOST_DENSE", most)
-    y = values(False, [3.0, 1.0], pq=(0.1, 0.3))
+    y = values(False, [3.0, 1.0], pq=(0.1 * unit, 0.3 * unit))
     np.testing.assert_allclose((y + np.roll(y, -1, axis=0))[:, 0], np.ones(N), rtol=1e-12)
     assert np.abs(y).max() < 10.0
     np.testing.assert_allclose(y[:, 1], np.full(N, 0.75), rtol=1e-12)
@@ -105,6 +108,8 @@ def test_equations_in_a_ring_that_depend_on_each_other_up_to_rounding(most: int,
         ((0.1, 0.3), (1, 1)),
         ((1.0, 3.0), (1, 1)),
         ((1e6, 3e6), (0.1, 0.1)),
+        ((1.1, 3.3), (1e8, 1e8)),
+        ((0.1, 0.3), (1e-8, 1e-8)),
         ((0.1, 0.3), (1e-9, 1e9)),
         ((0.1, 0.3), (1e9, 1e-9)),
     ],

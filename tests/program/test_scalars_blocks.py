@@ -14,6 +14,7 @@ from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import solutions_of_runs
 from gearlib.program.program import Linear
 from gearlib.program.scalars import linear_function
+from tests.program.programs import point
 
 
 class Blocks(gl.Component):
@@ -121,3 +122,13 @@ def test_blocks_of_many_runs_are_those_of_each(varied: str, values: tuple[float,
         for one, alone in zip(found, translation.scene.numbers(table).solutions, strict=True):
             assert one.shape == (len(values), *alone.shape)
             np.testing.assert_allclose(one[k], alone, rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.parametrize("varied", ["p", "q", "s", "rate"])
+def test_a_matrix_that_varies_is_left_to_the_arrays(varied: str) -> None:
+    """Also one whose unknowns are not wanted; a parameter of rates alone is none of its entries."""
+    program, index = blocks().scene.program, blocks().model.parameters.index
+    plan = derivative_plan(program, [(0, 0), (program.n_slots + index[varied], 1)])
+    assert (linear_function(program, plan) is None) == (varied != "rate")
+    newton = point("loop").program
+    assert linear_function(newton, state_plan(newton)) is None

@@ -272,3 +272,21 @@ def test_an_event_at_the_end_of_a_run_is_not_met_again_by_the_next_one(method: s
             then = system.simulate(5.0, samples=2, method=method, rtol=1e-9, start=first)
             assert (then["n"][-1], then["d"][-1]) == (whole["n"][-1], whole["d"][-1]), (level, t)
             assert then["x"][-1] == pytest.approx(whole["x"][-1], abs=1e-6)
+
+
+@pytest.mark.parametrize("samples", [17, 1601])
+@pytest.mark.parametrize("method", METHODS)
+def test_times_beside_an_event_are_looked_at_in_the_steps_that_found_it(
+    thermostat: gl.System, method: str, samples: int
+) -> None:
+    """Up to a billionth of the run, however it is sampled; elsewhere a run up to the time is enough, without the later samples."""
+    whole = thermostat.simulate(16.0, samples=samples, method=method)
+    event = next(t for t, _ in whole.events if t > 4.0)
+    assert event == pytest.approx(5.0, abs=1e-8)
+    for share in (-0.9e-9, 0.9e-9):
+        t = event + share * 16.0
+        assert whole.with_sample(t).time.tolist() == [*whole.time[whole.time < t], t, *whole.time[whole.time > t]]
+    for share in (-1.1e-9, 1.1e-9):
+        t = event + share * 16.0
+        assert whole.with_sample(t).time.tolist() == [*whole.time[whole.time < t], t]
+    assert whole.with_sample(whole.time[3]) is whole

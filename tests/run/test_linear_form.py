@@ -254,3 +254,46 @@ def test_several_constants_together() -> None:
     A, B = forms.of_runs(table, solutions_of_runs(scene.program, table)[0], np.zeros((0, 2)))
     assert B[:, order, 0].tolist() == [[2.0, 5.0, 14.0], [-4.0, -10.0, -28.0]]
     assert [own.tolist() for own in A] == [found.A.tolist()] * 2
+
+
+@pytest.mark.parametrize("most", [60, 0], ids=["written", "sparse"])
+@pytest.mark.parametrize("n_moving", [0, 1, 3])
+@pytest.mark.parametrize("n_inputs", [0, 1, 2, 3])
+def test_inputs_terms_of_time_and_constants_beside_each_other(
+    n_inputs: int, n_moving: int, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """x_i' = -i x_i + (i + 1) u_i + sin((i + 1) t) + 2.5^i, as far as there are inputs and terms of time."""
+    monkeypatch.setattr(module, "MOST_WRITTEN", most)
+
+    class Part(gl.Component):
+        i = gl.Structural(0)
+        x, driven, u = gl.Variable("any"), gl.Variable("any"), gl.Input("any") if n_inputs else gl.Variable("any")
+
+        def equations(self) -> list[gl.Eq]:
+            i = self.i
+            moving = gl.sin((i + 1) * gl.time) if i < n_moving else 0
+            own = [] if n_inputs else [gl.Eq(self.u, 0)]
+            return [
+                gl.Eq(gl.der(self.x), self.driven + 2.5**i),
+                gl.Eq(self.driven, (i + 1) * self.u - i * self.x + moving),
+                *own,
+            ]
+
+    class Parts(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.part = [Part(i=i, **({} if i < n_inputs or not n_inputs else {"u": 0.0})) for i in range(4)]
+            return []
+
+    translation = gl.compile(Parts()).translation
+    scene = translation.with_states(translation.structure.states)
+    u = {name: 0.3 + k for k, name in enumerate(translation.model.name(v) for v in translation.model.inputs)}
+    found = linear_form(scene, scene.numbers(translation.parameter_values({})), tuple(u.values()))
+    assert isinstance(found, LinearForm)
+    x, t = np.array([1.5, -0.4, 2.0, 0.7]), 0.6
+    order = [scene.state_names.index(f"part[{i}].x") for i in range(4)]
+    drives = np.array([float(sympy.sympify(e).subs(TIME, t)) for e in found.inputs])
+    expected = [
+        -i * x[i] + (i + 1) * u.get(f"part[{i}].u", 0.0) + (np.sin((i + 1) * t) if i < n_moving else 0.0) + 2.5**i
+        for i in range(4)
+    ]
+    assert found.A[np.ix_(order, order)] @ x + found.B[order] @ drives == pytest.approx(expected, rel=1e-13)

@@ -49,6 +49,7 @@ def test_length_of_a_run() -> None:
         assert output_times(0.0, t_end, 2, None).tolist() == [0.0, t_end]
     for t_end in (0.9e-200, 1.1e200, math.inf):
         refused(output_times, 0.0, t_end, 2, None, said="s after the start; expected 1e-200 to 1e+200 s")
+    refused(output_times, -2e200, 1e200, 2, None, said="t_end is 1e+200, 3e+200 s after the start; expected 1e-200")
     refused(output_times, 0.0, 1.0, 1, None, said="samples")
 
 

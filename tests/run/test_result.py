@@ -130,6 +130,20 @@ def test_a_function_that_is_no_longer_what_it_was_in_the_run_is_refused() -> Non
     assert more["load.w"] == pytest.approx([-20 / 6, -28 / 6], rel=1e-6)
 
 
+@pytest.mark.parametrize("since", [0.0, 0.3, 1.0, 1.9])
+def test_a_function_that_has_changed_from_some_time_on_is_refused(since: float) -> None:
+    k, changed = 2.0, 4.0
+    system = gl.compile(Pulled(), outputs=["load.w"])
+    run = system.simulate(2.0, samples=201, inputs={"pull.tau": lambda t: k if t < since else changed})
+    assert run["load.phi"][-1] < 0.0
+    run = system.simulate(2.0, samples=201, inputs={"pull.tau": lambda t: k if t < since else changed})
+    changed = 5.0
+    with pytest.raises(
+        ArgumentError, match=r"^the function <lambda> of the input pull\.tau, called with t = \d\S* s, returned 5, but 4"
+    ):
+        run["load.phi"]
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [

@@ -110,6 +110,14 @@ def test_what_was_not_recorded_is_named() -> None:
         nothing.discrete_variable("n")
 
 
+def test_events_of_a_segment() -> None:
+    """Times at which something switches or is sampled; the corners of a table are none where nothing does."""
+    assert segment().events == pytest.approx([0.5, 1.0])
+    u = gl.Table([0.0, 0.3, 1.0], [0.0, 1.0, 0.0])
+    result: Any = gl.compile(Apart(), outputs=["x", "z"]).simulate(1.0, samples=3, inputs={"u": u}, method="rk")
+    assert result._segments[0].events.tolist() == []
+
+
 class Contrary(gl.Component):
     """y is -1 if x + y is more than 1 + at, and 1 otherwise: from x = at on, neither fits."""
 

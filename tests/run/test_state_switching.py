@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 
 import gearlib as gl
 from gearlib.errors import SolverError
-from gearlib.run.methods.method_table import METHODS
+from gearlib.run.methods.method_table import METHODS, integrate
 from gearlib.run.methods.run import Run
 from gearlib.run.state_switching import integrate_through
 from tests.run.test_constrained import Pendulum, swing
@@ -22,13 +23,15 @@ class Watched(Pendulum):
     y = gl.Variable("m", "vertical", nominal=4.0)
     z = gl.Variable("m", "decays", start=1.0)
     rate = gl.Parameter("1/s", default=0.5)
+    way, far, rate_of_far = gl.Variable("m"), gl.Variable("m2"), gl.Variable("m2/s")  # which nothing depends on
     left = gl.Discrete()
 
     def equations(self) -> list[Any]:
         return [
+            gl.Eq(gl.der(self.way), self.u), gl.Eq(self.far, self.way**2), gl.Eq(self.rate_of_far, gl.der(self.far)),
             gl.Eq(gl.der(self.z), -self.rate * self.z),
             gl.When(self.x < 0.0, gl.Eq(self.left, gl.pre(self.left) + 1.0)),
-        ]
+        ]  # fmt: skip
 
 
 ANGLE = 1.7  # rad, at which it is released; its states change on the way, since its height is one of them at first
@@ -36,7 +39,9 @@ ANGLE = 1.7  # rad, at which it is released; its states change on the way, since
 
 @cache
 def translation() -> Any:
-    return gl.compile(Watched(start={"x": np.sin(ANGLE), "y": -np.cos(ANGLE), "u": 0.0, "v": 0.0})).translation
+    return gl.compile(
+        Watched(start={"x": np.sin(ANGLE), "y": -np.cos(ANGLE), "u": 0.0, "v": 0.0}), outputs=["x", "y", "z", "left"]
+    ).translation
 
 
 def run(times: Any, **more: Any) -> Run:
@@ -95,3 +100,29 @@ def test_tangents_do_not_go_on() -> None:
         SolverError, match=r"^there are no sensitivities after t = 0\.\d+ s: the states \(.*\) determine the motion no"
     ):
         system.simulate(2.0, samples=3, method="ida", sensitivities=["g"])
+
+
+@pytest.mark.parametrize(("stuck", "fails"), [((), False), ((0,), False), ((1,), True), ((2,), True), ((0, 2), True)])
+def test_a_segment_without_progress_ends_the_run_unless_it_is_the_first(
+    stuck: tuple[int, ...], fails: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The states in use at the start may be singular there; those chosen for the rest must last."""
+    done: list[Any] = []
+
+    def halting(part: Run, method: Any) -> Any:
+        if len(done) in stuck:
+            found = replace(integrate(replace(part, times=part.times[:1]), method), status="left")
+        else:
+            found = integrate(part, method)
+        done.append(part)
+        return found
+
+    monkeypatch.setattr("gearlib.run.state_switching.integrate", halting)
+    if fails:
+        with pytest.raises(SolverError, match=r"^the right-hand side cannot be evaluated beyond t = [\d.]+ s\b"):
+            integrate_through(run(TIMES), METHODS["ida"], {})
+        assert len(done) == stuck[-1] + 1
+    else:
+        last, solution = integrate_through(run(TIMES), METHODS["ida"], {})[-1]
+        found = dict(zip(last.scene.state_names, solution.x_last, strict=True))
+        assert found["z"] == pytest.approx(np.exp(-0.5 * 2.0), abs=1e-6)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -366,3 +367,10 @@ def test_a_loop_that_closes_with_a_curved_binding_has_a_derivative(ratio: float)
     for name, given in (("beside", []), ("two.ratio", []), ("ratio", ["beside"])):
         with pytest.raises(LoopError, match=rf"^there is no derivative with respect to {name}: "):
             translation.parameter_changes([name], numbers, given)
+
+
+@pytest.mark.parametrize("left", [{"redundant": ("a",)}, {"closed": ("a",)}], ids=str)
+def test_sums_after_which_an_equation_says_nothing_are_refused(left: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gearlib.run.translation.analyse", lambda model, parameters: replace(bound().structure, **left))
+    with pytest.raises(LoopError, match=r"^what is left of equations says nothing new$"):
+        bound().with_sums((), bound().parameter_values({}))

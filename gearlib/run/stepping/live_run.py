@@ -159,7 +159,7 @@ class LiveRun:
         if not self.run.scene.time_switches.timed:
             return self._known
         same = 2.0 * rounding(t0, t)
-        if t + same > self._known_until:
+        if t > self._known_until:
             self._known_until = t0 + AHEAD * (t - t0)
             self._known = time_events(replace(self.run, times=np.array([t0, self._known_until])))
         return np.minimum(self._known[(self._known > t0 + same) & (self._known <= t + same)], t)

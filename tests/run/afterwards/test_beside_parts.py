@@ -71,5 +71,7 @@ def test_what_cannot_be_integrated_beside_the_run() -> None:
         moved = start.copy()
         moved[x] *= 1 + change
         assert (integrated_beside(own, scene, moved, 1e-8) is not None) == possible
-    nothing: Any = altered(own, trace=None)
-    assert integrated_beside(nothing, scene, start, 1e-8) is None
+    assert own.trace is not None
+    late = altered(own.trace, origin=own.trace.origin + 0.5 * (own.time[1] - own.time[0]))
+    for trace in (None, late):  # or from the first sample on
+        assert integrated_beside(altered(own, trace=trace), scene, start, 1e-8) is None

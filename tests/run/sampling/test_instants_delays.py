@@ -150,3 +150,25 @@ def test_a_start_beside_a_delay_of_nothing() -> None:
     found = gl.compile(Beside()).simulate(1.0, samples=6, method="rk")
     assert found["x"] == pytest.approx(np.full(6, 5.0))
     assert found["z"] == pytest.approx(np.full(6, 5.0))
+
+
+class Pulse(gl.Component):
+    """The integral of a pulse above one, which comes a second after it was."""
+
+    middle, width = gl.Parameter("s", default=6.5), gl.Parameter("s", default=0.02)
+
+    def assemble(self) -> list[Any]:
+        pulse = 1.0 + gl.exp(-(((gl.time - self.middle) / self.width) ** 2))
+        self.gain, self.late, self.store = B.Gain(k=1.0, u=pulse), B.FixedDelay(delay_time=1.0), B.Integrator(start={"y": 0.0})
+        return [gl.connect(self.gain.y, self.late.u), gl.connect(self.late.y, self.store.u)]
+
+
+@pytest.mark.parametrize("method", ["rk", "ida"])
+@pytest.mark.parametrize("middle", [0.4, 6.5, 13.45, 13.6])
+def test_a_late_pulse_is_not_stepped_over(middle: float, method: str) -> None:
+    """However long the longest step may be. Nothing changes before it comes; its area is the width times sqrt(pi)."""
+    times = [0.0, middle + 0.5, middle + 1.5]
+    found = gl.compile(Pulse()).simulate(
+        times[-1], parameters={"middle": middle}, times=times, method=method, rtol=1e-8, atol=1e-10
+    )
+    assert found["store.y"] - found.time == pytest.approx([0.0, 0.0, 0.02 * np.sqrt(np.pi)], rel=1e-5, abs=1e-7)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -9,7 +10,7 @@ import pytest
 
 import gearlib as gl
 from gearlib.run.methods.method_table import METHODS
-from gearlib.run.stepping.live_run import can_live
+from gearlib.run.stepping.live_run import LiveRun, can_live
 from tests.run.methods.test_native_problem import run
 
 
@@ -30,3 +31,16 @@ class Constant(gl.Component):
 
     def equations(self) -> list[Any]:
         return [gl.Eq(self.y, 2.0 * gl.time)]
+
+
+@pytest.mark.parametrize("away", [-40, -3, -1, 0, 1, 3, 40])
+@pytest.mark.parametrize("after", [1, 199, 200, 201, 400])
+def test_each_known_event_is_stepped_to_once(after: int, away: int) -> None:
+    """In the advance that ends within rounding of it or beyond, however far ahead the times are computed."""
+    h = 0.1
+    event = after * h + away * math.ulp(after * h)
+    live = LiveRun(run(times=(0.0, h), first=event, second=1e3), METHODS["rk5"])  # type: ignore[arg-type]
+    found = {k: list(live._time_events((k - 1) * h, k * h)) for k in range(1, 450)}
+    live.close()
+    expected = (after + 1, event) if away == 40 else (after, min(event, after * h))
+    assert [(k, t) for k, times in found.items() for t in times] == [expected]

@@ -227,3 +227,36 @@ def test_of_the_times_of_several_switches() -> None:
             right = moved if name == f"t_{i}" else np.zeros(9)
             assert run.sensitivity(f"x_{i}", name) == pytest.approx(right, rel=1e-9, abs=1e-12)
         assert run.sensitivity("y", f"t_{i}").tolist() == [0.0] * 9
+
+
+class Drives(gl.Component):
+    """Integrals of a constant, of two terms of time, and of one that switches from ``d`` to ``e`` at ``s``."""
+
+    a, b, c, d, e = (gl.Parameter("any", default=value) for value in (2.0, -3.0, 0.7, 4.0, -1.0))
+    s = gl.Parameter("s", default=0.6)
+    v, w, x, y = (gl.Variable("any") for _ in range(4))
+    order = gl.Structural((0, 1, 2, 3))
+
+    def equations(self) -> list[gl.Eq]:
+        switched = gl.Piecewise((self.d, gl.time < self.s), (self.e, True))
+        rows = [
+            gl.Eq(gl.der(self.v), self.a), gl.Eq(gl.der(self.w), self.b * gl.sin(gl.time)),
+            gl.Eq(gl.der(self.x), self.c * gl.cos(2 * gl.time)), gl.Eq(gl.der(self.y), switched),
+        ]  # fmt: skip
+        return [rows[i] for i in self.order]
+
+
+@pytest.mark.parametrize("names", ["abcdes", "c", "be", "sa"])
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0), (2, 0, 3, 1)], ids=str)
+def test_of_integrals_of_drives(order: tuple[int, ...], names: str) -> None:
+    """All at once or some, in whatever order they are declared."""
+    system, t = gl.compile(Drives(order=order)), np.array([0.0, 0.4, 0.6, 0.9, 2.0])
+    found = system.simulate(2.0, times=t, method="exact", sensitivities=list(names))
+    expected = {
+        ("v", "a"): t, ("w", "b"): 1.0 - np.cos(t), ("x", "c"): np.sin(2 * t) / 2, ("y", "d"): np.minimum(t, 0.6),
+        ("y", "e"): np.maximum(t - 0.6, 0.0), ("y", "s"): np.where(t < 0.6, 0.0, 5.0),
+    }  # fmt: skip
+    for name in "vwxy":
+        for by in names:
+            own, right = found.sensitivity(name, by), expected.get((name, by), 0.0 * t)
+            assert own[t != 0.6] == pytest.approx(right[t != 0.6], rel=1e-12, abs=1e-13), (name, by)
