@@ -133,9 +133,8 @@ class EventTangents:
         self.prepared = Prepared(self.events.program, prepared.structure, prepared.parameters, prepared.solutions)
         self.discretes = tangents.discretes(code.discrete)
         self.started = False
-        self.last: tuple[float, Floats, Floats | None] | None = (
-            None  # time, states and delay of the last event; None: there are several
-        )
+        # time, states and delay of the last event; where several met, they have no common delay
+        self.last: tuple[float, Floats, Floats | None] | None = None
         double, whole = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
         kind = partial(ctypes.CFUNCTYPE, ctypes.c_int32, ctypes.c_double, double)
         update = kind(ctypes.POINTER(ctypes.c_int32), double, whole)
@@ -158,7 +157,7 @@ class EventTangents:
     def _called(self, t: float, x: Any, fired: Any, data: Any, index: Any) -> int:
         try:
             return self._iterated(t, x, fired, data, index)
-        except BaseException as problem:  # an
+        except BaseException as problem:  # an exception must not propagate through native frames
             self.callbacks.stop(problem)
             return -1
 
