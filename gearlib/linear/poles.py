@@ -195,10 +195,10 @@ def warn_of_rounding(name: str, states: Sequence[str], A: Any, found: Poles | Ei
     """Warn where rounding in a system's fastest poles exceeds what the slow ones are taken for."""
     sizes, rows = np.abs(found.values[found.values != 0]), np.linalg.norm(balance(full(A))[0], axis=1)
     on_axis = bool(found.chains) or bool((np.abs(found.values.real) <= found.tolerances).any())
-    slowest = min(
-        sizes.min(initial=np.inf), rows[rows > 0].min(initial=np.inf) if found.chains else np.inf
-    )  # if not hidden, too
-    if found.resolution <= (HIDING if on_axis else BLURRING) * slowest:
+    hidden = bool(found.chains) and bool(
+        (rows[rows > 0] < found.resolution).any()
+    )  # motions that may have been taken for some at 0
+    if not hidden and found.resolution <= (HIDING if on_axis else BLURRING) * sizes.min(initial=np.inf):
         return
     fastest = int(np.argmax(rows))
     warn(

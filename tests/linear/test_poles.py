@@ -439,7 +439,8 @@ def test_a_swing_that_a_fast_pole_hides_is_told(beside: float, free: bool) -> No
         ([-2.0, -50.0], (), 1.9e-3, False), ([-2.0, -50.0], (), 2.1e-3, True),  # poles that are blurred
         ([1j, -1j, -50.0], (), 0.9e-6, False), ([1j, -1j, -50.0], (), 1.1e-6, True),  # a damping that is hidden
         ([0.0, -2.0, -50.0], (1,), 1.9e-6, False), ([0.0, -2.0, -50.0], (1,), 2.1e-6, True),  # a slow motion, taken for one at 0
-        ([0.0, 0.0, -50.0], (2,), 2.4e-6, False), ([0.0, 0.0, -50.0], (2,), 2.6e-6, True),  # all slow ones: what is as slow as a row
+        ([0.0, 0.0, -50.0], (2,), 4.9e-5, False), ([0.0, 0.0, -50.0], (2,), 5.1e-5, True),
+        ([0.0, -50.0, -60.0], (1,), 2.4, True), ([0.0, 0.0, -5e6], (2,), 2.4, False), ([0.0, 0.0, -5e6], (2,), 2.6, True),
         ([-0.0], (), 0.0, False),
     ],
 )  # fmt: skip
@@ -456,7 +457,7 @@ def test_rounding_is_told_where_it_blurs_poles_or_hides_damping(
     if warned:
         (text,) = (str(one.message) for one in told)
         assert text.startswith(
-            f"Train: poles are known to {resolution:.1g} rad/s, since the fastest one, mostly of c.w, is 50 rad/s;"
+            f"Train: poles are known to {resolution:.1g} rad/s, since the fastest one, mostly of c.w, is {abs(values[-1]):.2g} rad/s;"
         )
     else:
         assert not told
