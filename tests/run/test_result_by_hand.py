@@ -249,7 +249,7 @@ def test_rare_samples_are_told(recwarn: pytest.WarningsRecorder) -> None:
     assert often.stats["steps"] < 700
     often.check_sampling("u")
     often.check_sampling("u", 0.5, 0.501)  # however few they are
-    with pytest.raises(ArgumentError, match="^the interval holds 1 samples"):
+    with pytest.raises(ArgumentError, match=r"^the interval holds 1 samples"):
         waves().simulate(1.0, samples=40, method="rk").check_sampling("u", 0.5, 0.52)
     assert not [one for one in recwarn if issubclass(one.category, GearlibWarning)]
 
