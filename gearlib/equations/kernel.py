@@ -130,7 +130,7 @@ def _printed(count: int, *expressions: Any) -> Callable[..., Any]:
 
 
 def _without_cases(expression: Any) -> Any:
-    """An expression whose conditions are conjunctions instead of cases, which the printer would simplify, for seconds."""
+    """An expression whose conditions are conjunctions instead of cases, which the printers would simplify, for seconds, or not take."""
     return expression.replace(sympy.ITE, lambda c, a, b: (c & a) | (~c & b)) if expression.has(sympy.ITE) else expression
 
 
@@ -140,7 +140,7 @@ def scalar_source(expression: Any) -> str:
     >>> scalar_source(sympy.sin(sympy.Symbol("x")) / 2)
     '(1/2)*sin(x)'
     """
-    text: str = PythonCodePrinter({"fully_qualified_modules": False}).doprint(expression)
+    text: str = PythonCodePrinter({"fully_qualified_modules": False}).doprint(_without_cases(expression))
     return text
 
 

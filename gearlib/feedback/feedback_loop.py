@@ -19,12 +19,14 @@ from gearlib.drawing.quantities import spelled
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.linear.balancing import balance
 from gearlib.linear.linear_model import LinearModel, Matrices, label, matrices
-from gearlib.linear.linearize import linearized
+from gearlib.linear.linearize import linearized, states_of_outputs
 from gearlib.linear.poles import Poles, poles, warn_of_rounding
+from gearlib.linear.resolvent import laurent
 from gearlib.run.subject import is_compiled, translation_of
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+SEEN = 1e-12  # of the product of the sizes of its factors: a smaller residue of a pole at 0 is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,18 +56,42 @@ class Loop:
     gain: str = ""
 
     @cached_property
-    def _schur(self) -> tuple[Complexes, Complexes, Complexes]:
-        from scipy.linalg import schur
-
+    def _balanced(self) -> tuple[Floats, Floats, Floats]:
+        """A, b and c in units of the states that suit them."""
         if not len(self.A):
-            return np.empty((0, 0), complex), np.empty(0, complex), np.empty(0, complex)
+            return self.A, self.b, self.c
         # Balanced with the way from the output back to the input: alone, states in series would be scaled until their couplings are
         # lost. The gain on that way is one at which the loop is of the size 1, so that the scales do not depend on its units.
         n = len(self.A)
         ring, scale = balance(np.block([[self.A, self.b[:, None] / self._size], [self.c, 0.0]]))
-        b, c = self.b * scale[n] / scale[:n], self.c * scale[:n] / scale[n]
-        triangle, basis = schur(ring[:n, :n], output="complex")
+        return ring[:n, :n], self.b * scale[n] / scale[:n], self.c * scale[:n] / scale[n]
+
+    @cached_property
+    def _schur(self) -> tuple[Complexes, Complexes, Complexes]:
+        from scipy.linalg import schur
+
+        A, b, c = self._balanced
+        if not len(A):
+            return np.empty((0, 0), complex), np.empty(0, complex), np.empty(0, complex)
+        triangle, basis = schur(A, output="complex")
         return triangle, basis.conj().T @ b, c @ basis
+
+    @cached_property
+    def at_rest(self) -> tuple[float, float]:
+        """The transfer function at s = 0, and a bound of its rounding error; infinite if it has a pole there.
+
+        A pole at 0 that the input does not reach, or the output does not show, is none of it: that of a train which turns freely is not
+        seen in a deflection.
+        """
+        if not self.open_poles.at_zero:
+            return float(self.response(0.0).real), float(self.rounding(0.0))
+        A, b, c = self._balanced
+        sizes, (poles_there, regular) = np.linalg.norm(b) * np.linalg.norm(c), laurent(A)
+        seen = (abs(c @ term @ b) > SEEN * sizes * np.linalg.norm(term) for term in poles_there)
+        if not poles_there or any(seen):
+            return np.inf, 0.0
+        error = 1e2 * np.finfo(float).eps * (sizes * np.linalg.norm(regular[0]) + abs(self.d))
+        return float(c @ regular[0] @ b + self.d), float(error)
 
     @cached_property
     def _size(self) -> float:
@@ -209,8 +235,10 @@ def as_loop(
     gain = real("gain", gain)
     translation = None
     if is_compiled(model):
-        inputs, outputs = (None, None) if loop is None else ([loop[0]], [loop[1]])
         translation = translation_of(model)
+        inputs = outputs = None
+        if loop is not None:  # with all states: what the loop does not see may grow all the same
+            inputs, outputs = [loop[0]], [*dict.fromkeys((loop[1], *states_of_outputs(translation)))]
         model = linearized(translation, inputs, outputs, at, parameters)
     elif at is not None or by_name("parameters", parameters, "a mapping of paths to numbers"):
         raise ArgumentError("at and parameters belong to a System; a linear model has its numbers already")

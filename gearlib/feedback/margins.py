@@ -160,10 +160,9 @@ def _unit_gain(loop: Loop, omega: Floats, size: Floats) -> list[float]:
 def _phase_crossings(loop: Loop, omega: Floats, curve: Complexes, real: bool) -> list[PhaseCrossing]:
     """Crossings of the negative real axis, including those at 0 and infinity; the extrema of a curve that lies on it."""
     found = []
-    if not loop.open_poles.at_zero:
-        start = float(loop.response(0.0).real)
-        if start < -10 * float(loop.rounding(0.0)):
-            found.append(PhaseCrossing(0.0, -1 / start))
+    start, error = loop.at_rest
+    if np.isfinite(start) and start < -10 * error:
+        found.append(PhaseCrossing(0.0, -1 / start))
     found += _extrema(loop, omega, curve.real) if real else _crossings_between(loop, omega, curve)
     if loop.d < 0:
         found.append(PhaseCrossing(float("inf"), -1 / loop.d))
@@ -251,9 +250,7 @@ def _signed(f: Callable[[float], float], sign: float, x: float) -> float:
 def _nearest(loop: Loop, omega: Floats, curve: Complexes) -> tuple[float, float]:
     """Smallest distance from -1, and its frequency."""
     distance = np.abs(1 + curve)
-    ends = [(abs(1 + loop.d), float("inf"))]
-    if not loop.open_poles.at_zero:
-        ends.append((float(abs(1 + loop.response(0.0))), 0.0))
+    ends = [(abs(1 + loop.d), float("inf")), (abs(1 + loop.at_rest[0]), 0.0)]
     i = int(np.argmin(distance))
     for k in (np.flatnonzero(_may_reach(distance, float(distance[i]))) + 1).tolist():
         between = float(omega[k - 1]), float(omega[k + 1])

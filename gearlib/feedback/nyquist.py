@@ -100,7 +100,8 @@ def nyquist_count(loop: Loop) -> NyquistCount:
     Raises
     ------
     SolverError
-        The sum of the turns is not an integer: the curve passes -1 more closely than rounding can resolve.
+        The sum of the turns is not an integer, or not that of the closed loop's eigenvalues: the curve passes -1, or a pole the
+        imaginary axis, more closely than rounding can resolve.
 
     Examples
     --------
@@ -119,6 +120,11 @@ def nyquist_count(loop: Loop) -> NyquistCount:
     if not abs(count - round(count)) < 0.05:
         raise SolverError(
             f"the curve of {loop.input} -> {loop.output} passes -1 closer than rounding can tell (count {count:.3f})"
+        )
+    if round(count) + loop.open_poles.right != closed.right:
+        raise SolverError(
+            f"the curve of {loop.input} -> {loop.output} gives {_poles(round(count) + loop.open_poles.right)} of the closed loop in the "
+            f"right half-plane, the eigenvalues {_poles(closed.right)}: some lie closer to the imaginary axis than rounding can tell"
         )
     drifting = len(closed.chains) > 1 or bool(closed.chained)
     # Turns of 1 + L count zeros minus poles inside the contour.

@@ -2,7 +2,7 @@
 
 For x' = A x + B u the components declare the stored energy H = x' Q x / 2. If Q and W = -(Q A + A' Q) / 2 are positive semidefinite,
 dH/dt = -x' W x + y' u with the outputs y = B' Q x: everything that the train stores and dissipates comes from outside, at every
-amplitude, and no motion can grow. The eigenvalues of A are not used.
+amplitude, and no motion can grow. The eigenvalues of A are not used, but for motions that store no energy, such as those of signals.
 
 References
 ----------
@@ -24,6 +24,7 @@ from gearlib.flatten.energies import Term
 from gearlib.linear.linear_model import full
 from gearlib.linear.linearize import linearized
 from gearlib.linear.operating_point import fitting, parameters_at
+from gearlib.linear.poles import poles
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled, Translation
 
@@ -121,7 +122,7 @@ def passivity(system: Compiled, *, at: Any = None, parameters: Mapping[str, floa
         Q += 2 * own.T @ form @ own
     W, terms = -(Q @ A + A.T @ Q) / 2, (np.abs(Q) @ np.abs(A) + np.abs(A.T) @ np.abs(Q)) / 2
     W[np.abs(W) <= CANCELS * terms] = 0.0
-    return Passivity(model.states, Q, W, doubt(Q, W))
+    return Passivity(model.states, Q, W, doubt(Q, W) or growth_beside(A, Q))
 
 
 def undeclared(translation: Translation, parts: Sequence[Any]) -> str:
@@ -172,9 +173,25 @@ def doubt(Q: Floats, W: Floats) -> str:
     return ""
 
 
+def growth_beside(A: Floats, Q: Floats) -> str:
+    """Whether a motion that stores no energy grows; empty if none does. By the matrices of a proof, such motions keep to themselves."""
+    scale = scales(Q)
+    sizes, basis = np.linalg.eigh(rescaled_form(Q, Q))
+    without = basis[:, sizes <= ROUNDING]
+    if poles(without.T @ (A * scale / scale[:, None]) @ without).right:
+        return "a motion that stores no energy, of signals for example, grows"
+    return ""
+
+
+def scales(Q: Floats) -> Floats:
+    """States that each store half a joule, where they store any."""
+    diagonal = np.diag(Q)
+    result: Floats = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    return result
+
+
 def rescaled_form(matrix: Floats, Q: Floats) -> Floats:
     """A quadratic form, rescaled to states that each store half a joule at one."""
-    diagonal = np.diag(Q)
-    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    scale = scales(Q)
     scaled: Floats = matrix * scale * scale[:, None]
     return scaled

@@ -22,7 +22,7 @@ from gearlib.feedback.nyquist import NyquistCount, nyquist_count
 from gearlib.feedback.passivity import Passivity, passivity
 from gearlib.feedback.stability_sensitivity import StabilitySensitivity, stability_sensitivity
 from gearlib.linear.linear_model import check_linear
-from gearlib.linear.linearize import linearized
+from gearlib.linear.linearize import linearized, states_of_outputs
 from gearlib.linear.operating_point import parameters_at
 from gearlib.linear.poles import MEANING, Poles, Verdict, poles, warn_of_rounding
 from gearlib.run.subject import is_compiled, translation_of
@@ -142,7 +142,9 @@ class StabilityReport:
 
     @cached_property
     def passivity(self) -> Passivity | None:
-        return None if self.find_passivity is None else self.find_passivity()
+        with warnings.catch_warnings():  # as `_modes`
+            warnings.simplefilter("ignore", GearlibWarning)
+            return None if self.find_passivity is None else self.find_passivity()
 
     @cached_property
     def conditions(self) -> tuple[str, ...]:
@@ -253,7 +255,8 @@ def stability(
     ----------
     model : System, control.StateSpace, control.TransferFunction or LinearModel
     loop : (input, output), optional
-        Signals of a loop that negative unit feedback closes: ``u = r - y``. If omitted, only the poles of the model are reported.
+        Signals of a loop that negative unit feedback closes: ``u = r - y``. If omitted, only the poles of the model are reported. The poles
+        of the closed loop, too, are those of the whole model, also of parts that the loop does not see.
     gain : float
         Loop gain factor; negative for positive feedback.
     at : None, "steady", mapping, or (Result, time)
@@ -286,7 +289,8 @@ def stability(
     chosen = None if loop is None else as_loop(model, loop, gain=gain, at=at, parameters=parameters)
     linear: Any = model
     if is_compiled(model) and chosen is None:
-        linear = linearized(translation_of(model), [], None, at, parameters)
+        translation = translation_of(model)
+        linear = linearized(translation, [], states_of_outputs(translation), at, parameters)
     elif not hasattr(model, "A") and chosen is None:
         linear = as_loop(model)
     later: tuple[Any, Any] = None, None  # evaluated when the report is printed or accessed

@@ -12,6 +12,7 @@ from gearlib.feedback.margins import Margins
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
 from gearlib.linear.linear_model import Matrices, full
 from gearlib.linear.poles import Poles
+from gearlib.linear.resolvent import laurent
 from gearlib.linear.response_changes import frequency_direction, response_changes
 
 Complexes = NDArray[np.complex128]
@@ -99,8 +100,10 @@ def margin_changes(whole: Matrices, change: Matrices, loop: Loop, margins: Margi
         """The response, and its derivatives with respect to the parameter and to the frequency; at infinite frequency it is D."""
         if not np.isfinite(omega):
             return complex(loop.d), complex(full(change.D)[0, 0]), 0.0
+        if not omega:
+            return complex(loop.at_rest[0]), complex(change_at_rest(whole, change)), 0.0
         s = [1j * omega]
-        by_frequency = 1j * response_changes(whole, frequency_direction(whole), s)[0, 0, 0] if omega else 0.0
+        by_frequency = 1j * response_changes(whole, frequency_direction(whole), s)[0, 0, 0]
         return complex(loop.response(s[0])), complex(response_changes(whole, change, s)[0, 0, 0]), complex(by_frequency)
 
     gain = phase = delay = np.nan
@@ -118,9 +121,24 @@ def margin_changes(whole: Matrices, change: Matrices, loop: Loop, margins: Margi
     elif shortest is not None:
         angle, shift = _angle_change(*moved(shortest.omega))
         delay = (angle - shortest.delay_margin * shift) / shortest.omega
-    value, by_parameter, _ = moved(margins.modulus_omega)
-    modulus = ((1 + value).conjugate() * by_parameter).real / abs(1 + value) if value != -1 else np.nan
+    value, by_parameter, by_frequency = moved(margins.modulus_omega)
+    off = 1 + value
+    if by_frequency:  # the nearest point is known to half of the digits only: what is left along the curve is no distance
+        along = by_frequency / abs(by_frequency)
+        across = off - along * (along.conjugate() * off).real
+        off = across if abs(across) > 0.5 * abs(off) else off
+    modulus = (off.conjugate() * by_parameter).real / abs(off) if off else np.nan
     return float(gain), float(phase), float(delay), float(modulus)
+
+
+def change_at_rest(whole: Matrices, change: Matrices) -> float:
+    """Derivative of the response at frequency 0; poles there that do not appear in it are passed in its Laurent series."""
+    A, B, C, dA, dB, dC, dD = (full(x) for x in (whole.A, whole.B, whole.C, change.A, change.B, change.C, change.D))
+    poles_there, regular = laurent(A)
+    series = [*poles_there[::-1], *regular]
+    constant = dC @ regular[0] @ B + C @ regular[0] @ dB + dD
+    constant = constant + sum(C @ left @ dA @ right @ B for left, right in zip(series, series[::-1], strict=True))
+    return float(constant[0, 0])
 
 
 def _angle_change(value: complex, by_parameter: complex, by_frequency: complex) -> tuple[float, float]:

@@ -204,4 +204,5 @@ def differentiated_unit(unit: str, order: int) -> str:
 
 
 def _described(description: str, order: int) -> str:
-    return f"derivative of {description}" if order and description else description
+    which = {1: "derivative", 2: "second derivative"}.get(order, f"{order}. derivative")
+    return f"{which} of {description}" if order and description else description

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from gearlib.equations.kernel import partial_kernel
+from gearlib.equations.kernel import partial_kernel, residual_kernel
 from gearlib.flatten.model import FlatModel
 from gearlib.fmi.exported_model import ExportedModel
 from gearlib.fmi.fmu_variables import FmuVariables, differentiated_unit
@@ -85,8 +85,9 @@ def _members(
                         name, member, "outflow" if sign * own > 0 else "inflow"
                     )  # into the part is out of the rest
             continue
-        orders = [{at}, speeds.get(at, set())]
-        orders.append({a for w in orders[1] for a in speeds.get(w, ())})
+        orders = [{(at, sign)}]
+        for _ in range(2):
+            orders.append({(w, way * turned) for v, way in orders[-1] for w, turned in speeds.get(v, ())})
         names = MOTIONS.get(member, (member, f"der({member})", f"der(der({member}))"))
         units = [differentiated_unit(variable.unit, k) for k in range(len(names))]
         for name, causality in public.items():
@@ -95,7 +96,7 @@ def _members(
                 of = model.declaration(model.variable(name))
                 if name.rpartition(".")[0] == owner and of is not None and of.unit in units:
                     yield TerminalMember(name, names[units.index(of.unit)], "signal")
-            elif order := [k for k, places in enumerate(orders) if place in places and own == (1 if k else sign)]:
+            elif order := [k for k, same in enumerate(orders) if (place, own) in same]:
                 yield TerminalMember(name, names[order[0]], "signal")
 
 
@@ -105,20 +106,23 @@ def _place(model: FlatModel, name: str) -> tuple[int, int]:
     return (-1, 0) if k is None else (int(model.representative[k]), int(model.sign[k]))
 
 
-def _speeds(model: FlatModel) -> dict[int, set[int]]:
-    """Variables that an equation says to be the derivative of another one: ``der(phi) = w``."""
-    found: dict[int, set[int]] = {}
+def _speeds(model: FlatModel) -> dict[int, set[tuple[int, int]]]:
+    """Variables that an equation says to be the derivative of another one, up to their sign: ``der(phi) = w``."""
+    found: dict[int, set[tuple[int, int]]] = {}
     for group in model.groups:
         t = group.template
         if sorted(order for _, order in t.columns) != [0, 1] or t.parameters or t.discretes or t.relations or t.on_time:
             continue
         (first, _), (second, _) = t.local_columns
-        partials = [partial_kernel(t, c).number for c in range(2)]
+        one, other = (partial_kernel(t, c).number for c in range(2))
+        if one is None or other is None or abs(one) != abs(other) or residual_kernel(t, frozenset({0, 1})).number != 0:
+            continue
         differentiated = 0 if t.columns[0][1] else 1
         for row, signs in zip(group.variables.tolist(), group.signs.tolist(), strict=True):
             places, factors = (row[first], row[second]), (signs[first], signs[second])
-            if None not in partials and partials[0] * factors[0] + partials[1] * factors[1] == 0 != factors[0]:
-                found.setdefault(places[differentiated], set()).add(places[1 - differentiated])
+            if all(factors):
+                turned = 1 if one * factors[0] + other * factors[1] == 0 else -1
+                found.setdefault(places[differentiated], set()).add((places[1 - differentiated], turned))
     return found
 
 

@@ -95,13 +95,15 @@ def state_space(model: LinearModel, name: str | None = None) -> Any:
 
 
 def check_linear(model: Any) -> None:
-    """Raise `ArgumentError` for anything but a linear model."""
+    """Raise `ArgumentError` for anything but a linear model in continuous time."""
     if isinstance(model, LinearModel):
         return
     import control
 
     if not isinstance(model, (control.StateSpace, control.TransferFunction)):
         raise ArgumentError(f"expected a System, StateSpace, TransferFunction or LinearModel, got {described(model)}")
+    if model.dt:
+        raise ArgumentError("the model is a sampled one; expected one in continuous time")
 
 
 def matrices(model: Any) -> tuple[Floats, Floats, Floats, Floats, list[str], list[str]]:
@@ -126,9 +128,7 @@ def is_sparse(A: Any) -> bool:
 
 
 def signal_names(model: Any) -> tuple[list[str], list[str]]:
-    """Names of the inputs and outputs of a continuous-time state space model."""
-    if getattr(model, "dt", None):
-        raise ArgumentError("the model is a sampled one; expected one in continuous time")
+    """Names of the inputs and outputs of a state space model."""
     inputs = list(getattr(model, "input_labels", None) or model.inputs)
     outputs = list(getattr(model, "output_labels", None) or model.outputs)
     return inputs, outputs

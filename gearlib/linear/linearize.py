@@ -40,6 +40,13 @@ def input_names(model: FlatModel) -> list[str]:
     return unbound + bound
 
 
+def states_of_outputs(translation: Translation) -> list[str]:
+    """The states of the linear model that is asked for no outputs in particular."""
+    chosen = translation.states if translation.outputs is None else translation.outputs
+    structure = translation.structure
+    return [node_name(structure.model, s) for s in needed_states(structure, translation.nodes(chosen))]
+
+
 def linearized(
     translation: Translation, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, at: Any = None,
     parameters: Mapping[str, float] | None = None, worded: bool = True,
@@ -49,8 +56,9 @@ def linearized(
     default = translation.states if translation.outputs is None else translation.outputs
     chosen_inputs = name_list("inputs", translation.inputs if inputs is None else inputs, "torque.tau")
     chosen = name_list("outputs", default if outputs is None else outputs, "load.w")
-    states = needed_states(translation.structure, translation.nodes(chosen))
-    scene, numbers, point = operating_point(translation, states, at, parameters)
+    nodes = translation.nodes(chosen)
+    states = needed_states(translation.structure, nodes)
+    scene, numbers, point = operating_point(translation, states, at, parameters, outputs=nodes)
     model = linearize(scene, numbers, chosen_inputs, chosen, point, worded)
     if inputs is not None:
         _warn_of_unread(translation, chosen_inputs)

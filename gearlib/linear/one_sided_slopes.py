@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,11 +15,10 @@ from gearlib.equations.kernel import array_function, differentiated
 from gearlib.equations.template import Column, Template, column_symbol, memoised, relation_symbol, with_events, without_events
 from gearlib.errors import GearlibWarning, warn
 from gearlib.language.expressions import real_symbol, time
-from gearlib.program.build import build, slot_table
+from gearlib.program.build import build
 from gearlib.program.program import Program
 from gearlib.reduce.coefficients import some
 from gearlib.reduce.reduction import Structure
-from gearlib.run.scene import needed_states
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
@@ -75,22 +74,17 @@ def warn_of_corners(
     if not comparing and not len(discrete):
         return
     nodes = {n for (g, k), rows in comparing.items() for n in _nodes(structure, g, k, rows)}
-    missing = [n for n in sorted(nodes - program.slots.keys()) if set(needed_states(structure, [n])) <= {*program.states}]
-    known = (
-        build(structure, [*sorted(nodes & program.slots.keys()), *missing], program.states, dynamic=False)
-        if missing
-        else program
-    )
-    values, table = slots(known), slot_table(known.slots, structure.model.n_variables)
-    random = np.random.default_rng(0).uniform(0.5, 1.0, table.shape)
+    # What only events compare has no slot in the program, but the states that it needs are among the program's
+    known = program if nodes <= program.slots.keys() else build(structure, sorted(nodes), program.states, dynamic=False)
+    values, random = slots(known), np.random.default_rng(0).uniform(0.5, 1.0, structure.model.n_variables)
     found = [
         corner
         for (g, k), rows in comparing.items()
-        for corner in _corners(structure, g, k, rows, t, values, random, table, parameters, discrete)
+        for corner in _corners(structure, g, k, rows, t, values, random, known.slots, parameters, discrete)
     ]
     way = np.zeros(program.n_slots)
     for (v, k), slot in program.slots.items():
-        way[slot] = random[k, v] if k < len(random) else 0.0
+        way[slot] = random[v] ** (1 + k)
     left, right = (beside.settled(side * BESIDE * way) for side in (1, -1))
     for corner in found:
         if corner.place >= 0:
@@ -170,7 +164,7 @@ def _columns(template: Template, k: int) -> list[Column]:
 
 
 def _corners(
-    structure: Structure, g: int, k: int, rows: Integers, t: float, slots: Floats, random: Floats, table: Integers,
+    structure: Structure, g: int, k: int, rows: Integers, t: float, slots: Floats, random: Floats, places: Mapping[Node, int],
     parameters: Floats, discrete: Floats,
 ) -> list[Corner]:  # fmt: skip
     """The corners of some rows of a group, differentiated ``k`` times."""
@@ -182,9 +176,9 @@ def _corners(
     for name, order in _columns(template, k):
         j = own.locals.index(name)
         v, sign = group.variables[rows, j], group.signs[rows, j]
-        place = table[order, v] if order < len(table) else np.full(count, -1)
-        arguments[column_symbol((name, order))] = np.where(sign == 0, 0.0, sign * np.where(place < 0, np.nan, slots[place]))
-        moves.append(sign * random[min(order, len(table) - 1), v])
+        value = [slots[places[i, order]] if s else 0.0 for i, s in zip(v.tolist(), sign.tolist(), strict=True)]
+        arguments[column_symbol((name, order))] = sign * np.array(value)
+        moves.append(sign * random[v] ** (1 + order))
     arguments |= {real_symbol(name): parameters[group.parameters[rows, p]] for p, name in enumerate(own.parameters)}
     arguments |= {real_symbol(d): discrete[model.n_relations + group.discretes[rows, j]] for j, d in enumerate(own.discretes)}
     values = [arguments[s] for s in symbols]

@@ -16,7 +16,7 @@ from gearlib.program.program import Program
 from gearlib.run.afterwards.branch import iterated_unknowns
 from gearlib.run.refusals.limits import refuse_start
 from gearlib.run.result import SimulatedResult
-from gearlib.run.sampling.controllers import refuse_instants
+from gearlib.run.sampling.controllers import check_instants
 from gearlib.run.scene import Scene, guess_of
 from gearlib.run.simulate import kept_values
 from gearlib.run.translation import Translation
@@ -64,10 +64,10 @@ class PointChange:
 
 def operating_point(
     translation: Translation, states: tuple[Node, ...], at: Any = None, parameters: Mapping[str, float] | None = None,
-    inputs: Mapping[str, float] | None = None,
+    inputs: Mapping[str, float] | None = None, outputs: Sequence[Node] = (),
 ) -> tuple[Scene, Floats, Point]:  # fmt: skip
     """A scene with some states, the parameter values, and the point that ``at`` denotes (see `System.linearize`)."""
-    refuse_instants(translation.structure, states, "a linear model")
+    check_instants(translation.structure, states, "a linear model", outputs)
     if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], SimulatedResult):
         return _moment(translation, states, at[0], at[1], parameters)
     numbers = translation.parameter_values(parameters)

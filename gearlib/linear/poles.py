@@ -193,11 +193,14 @@ def _reach(matrix: Floats, value: complex, perturbation: float, first_order: flo
 
 def warn_of_rounding(name: str, states: Sequence[str], A: Any, found: Poles | Eigen) -> None:
     """Warn where rounding in a system's fastest poles exceeds what the slow ones are taken for."""
-    sizes = np.abs(found.values[found.values != 0])
+    sizes, rows = np.abs(found.values[found.values != 0]), np.linalg.norm(balance(full(A))[0], axis=1)
     on_axis = bool(found.chains) or bool((np.abs(found.values.real) <= found.tolerances).any())
-    if found.resolution <= (HIDING if on_axis else BLURRING) * sizes.min(initial=np.inf):
+    slowest = min(
+        sizes.min(initial=np.inf), rows[rows > 0].min(initial=np.inf) if found.chains else np.inf
+    )  # if not hidden, too
+    if found.resolution <= (HIDING if on_axis else BLURRING) * slowest:
         return
-    fastest = int(np.argmax(np.linalg.norm(balance(full(A))[0], axis=1)))
+    fastest = int(np.argmax(rows))
     warn(
         f"{name}: poles are known to {found.resolution:.1g} rad/s, since the fastest one, mostly of {states[fastest]}, is "
         f"{sizes.max():.2g} rad/s; a slower motion counts as a pole at 0, and less damping as none. A damping or an inertia that is "

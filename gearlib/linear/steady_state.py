@@ -139,7 +139,7 @@ def steady_state(
     known = [translation.structure.named(name, "output", ("cannot be an output", "can")) for name in names]
     nodes = [node for node, sign in known if sign]
     states = tuple(sorted({*translation.scene.states, *needed_states(translation.structure, nodes)}))
-    scene, numbers, point = operating_point(translation, states, "steady", parameters, given)
+    scene, numbers, point = operating_point(translation, states, "steady", parameters, given, nodes)
     warn_of_zero_inputs(
         translation, tuple(n for n in translation.needed_inputs if n not in given), "this state", "steady_state"
     )

@@ -376,7 +376,8 @@ class Evaluation:
     def _elementwise(self, sign: str, values: list[Any], node: OperationNode) -> Any:
         sizes = {len(v) for v in values if isinstance(v, tuple)}
         both = all(isinstance(v, tuple) for v in values)
-        if len(sizes) != 1 or (both and sign in "*/^" and not node.operator.startswith(".")):
+        unusual = sign in _RELATIONS or (both and sign in "*/^" and not node.operator.startswith("."))
+        if len(sizes) != 1 or unusual:
             raise ModelicaError(f"{node.at}: arrays of these sizes are not supported with '{node.operator}'")
         count = sizes.pop()
         columns = [v if isinstance(v, tuple) else (v,) * count for v in values]

@@ -444,8 +444,6 @@ class _Reader:
                 return f"({(' and ' if isinstance(operator, ast.And) else ' or ').join(map(self.condition, values))})"
             case ast.UnaryOp(ast.Not(), operand):
                 return f"(not {self.condition(operand)})"
-            case ast.IfExp(test, body, orelse):
-                return f"({self.condition(body)} if {self.condition(test)} else {self.condition(orelse)})"
         raise NoSeriesError(f"has no Taylor series for a choice by {ast.unparse(node)[:60]}")
 
 

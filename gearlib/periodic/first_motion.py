@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import finite, is_real, name_list, shown
 from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
+from gearlib.linear.balancing import balance as balanced_matrix
 from gearlib.periodic.fourier_balance import HarmonicEquations, rigid_motions, terms
 from gearlib.periodic.periods import Driven, fourier, moments
 from gearlib.program.build import build
@@ -227,8 +228,8 @@ def check_periodic(name: str, function: Callable[[float, float], Any], omega: fl
     off = np.abs(np.subtract(again, once)).max()
     if off > 1e-6 * np.ptp(once) + 1e-9 * np.abs(once).max():
         raise ArgumentError(
-            f"the input {name} is not 2 pi periodic in the phase: it differs by {off:.3g} after a period. Give it the slowest frequency, "
-            "of which all others are multiples"
+            f"the input {name} is not 2 pi periodic in the phase: it differs by {off:.3g} after a period at {omega:g} rad/s. "
+            "Give it the slowest frequency, of which all others are multiples"
         )
 
 
@@ -283,11 +284,12 @@ def check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None:
 def refuse_undetermined(balance: HarmonicEquations, z: Floats, omega: float) -> None:
     """Refuse a motion whose mean is undetermined, such as the position of an unloaded wheel in its gap: it cannot be continued."""
     _, matrix, _ = balance.equations(z, omega)
-    _, sizes, directions = np.linalg.svd(matrix)
+    balanced, units = balanced_matrix(matrix)  # at 1e9 rad/s, a speed and its angle are that far apart
+    _, sizes, directions = np.linalg.svd(balanced)
     if sizes[-1] > SINGULAR * sizes[0]:
         return
     scene = balance.driven(omega).scene
-    size = np.abs(directions[-1].reshape(-1, len(scene.states)) * balance.scale / scene.nominal)
+    size = np.abs((directions[-1] * units).reshape(-1, len(scene.states)) * balance.scale / scene.nominal)
     wave, state = divmod(int(np.argmax(size)), len(scene.states))
     name, times = scene.state_names[state], (wave + 1) // 2
     if times:

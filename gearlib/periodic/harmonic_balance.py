@@ -11,7 +11,7 @@ import numpy as np
 from gearlib.arguments import by_name, name_list, one_name, real, shown, whole
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.periodic.continuation import Path, follow
-from gearlib.periodic.first_motion import IRREGULAR, UNRELATED, Forced
+from gearlib.periodic.first_motion import IRREGULAR, UNRELATED, Forced, check_periodic
 from gearlib.periodic.fourier_balance import HarmonicEquations
 from gearlib.periodic.harmonic_response import HarmonicBalance
 from gearlib.periodic.periods import Driven, Floats, fourier, moments, transform
@@ -23,6 +23,7 @@ from gearlib.run.translation import Compiled
 
 HARMONICS = (4, 8, 16, 32, 64)  # numbers of harmonics, tried in turn
 OFF = 1e-2  # relative to the vibration: an error at the retained harmonics that truncation does not explain
+BETWEEN = 0.3819660  # of the interval of frequencies: a place that is no round number
 SLOWEST, FASTEST = 1e-50, 1e50  # rad/s; outside, squares of derivatives (fourth powers of a frequency) overflow or underflow
 Input = float | Callable[[float, float], float]
 
@@ -133,6 +134,9 @@ def harmonic_balance(
             names = name_list("outputs", outputs if outputs is not None else default, "mesh.q")
             scene = task.scene(names)
             observed = task.observed(scene, names)
+            for name, given in inputs.items():
+                if callable(given):  # a fixed frequency may happen to be a multiple of the first one
+                    check_periodic(name, given, start + BETWEEN * (end - start))
             count = samples_of_a_period(samples, count_, scene.relations is not None)
             first = task.first(scene, float(start), count, guess, known)
             known = first.balance.coefficients(first.z)

@@ -24,7 +24,7 @@ from gearlib.language.recipes import packed
 from gearlib.recent import recent
 from gearlib.reduce.coefficients import some
 from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
-from gearlib.run.sampling.controllers import controllers_of, read_by_controllers, refuse_instants, refuse_programs
+from gearlib.run.sampling.controllers import check_instants, controllers_of, read_by_controllers, refuse_programs
 from gearlib.run.scene import Scene, needed_discretes, needed_inputs, needed_states
 from gearlib.run.start_values import Seed, Start, start_values, start_variable
 from gearlib.run.zeros import Sums, can_be_solved, factors, nothing_special, special_values, sums
@@ -556,7 +556,7 @@ class Translation:
 
             numbers = scene.prepared(parameters)
             refuse_programs(self.component, "a steady state")
-            refuse_instants(self.structure, scene.states, "a steady state")
+            check_instants(self.structure, scene.states, "a steady state")
             steady = search_steady(scene, numbers, begin, inputs, t)
             changes = None if seeds is None else steady_changes(scene, numbers, begin, inputs, t, steady, seeds)
             guess = variables_on_branch(scene, parameters, begin, inputs, t, steady)

@@ -13,15 +13,16 @@ from itertools import islice, product
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.equations.kernel import relation_kernel
+from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_kernel
 from gearlib.errors import ArgumentError
 from gearlib.flatten.model import EquationGroup, FlatModel
-from gearlib.statics.mesh_turn import apply
+from gearlib.statics.mesh_turn import apply, argument, periodic_columns
 from gearlib.statics.steady_motion import CONTRADICTION, UNDETERMINED, Given, Motion, motion_from
 
 Floats = NDArray[np.float64]
 STILL = 1e-9  # relative to the fastest rate: rounding
 STEADY = 1e-6  # relative: how evenly a relation's value must grow to be sure to change sign
+FURTHER = np.array([1.3, 17.0, 230.0, 3100.0])  # rad or m: ways of the fastest, over which what is steady stays so
 APART = 1.0  # rad or m: distance larger than any gap
 MOST_TRIALS = 64  # combinations of sides: all of six gaps with two each
 
@@ -73,6 +74,29 @@ def drifting(model: FlatModel, parameters: Floats, motion: Motion) -> list[str]:
         wrong = np.isfinite(growth) & (growth != 0.0) & evenly & away
         found += [model.instances[i].name for i in group.owners[wrong].tolist() if i >= 0]
     return list(dict.fromkeys(found))
+
+
+def refuse_change(model: FlatModel, parameters: Floats, motion: Motion, given: Sequence[Given]) -> None:
+    """Raise an error where an equation holds no more at other angles, and does not repeat: a table, say, that begins flat."""
+    a, b, found = motion.constants, without_rounding(motion.rates), []
+    periodic = periodic_columns(model, parameters, a, b, motion.discrete, np.zeros(len(a), bool)) if b.any() else {}
+    for g, group in enumerate(model.groups):
+        template = group.template
+        if template.linear or g in periodic or not b[group.variables].any():
+            continue
+        kernels = [residual_kernel(template), *(partial_kernel(template, c) for c in range(len(template.columns)))]
+        here = apply(model, kernels[0], g, group, parameters, a, b, motion.discrete)
+        for way in FURTHER / np.abs(b).max():
+            x = a + way * b
+            there, *slopes = (apply(model, kernel, g, group, parameters, x, b, motion.discrete) for kernel in kernels)
+            terms = sum(np.abs(p * argument(group, *column, x, b)) for p, column in zip(slopes, template.columns, strict=True))
+            found += [model.owner(g, i) for i in np.flatnonzero(np.abs(there - here) > CONTRADICTION * terms).tolist()]
+    if found:
+        raise ArgumentError(
+            f"no steady motion has the given {', '.join(g.name for g in given) or 'torques'}: the equations of "
+            f"{', '.join(list(dict.fromkeys(found))[:4])} change as the train turns on, and do not repeat every turn; give speeds with "
+            "which it stands still, or make them periodic"
+        )
 
 
 def without_rounding(rates: Floats) -> Floats:

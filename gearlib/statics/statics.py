@@ -21,11 +21,11 @@ from gearlib.program.build import build
 from gearlib.program.interpret import prepare
 from gearlib.reduce.coefficients import some
 from gearlib.run.refusals.limits import refuse_too_small_in
-from gearlib.run.sampling.controllers import refuse_instants
+from gearlib.run.sampling.controllers import check_instants
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled, Translation
 from gearlib.solvers.inputs.table import values
-from gearlib.statics.closed_gaps import drifting, refuse_drift, with_gaps_closed
+from gearlib.statics.closed_gaps import drifting, refuse_change, refuse_drift, with_gaps_closed
 from gearlib.statics.load_sharing import shared
 from gearlib.statics.power_flow import FlangePower, PowerFlow
 from gearlib.statics.steady_motion import (
@@ -108,7 +108,7 @@ def power_flow(
     (20.0, 10.0, 1000.0)
     """
     translation = _fitting(translation_of(system), parameters)
-    refuse_instants(translation.structure, translation.scene.states, "a steady motion")
+    check_instants(translation.structure, translation.scene.states, "a steady motion")
     model = translation.structure.complete  # with the equations that leave torques of rigid parallel paths undetermined
     numbers = translation.parameter_values(parameters)
     given = given_values(model, speeds, torques)
@@ -133,6 +133,7 @@ def _refuse_passing(model: FlatModel, numbers: Floats, motion: Motion, given: Se
     refuse_too_small_in(model, motion.constants)
     refuse_unsettled(model, numbers, motion)
     refuse_drift(model, numbers, motion, given)
+    refuse_change(model, numbers, motion, given)
 
 
 def _fitting(translation: Translation, parameters: Mapping[str, float] | None) -> Translation:

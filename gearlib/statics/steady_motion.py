@@ -172,14 +172,10 @@ def _group(
     template = group.template
     torques, growth, rows = np.zeros(len(group), bool), np.zeros(len(group)), np.arange(count)
     own = {c: group.variables[:, template.locals.index(name)] for c, (name, _) in enumerate(template.columns)}
-    angles = [c for c in nonlinear_columns(template) if model.potential[own[c]].any()]
-    turns = template.linear or (periodic and all(c in periodic for c in angles))
     for c, (name, order) in enumerate(template.columns):
         j, v = template.locals.index(name), own[c]
         slope = mean(model, partial_kernel(template, c), g, group, parameters, a, b, discrete, over)
         p = np.where(np.isfinite(slope), slope * group.signs[:, j], 0.0)
-        if not turns:
-            p = np.where(model.potential[v] & (order == 0), 0.0, p)  # frozen at the angle
         grows = p
         if c in periodic:
             grows = np.where(periodic[c].grow, p, 0.0)  # periodic terms do not grow
@@ -187,11 +183,11 @@ def _group(
         if order == 0 and c in partial_kernel(template, c).columns and c not in periodic and not p.all():
             deflected = a.copy()
             for k in nonlinear_columns(template):  # all at once: the difference of two that grow may stay
-                deflected[own[k]] = np.where(model.potential[own[k]], a[own[k]], generic(a)[own[k]])
+                deflected[own[k]] = generic(a)[own[k]]
             elsewhere = (
                 apply(model, partial_kernel(template, c), g, group, parameters, deflected, b, discrete) * group.signs[:, j]
             )
-            hardens = (p == 0) & np.isfinite(elsewhere) & ~model.potential[v]
+            hardens = (p == 0) & np.isfinite(elsewhere)
             # a spring without stiffness at rest: it has some where it is deflected, and its deflection may not grow
             grows = p = np.where(hardens, elsewhere, p)
         if order < 2:
@@ -435,7 +431,7 @@ def refuse_contradiction(motion: Motion, given: Sequence[Given]) -> None:
         involved = np.flatnonzero(weights > 1e-9 * weights.max())
         names = {g.name for g in given}
         owners = dict.fromkeys(motion.owner(i) for i in (worst, *involved[np.argsort(-weights[involved])].tolist()))
-        named = [o for o in owners if o != "connection" and o not in names][:6]
+        named = [o for o in owners if o != "connection" and o not in names][:6] or ["connections"]
         raise ArgumentError(
             f"no steady motion has the given {', '.join(g.name for g in given) or 'torques'}: the equations of {', '.join(named)} cannot "
             "hold; give fewer values, leave a driving torque unbound, close gaps (backlash parameters = 0), or, for a load that "

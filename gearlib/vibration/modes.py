@@ -601,8 +601,9 @@ def _gaps(
 
 def _carried(A: Any, free: Complexes) -> Complexes:
     """Rates of the states in free motions: of angles that are states, and of positions inside open gaps."""
-    rates, terms = np.asarray(A @ free), np.asarray(abs(A) @ np.abs(free))
-    return np.where(np.abs(rates) > 1e-9 * terms, rates, 0.0)
+    rates, sizes = np.asarray(A @ free), np.abs(free)
+    rounding = np.asarray(abs(A) @ np.maximum(1e-9 * sizes, 1e-12 * sizes.max(axis=0, initial=0.0)))
+    return np.where(np.abs(rates) > rounding, rates, 0.0)
 
 
 def _slowest(eigenvalues: Complexes) -> float:

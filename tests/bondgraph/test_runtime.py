@@ -29,7 +29,7 @@ from gearlib.bondgraph import (
     state_equations,
     time,
 )
-from gearlib.errors import ArgumentError, BindingError, GearlibError
+from gearlib.errors import ArgumentError, BindingError, GearlibError, SolverError
 
 
 def oscillator(**values: Any) -> BondGraph:
@@ -183,6 +183,18 @@ def test_a_solution_that_rounding_hides_is_taken_where_nothing_is_left() -> None
     effort, flow = run.bond_variables(0.0, [], [1.0])[2]
     assert flow == pytest.approx(1.0, abs=1e-4)
     assert effort == pytest.approx(3 * flow)
+
+
+@pytest.mark.parametrize(("beyond", "solved"), [(0.95e-9, True), (1.05e-9, False)])
+def test_what_no_step_reduces_is_solved_to_1e_10_of_the_unknowns_or_refused(beyond: float, solved: bool) -> None:
+    """(f - 9)**2 = -beyond has no solution; 1e-10 (1 + 9) of it is taken for rounding."""
+    v = One("v")
+    run = RunTime(state_equations(BondGraph((1, Se(), v), (2, v, R(1.0)), (3, v, R(law=lambda f: f**2 - 19 * f)))))
+    if solved:
+        assert run.bond_variables(0.0, [], [-81 - beyond])[2] == pytest.approx((9.0, 9.0), rel=1e-5)
+        return
+    with pytest.raises(SolverError, match="found no solution of the algebraic loops at t = 0 s"):
+        run.bond_variables(0.0, [], [-81 - beyond])
 
 
 def test_a_source_may_begin_at_time_zero() -> None:

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 import gearlib as gl
+import gearparts as gp
 from gearlib.feedback import margins as parts
 from gearlib.feedback.feedback_loop import Loop, as_loop
 from gearlib.feedback.gain_range import gains_in_words, stable_gains
 from gearlib.feedback.margins import GainCrossing, Margins, PhaseCrossing, margins
 from gearlib.feedback.stability import LoopReport
-from gearlib.feedback.stability_sensitivity import stability_sensitivity
+from gearlib.feedback.stability_sensitivity import change_at_rest, stability_sensitivity
 from gearlib.linear.linear_model import Matrices
 from gearlib.linear.poles import poles
 
@@ -445,3 +446,67 @@ def test_the_lower_one_of_two_near_places_is_the_nearest() -> None:
     assert (found.modulus_margin, found.modulus_omega) == (
         pytest.approx(float(np.abs(1 + both.response(1j * w)).min()), rel=1e-9), pytest.approx(10.0, rel=1e-3),
     )  # fmt: skip
+
+
+class Driven(gl.Component):
+    """A motor and a load that turn freely, the load in two parts behind a stuck clutch; and a spring to the ground, if there is one."""
+
+    c0 = gl.Parameter("N.m/rad", default=0.0)
+    held = gl.Structural(False)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.torque, self.motor, self.load, self.wheel = gp.Torque(), gp.Inertia(J=1.0), gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+        self.shaft, self.clutch = gp.SpringDamper(c=4.0, d=0.5), gp.Clutch(f_normalized=1.0, fn_max=100.0)
+        row = [self.torque.flange, self.motor.flange_a, self.motor.flange_b, self.shaft.flange_a, self.shaft.flange_b,
+               self.load.flange_a, self.load.flange_b, self.clutch.flange_a, self.clutch.flange_b, self.wheel.flange_a]  # fmt: skip
+        if self.held:
+            self.spring, self.ground = gp.SpringDamper(c=self.c0, d=0.1), gp.Fixed()
+            row += [self.wheel.flange_b, self.spring.flange_a, self.spring.flange_b, self.ground.flange]
+        return [gl.connect(a, b) for a, b in zip(row[::2], row[1::2], strict=True)]
+
+
+@pytest.mark.parametrize("gain", [2.0, -2.0, 30.0])
+def test_a_free_train_is_not_seen_in_its_twist(gain: float) -> None:
+    """At rest the shaft's twist is ``-(u / J) / (c (1 / J + 1 / J'))``: the pole of the free rotation is none of the loop's."""
+    report = gl.stability(gl.compile(Driven()), loop=("torque.tau", "shaft.phi_rel"), gain=gain)
+    margin, found = 4.0 * (1.0 + 1.0 / 3.0) / gain, report.loop.margins
+    unstable = np.linalg.eigvals(report.loop.loop.closed(1.01 * abs(margin))).real.max() > 1e-3
+    assert unstable == (gain > 0)
+    if gain < 0:
+        assert (found.gain_margin, report.loop.stable_gains) == (INFINITE, ((0.0, INFINITE),))
+        return
+    assert [(c.omega, c.gain_margin) for c in found.phase_crossings] == [(0.0, pytest.approx(margin, rel=1e-12))]
+    assert report.loop.stable_gains == ((0.0, pytest.approx(margin, rel=1e-12)),)
+    assert report.loop.verdict == ("marginal" if margin > 1 else "unstable")
+    for parameter, slope in (("shaft.c", margin / 4.0), ("motor.J", 4.0 / 3.0 / gain), ("wheel.J", -4.0 / 9.0 / gain)):
+        assert report.sensitivity(parameter).gain_margin == pytest.approx(slope, rel=1e-9)
+
+
+def test_a_margin_at_rest_moves_with_a_parameter_though_a_clutch_sticks() -> None:
+    """The twist of the spring to the ground is ``u / c0`` at rest; what the clutch holds is a state of the whole model alone."""
+    system, near = gl.compile(Driven(held=True)), {"c0": 5.0}
+    report = gl.stability(system, loop=("torque.tau", "spring.phi_rel"), gain=2.0, parameters=near)
+    assert report.loop.margins.phase_crossings[0] == PhaseCrossing(0.0, pytest.approx(2.5, rel=1e-12))
+    assert parts_at_rest(report) == pytest.approx(2.0 / 25.0, rel=1e-9)
+
+
+def parts_at_rest(report: gl.StabilityReport) -> float:
+    """The slope of the response at rest over the stiffness to the ground."""
+    return change_at_rest(report.loop.loop.whole, report.loop.loop.changes(["c0"])[0])
+
+
+@pytest.mark.parametrize("hidden", [[[0.0]], [[0.0, 1.0], [0.0, 0.0]]])
+@pytest.mark.parametrize("shown", [False, True])
+@pytest.mark.parametrize("k", [-1.0, -0.5, 2.0])
+def test_poles_at_rest_that_the_loop_does_not_see(hidden: list[list[float]], shown: bool, k: float) -> None:
+    """``k / (s + 1)^2`` beside chains of poles at 0 that the input does not reach, or that the output does not show."""
+    lag, rng = control.ss(control.tf([k], [1, 2, 1])), np.random.default_rng(5)
+    q = len(hidden)
+    coupling = rng.normal(size=(q, 2))
+    A = np.block([[np.array(hidden), coupling * (not shown)], [coupling.T * shown, lag.A]])
+    b, c = np.vstack([rng.normal(size=(q, 1)) * (not shown), lag.B]), np.hstack([rng.normal(size=(1, q)) * shown, lag.C])
+    basis = np.linalg.qr(rng.normal(size=A.shape))[0] * np.geomspace(1.0, 3.0, q + 2)
+    found = margins(as_loop(control.ss(np.linalg.solve(basis, A @ basis), np.linalg.solve(basis, b), c @ basis, 0.0)))
+    assert [(x.omega, x.gain_margin) for x in found.phase_crossings] == ([(0.0, pytest.approx(-1 / k))] if k < 0 else [])
+    curve = k / (1j * np.geomspace(1e-6, 1e3, 200_001) + 1) ** 2
+    assert found.modulus_margin == pytest.approx(float(np.abs(1 + np.append(curve, k)).min()), abs=1e-8)

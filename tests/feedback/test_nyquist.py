@@ -8,9 +8,9 @@ import pytest
 
 from gearlib.errors import SolverError
 from gearlib.feedback import nyquist as parts
-from gearlib.feedback.feedback_loop import as_loop
+from gearlib.feedback.feedback_loop import Loop, as_loop
 from gearlib.feedback.nyquist import NyquistCount, contour, nyquist_count
-from gearlib.linear.poles import Poles
+from gearlib.linear.poles import Poles, poles
 
 
 @pytest.mark.parametrize(
@@ -156,3 +156,18 @@ def test_turns_that_are_no_whole_number_are_refused() -> None:
                 SolverError, match=rf"^the curve of .* passes -1 closer than rounding can tell \(count {count}\)$"
             ):
                 nyquist_count(half)
+
+
+def test_a_count_that_is_not_that_of_the_eigenvalues_is_refused() -> None:
+    """A pole beside the axis that rounding in the response puts on its other side: here, poles that are said to be elsewhere."""
+
+    class Other(Loop):
+        @property
+        def closed_poles(self) -> Poles:
+            return poles(np.diag([-1.0, -1.0, 2.0]))
+
+    stable = as_loop(control.tf([1.0], [1, 3, 3, 1]))
+    other = Other(stable.A, stable.b, stable.c, stable.d, "u", "y")
+    said = r"^the curve of u -> y gives no pole of the closed loop in the right half-plane, the eigenvalues one pole: some lie closer"
+    with pytest.raises(SolverError, match=said):
+        nyquist_count(other)

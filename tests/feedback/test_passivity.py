@@ -15,6 +15,7 @@ import gearparts as gp
 from gearlib.errors import ArgumentError
 from gearlib.feedback import passivity as parts
 from gearlib.feedback.passivity import Passivity
+from gearparts import blocks
 from gearparts.trains import zhou_cui_2022 as zc
 
 
@@ -278,3 +279,29 @@ def test_components_whose_energy_is_not_known(changes: dict[str, Any], said: str
     part = {"path": "a.b", "kind": "Kind", "unknown": False, "declares": True, "stored": SimpleNamespace(names=("x",))}
     model: Any = SimpleNamespace(model=SimpleNamespace(discretes=("switch",)))
     assert parts.undeclared(model, [SimpleNamespace(**part), SimpleNamespace(**part | changes)]) == said
+
+
+@pytest.mark.parametrize("T", [0.1, -3.0])
+def test_a_signal_that_grows_is_no_part_of_a_proof(T: float) -> None:
+    """A filter of a speed, which acts on nothing: its pole is -1 / T. The energies of the train say nothing of it."""
+
+    class Filtered(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.shaft, self.body, self.ground = gp.SpringDamper(c=4.0, d=0.5), gp.Inertia(J=1.0), gp.Fixed()
+            self.torque, self.sensor = gp.Torque(), gp.SpeedSensor()
+            self.filter = blocks.TransferFunction(b=[1.0], a=[T, 1.0])
+            return [
+                gl.connect(self.torque.flange, self.body.flange_a), gl.connect(self.body.flange_b, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.ground.flange), gl.connect(self.sensor.flange, self.body.flange_b),
+                gl.connect(self.sensor.w, self.filter.u),
+            ]  # fmt: skip
+
+    system = gl.compile(Filtered())
+    proof = gl.passivity(system)
+    assert proof.holds == (T > 0)
+    assert proof.reason == ("" if T > 0 else "a motion that stores no energy, of signals for example, grows")
+    report = gl.stability(system, loop=("torque.tau", "body.w"), gain=2.0)
+    vibrating = np.roots([1.0, 0.5, 4.0]), np.roots([1.0, 2.5, 4.0])
+    for found, pair in zip((report.eigenvalues, report.loop.closed_poles.values), vibrating, strict=True):
+        assert np.sort_complex(found) == pytest.approx(np.sort_complex([*pair, -1 / T]), rel=1e-9)
+    assert {report.verdict, report.loop.verdict, gl.stability(system).verdict} == {"stable" if T > 0 else "unstable"}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -56,3 +58,31 @@ def test_how_margins_of_three_lags_move_with_their_pole(p: float, k: float) -> N
     h = 1e-6
     expected = (np.array(of(p + h)) - of(p - h)) / (2 * h)
     assert parts.margin_changes(Matrices(A, b, c, zero), change, loop, own)[:3] == pytest.approx(expected, rel=1e-6)
+
+
+def test_how_the_distance_moves_where_the_curve_passes_near_the_point() -> None:
+    """``k s / (s^2 + 2 z s + 1 + p)`` passes -1 at 0.01 of it, and the frequency that the parameter shifts moves the curve along itself.
+
+    The nearest point is known to half of the digits; that must not show in the slope, although the response there moves by a
+    hundred times more than the distance.
+    """
+    z, k, h = 0.01, -0.02 * 0.99, 1e-6
+
+    def of(p: float) -> tuple[Loop, Matrices]:
+        A = np.array([[0.0, 1.0], [-1.0 - p, -2 * z]])
+        b, c = np.array([[0.0], [1.0]]), np.array([[0.0, k]])
+        zero = np.zeros((1, 1))
+        return Loop(A, b[:, 0], c[0], 0.0, "u", "y"), Matrices(A, b, c, zero)
+
+    def distance(p: float) -> float:
+        w = np.sqrt(1 + p) + np.linspace(-1e-3, 1e-3, 200_001)
+        return float(np.abs(1 + k * 1j * w / (1 + p - w**2 + 2j * z * w)).min())
+
+    (loop, here), (_, low), (_, high) = of(0.3), of(0.3 - h), of(0.3 + h)
+    change = Matrices(*((b - a) / (2 * h) for a, b in zip(vars(low).values(), vars(high).values(), strict=True)))
+    own = margins(loop)
+    assert own.modulus_margin == pytest.approx(distance(0.3), rel=1e-6)
+    expected = (distance(0.3 + 1e-2) - distance(0.3 - 1e-2)) / 2e-2
+    for off in (-1e-7, 0.0, 1e-7):
+        found = parts.margin_changes(here, change, loop, replace(own, modulus_omega=own.modulus_omega * (1 + off)))[3]
+        assert found == pytest.approx(expected, abs=1e-7)

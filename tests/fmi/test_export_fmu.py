@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zipfile
 from collections.abc import Callable
 from ctypes import byref, c_char, c_double, c_size_t, c_ubyte, c_void_p
@@ -373,6 +374,19 @@ def test_instants_are_those_of_the_importing_tool_up_to_rounding(
     instants = period * np.arange(1, int(1.0 / period + 1e-9) + 1)
     np.testing.assert_array_equal(found["n"], [np.sum(instants < t + 1e-9) for t in found["time"]])
     np.testing.assert_allclose(found["x"], [np.maximum(t - instants, 0.0).sum() for t in found["time"]], atol=1e-9)
+
+
+def test_the_token_is_of_128_bits_and_tells_models_apart(tmp_path: Path) -> None:
+    tokens = set()
+    for J, version in ((1.0, "3.0"), (2.0, "3.0"), (1.0, "2.0")):
+        system = gl.compile(gp.Inertia(J=J))
+        twice = [
+            fmpy.read_model_description(str(system.export_fmu(tmp_path / "m.fmu", version=version))).guid for _ in range(2)
+        ]
+        assert twice[0] == twice[1]
+        assert re.fullmatch(r"\{[0-9a-f]{32}\}", twice[0])
+        tokens.add(twice[0])
+    assert len(tokens) == 3
 
 
 def test_inputs_follow_slopes_in_fmi_2(tmp_path: Path) -> None:

@@ -93,6 +93,23 @@ def test_the_derivative_of_the_first_variable_has_its_unit() -> None:
     assert found["der(x)"] == ("rad/s", "derivative of angle")
 
 
+def test_derivatives_are_described_by_their_order() -> None:
+    class Third(gl.Component):
+        x = gl.Variable("rad", "angle", start=0.0)
+        k = gl.Parameter("1/s3", default=1.0)
+
+        def equations(self) -> Any:
+            return [gl.Eq(gl.der(gl.der(gl.der(self.x))), -self.k * self.x)]
+
+    listed = described(Third(), None)[0].variables.listed
+    assert {v.name: (v.unit, v.description) for v in listed if v.unit.startswith("rad")} == {
+        "x": ("rad", "angle"),
+        "der(x)": ("rad/s", "derivative of angle"),
+        "der(x,2)": ("rad/s2", "second derivative of angle"),
+        "der(x,3)": ("rad/s3", "3. derivative of angle"),
+    }
+
+
 def test_the_first_variable_as_an_output_has_its_unit() -> None:
     class Two(gl.Component):
         y, x = gl.Variable("N.m", "torque"), gl.Variable("rad", "angle")

@@ -107,6 +107,31 @@ def test_tunable_parameter_changes_during_a_run(made: Callable[..., Any]) -> Non
     one.close()
 
 
+def test_iterations_begin_at_the_guesses(tmp_path: Path) -> None:
+    """Which root each loop takes: that on the side of its guess."""
+
+    class Roots(gl.Component):
+        x = gl.Variable("1", start=4.0)
+        low, high = gl.Variable("1", guess=-3.0), gl.Variable("1", guess=3.0)
+        double = gl.Variable("1")
+
+        def equations(self) -> Any:
+            return [
+                gl.Eq(gl.der(self.x), -self.x + self.low),
+                gl.Eq(self.double, 2 * self.low),
+                gl.Eq(self.low**2 + 0.5 * self.low, self.x),
+                gl.Eq(self.high**2 + 0.1 * self.high, 10 + self.double),
+            ]
+
+    system = gl.compile(Roots(), outputs=["low", "high"])
+    one = FmuInstance(system.export_fmu(tmp_path / "roots.fmu"), tmp_path, "me")
+    one.begin()
+    low, high = one.get("low", "high")
+    assert low == pytest.approx(min(np.roots([1, 0.5, -4])), rel=1e-9)
+    assert high == pytest.approx(max(np.roots([1, 0.1, -10 - 2 * low])), rel=1e-9)
+    one.close()
+
+
 def test_start_value_that_is_given_holds(made: Callable[..., Any]) -> None:
     system, path, folder = made("bound")
     kinds = {v.name: v for v in FmuInstance(path, folder).description.modelVariables}

@@ -115,6 +115,60 @@ def test_the_first_variable_counts_like_any_other() -> None:
     }
 
 
+class Reverser(gl.Component):
+    """Two flanges that turn against each other."""
+
+    flange_a, flange_b = Flange(), Flange()
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange_b.phi, -self.flange_a.phi), gl.Eq(self.flange_a.tau, self.flange_b.tau)]
+
+
+@pytest.mark.parametrize("sensed", [False, True])
+def test_members_turn_as_their_flange_does(sensed: bool) -> None:
+    """A speed behind a reversing gear is not the flange's; a sensor's at the flange is, whatever it is computed from."""
+
+    class Reversed(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.reverser, self.motor = gp.Inertia(J=1.0), Reverser(), gp.Torque()
+            sensors = []
+            if sensed:
+                self.w, self.a, self.phi = gp.SpeedSensor(), gp.AccSensor(), gp.AngleSensor()
+                sensors = [self.w.flange, self.a.flange, self.phi.flange]
+            return [
+                gl.connect(self.body.flange_b, self.reverser.flange_a),
+                gl.connect(self.reverser.flange_b, self.motor.flange, *sensors),
+            ]
+
+    behind = ["body.phi", "body.w", "body.a"]
+    at = ["phi.phi", "w.w", "a.a"] if sensed else []
+    members = {(m.variable, m.name) for t in found(Reversed(), [*behind, *at]) for m in t.members}
+    assert members == ({("motor.tau", "tau"), *((name, name.partition(".")[2]) for name in at)} if sensed else set())
+
+
+def test_a_law_of_the_speed_is_no_derivative() -> None:
+    class Sliding(gl.Component):
+        tau, flange = gl.Input("N.m"), Flange()
+        speed, square, beside = gl.Variable("rad/s"), gl.Variable("rad/s"), gl.Variable("rad/s")
+        unit = gl.Parameter("s/rad", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(self.flange.tau, -self.tau),
+                gl.Eq(gl.der(self.flange.phi), self.unit * self.square**2),
+                gl.Eq(2 * gl.der(self.flange.phi), self.speed),
+                gl.Eq(gl.der(self.flange.phi) + 3, self.beside),
+            ]
+
+    class Pushed(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.slide, self.body = Sliding(), gp.Inertia(J=1.0)
+            return [gl.connect(self.slide.flange, self.body.flange_a)]
+
+    (terminal,) = found(Pushed(), ["slide.square", "slide.speed", "slide.beside", "body.w"])
+    assert {(m.variable, m.name) for m in terminal.members} == {("slide.tau", "tau"), ("body.w", "w")}
+
+
 def test_what_nothing_drives_or_nobody_sees_is_no_terminal() -> None:
     assert found(gp.Inertia(J=1.0), None) == ()
     assert [t.name for t in found(Front(), ["end.w"])] == ["end.flange"]

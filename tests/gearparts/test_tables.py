@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 import sympy
 
-from gearparts.tables import at_zero, extremes, interpolated
+import gearlib as gl
+from gearparts.tables import at_zero, check_rows, extremes, interpolated
 from tests.gearparts.laws import plain
 
 X = sympy.Symbol("x", real=True)
@@ -40,6 +41,16 @@ def test_a_single_row_is_a_constant(smoothness: str) -> None:
     assert interpolated(((1.0, 2.0, 7.0),), X, 2, smoothness) == 7.0
     assert at_zero(((1.0, 2.0, 7.0),), 2, smoothness) == 7.0
     assert extremes(((1.0, 2.0, 7.0),), 2, smoothness) == (7.0, 7.0)
+
+
+def test_rows_of_a_curve_stand_in_the_order_of_their_first_column() -> None:
+    """Whatever the others hold; only steps may have two rows at one place."""
+    falling = ((-3.0, 9.0), (-1.0, 0.0), (2.0, -7.0))
+    assert check_rows("T", falling, 2) == check_rows("T", falling, 2, steps=True) == falling
+    assert check_rows("T", ((0.0, 1.0), (0.0, 2.0)), 2, steps=True) == ((0.0, 1.0), (0.0, 2.0))
+    for rows, steps, said in (((0, 1), (0, 2)), False, "increase"), (((1, 1), (0, 2)), True, "not decrease"):
+        with pytest.raises(gl.GearlibError, match=f"the first column must {said}$"):
+            check_rows("T", rows, 2, steps=steps)
 
 
 def test_steps_hold_each_row_up_to_the_next_one() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sparse
 
+import gearlib as gl
 from gearlib.errors import ArgumentError
 from gearlib.linear.linear_model import LinearModel, check_linear, full, is_sparse, label, matrices, signal_names, state_space
 
@@ -69,8 +70,10 @@ def test_what_is_no_linear_model_is_refused() -> None:
         check_linear(A)
     with pytest.raises(ArgumentError, match="got"):
         matrices("train")
-    with pytest.raises(ArgumentError, match="the model is a sampled one; expected one in continuous time"):
-        signal_names(control.ss(A, B, C, D, 0.1))
+    for sampled in (control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.1), control.tf([1.0], [1.0, -0.5], True)):
+        for ask in (check_linear, matrices, gl.stability, lambda m: gl.frequency_response(m, [1.0])):
+            with pytest.raises(ArgumentError, match="the model is a sampled one; expected one in continuous time"):
+                ask(sampled)  # the pole 0.5 of a sampled model is a motion that dies
 
 
 def test_a_transfer_function_has_the_gain_of_its_matrices() -> None:

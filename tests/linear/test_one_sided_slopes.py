@@ -154,22 +154,33 @@ def cams() -> gl.System:
 
 
 class Switched(gl.Component):
-    """A damping that depends on a height, for which nothing else asks."""
+    """A damping that depends on a height or a depth, for which nothing else asks."""
 
-    x, height, v = gl.Variable("1", start=0.3), gl.Variable("1"), gl.Variable("1", start=1.0)
+    x, height, v, depth = gl.Variable("1", start=0.3), gl.Variable("1"), gl.Variable("1", start=1.0), gl.Variable("1")
+    above = gl.Structural(None)
 
     def equations(self) -> list[Any]:
-        damping = gl.Piecewise((4.0, self.height > 0.25), (1.0, True))
+        damping = gl.Piecewise((4.0, self.above(self.height, self.depth, self.v)), (1.0, True))
         return [
             gl.Eq(gl.der(self.x), 1.0 + 0 * self.v),
             gl.Eq(self.height, self.x**2),
+            gl.Eq(self.depth, -self.height),
             gl.Eq(gl.der(self.v), -damping * self.v),
         ]
 
 
 @pytest.mark.parametrize(("x", "told"), [(0.5, True), (0.4999, False), (0.5001, False)])
-def test_a_corner_at_what_only_a_condition_asks_for_is_told(x: float, told: bool) -> None:
-    system = gl.compile(Switched(), outputs=["v"])
+@pytest.mark.parametrize(
+    "above",
+    [
+        lambda up, down, v: up > 0.25,
+        lambda up, down, v: down < -0.25,
+        lambda up, down, v: up * v > 0.5,
+        lambda up, down, v: down * v < -0.5,
+    ],
+)
+def test_a_corner_at_what_only_a_condition_asks_for_is_told(x: float, told: bool, above: Any) -> None:
+    system = gl.compile(Switched(above=above), outputs=["v"])
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         model = system.linearize([], ["v"], at={"x": x, "v": 2.0}, sparse=True)
@@ -181,21 +192,21 @@ def test_a_corner_at_what_only_a_condition_asks_for_is_told(x: float, told: bool
 
 
 class Ramp(gl.Component):
-    """One state, whose rate has another slope on each side of a point."""
+    """One state, whose rate has another slope on each side of a point; both sides of its equation are multiplied by a scale."""
 
-    k, edge = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=0.0)
+    k, edge, scale = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=0.0), gl.Parameter("s", default=1.0)
     x = gl.Variable("1", start=0.0)
 
     def equations(self) -> list[Any]:
-        return [gl.Eq(gl.der(self.x), self.k * gl.Max(self.x - self.edge, 0))]
+        return [gl.Eq(self.scale * gl.der(self.x), self.scale * self.k * gl.Max(self.x - self.edge, 0))]
 
 
-@pytest.mark.parametrize("k", [1e-5, 1.0, 1e7])
+@pytest.mark.parametrize(("k", "scale"), [(1e-5, 1.0), (1.0, 1.0), (1e7, 1.0), (1.0, 1e-7)])
 @pytest.mark.parametrize(("edge", "told"), [(0.0, True), (1e-9, False), (-1e-9, False), (1e6, False)])
-def test_corners_are_told_at_any_slope_and_not_beside_them(k: float, edge: float, told: bool) -> None:
+def test_corners_are_told_at_any_slope_and_not_beside_them(k: float, scale: float, edge: float, told: bool) -> None:
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        model = ramp().linearize([], ["x"], at={"x": 0.0}, parameters={"k": k, "edge": edge}, sparse=True)
+        model = ramp().linearize([], ["x"], at={"x": 0.0}, parameters={"k": k, "edge": edge, "scale": scale}, sparse=True)
     assert ["a corner in the equations of Ramp" in str(one.message) for one in said] == [True] * told
     if not told:
         assert np.asarray(model.A).ravel() == pytest.approx([k if edge < 0 else 0.0])
@@ -289,6 +300,13 @@ class Measured(gl.Component):
         return [gl.Eq(self.y, silent + told), gl.Eq(gl.der(self.x), -self.gain * self.y)]
 
 
+@pytest.mark.parametrize("x", [1e-9, 1.0, 1e9])
+def test_a_corner_without_an_event_is_told_at_values_of_any_size(x: float) -> None:
+    system = gl.compile(Measured(), outputs=["x"])
+    with pytest.warns(GearlibWarning, match=r"corner in the equations of Measured \([^=]*edge[^=]* = 0\): the"):
+        system.linearize([], at={"x": x}, parameters={"edge": x}, sparse=True)
+
+
 def test_a_corner_without_an_event_leaves_the_events_of_others_alone() -> None:
     class Row(gl.Component):
         def assemble(self) -> list[Any]:
@@ -314,7 +332,7 @@ def test_a_corner_without_an_event_leaves_the_events_of_others_alone() -> None:
 )  # fmt: skip
 @pytest.mark.parametrize("events", [True, False])
 def test_comparisons_of_what_stands_still_are_what_they_are_at_the_point(holds: Any, told: bool, events: bool) -> None:
-    """Of zero with zero, too: a corner behind one that does not hold has no effect, and is not named."""
+    """Of zero with zero, too: a corner behind one that does not hold has no effect, and is not named beside another."""
 
     class Gated(gl.Component):
         k, always = gl.Parameter("1/s", default=1.0), gl.Parameter("1/s", default=1.0)
@@ -324,10 +342,43 @@ def test_comparisons_of_what_stands_still_are_what_they_are_at_the_point(holds: 
             law = gl.Piecewise((gl.Max(self.x, 0), holds(self.zero)), (0, True))
             return [gl.Eq(self.zero, 0), gl.Eq(gl.der(self.x), self.k * (law if events else gl.no_event(law)))]
 
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.gated, self.ramp = Gated(), Ramp()
+            return []
+
+    system = gl.compile(Two())
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        gl.compile(Gated()).linearize([], ["x"], sparse=True)
-    assert ["a corner in the equations of Gated (" in str(one.message) for one in said] == [True] * told
+        system.linearize([], ["gated.x"], sparse=True)
+    assert ["a corner in the equations of gated (" in str(one.message) for one in said] == [True] * told
+    with pytest.warns(GearlibWarning, match=r"in the equations of (gated \(.* = 0\), )?ramp \(") as both:
+        system.linearize([], ["gated.x", "ramp.x"], sparse=True)
+    assert ["gated" in str(one.message) for one in both] == [told]
+
+
+class Counting(gl.Component):
+    """A stop that works where a discrete variable has its number."""
+
+    number, edge = gl.Parameter("1", default=1.0), gl.Parameter("1", default=1.0)
+    x, first, second = gl.Variable("1", start=1.0), gl.Discrete(start=3.0), gl.Discrete(start=5.0)
+
+    def equations(self) -> list[Any]:
+        law = gl.Piecewise((2 * self.x, gl.And(self.x > self.edge, self.second < self.number)), (self.x, True))
+        keep = [gl.Eq(self.first, gl.pre(self.first)), gl.Eq(self.second, gl.pre(self.second))]
+        return [gl.Eq(gl.der(self.x), -gl.no_event(law)), *keep]
+
+
+def test_what_discrete_variables_compare_is_that_of_their_own_component() -> None:
+    """Of three with the numbers 4, 4 and 6, a second variable of 5 lets the last one have a corner."""
+
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.part = [Counting(number=number) for number in (4.0, 4.0, 6.0)]
+            return []
+
+    with pytest.warns(GearlibWarning, match=r"corner in the equations of part\[2\] \([^=]*edge[^=]* = 0\): the"):
+        gl.compile(Row()).linearize([], ["part[0].x", "part[1].x", "part[2].x"], sparse=True)
 
 
 class Gapped(gl.Component):

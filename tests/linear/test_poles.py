@@ -412,12 +412,34 @@ def test_a_steady_state_is_listed_with_its_units() -> None:
         state["load.v"]
 
 
+@pytest.mark.parametrize("beside", [1e-12, 1e-17])
+@pytest.mark.parametrize("free", [False, True])
+def test_a_swing_that_a_fast_pole_hides_is_told(beside: float, free: bool) -> None:
+    """Of 1 rad/s, or 1.22 rad/s where the other end turns, too; beside the fastest it may count as two poles at 0, and all are then."""
+
+    class Swinging(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.body, self.spring, self.end = gp.Inertia(J=1.0), gp.Spring(c=1.0), gp.Inertia(J=2.0) if free else gp.Fixed()
+            self.damper, self.tiny = gp.Damper(d=1.0), gp.Inertia(J=beside)
+            end = self.end.flange_b if free else self.end.flange
+            return [
+                gl.connect(end, self.spring.flange_a),
+                gl.connect(self.spring.flange_b, self.body.flange_a),
+                gl.connect(self.body.flange_b, self.damper.flange_a),
+                gl.connect(self.damper.flange_b, self.tiny.flange_a),
+            ]
+
+    with pytest.warns(gl.GearlibWarning, match=r"poles are known to .* rad/s, since the fastest one, mostly of tiny\.w"):
+        gl.stability(gl.compile(Swinging()))
+
+
 @pytest.mark.parametrize(
     ("values", "chains", "resolution", "warned"),
     [
         ([-2.0, -50.0], (), 1.9e-3, False), ([-2.0, -50.0], (), 2.1e-3, True),  # poles that are blurred
         ([1j, -1j, -50.0], (), 0.9e-6, False), ([1j, -1j, -50.0], (), 1.1e-6, True),  # a damping that is hidden
         ([0.0, -2.0, -50.0], (1,), 1.9e-6, False), ([0.0, -2.0, -50.0], (1,), 2.1e-6, True),  # a slow motion, taken for one at 0
+        ([0.0, 0.0, -50.0], (2,), 2.4e-6, False), ([0.0, 0.0, -50.0], (2,), 2.6e-6, True),  # all slow ones: what is as slow as a row
         ([-0.0], (), 0.0, False),
     ],
 )  # fmt: skip
@@ -427,7 +449,7 @@ def test_rounding_is_told_where_it_blurs_poles_or_hides_damping(
     found: Any = SimpleNamespace(
         values=np.array(values, complex), chains=chains, resolution=resolution, tolerances=np.full(len(values), 1e-9)
     )
-    A = np.diag([1.0, 0.5, -50.0][-len(values) :])
+    A = np.diag([0.0, 2.5, -50.0][-len(values) :])
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         warn_of_rounding("Train", ["a.w", "b.w", "c.w"][-len(values) :], A, found)

@@ -103,6 +103,8 @@ def test_functions_of_numbers(text: str, expected: Any) -> None:
         ("{k for k in {time}}", "this has to be a range such as 1:n, known when the model is built; it depends on (time,)"),
         ("{1, 2} * {3, 4}", "arrays of these sizes are not supported with '*'"),
         ("{1, 2} + {3, 4, 5}", "arrays of these sizes are not supported with '+'"),
+        ("{1, 2} < 3", "arrays of these sizes are not supported with '<'"),
+        ("{1, 2} >= {3, 1}", "arrays of these sizes are not supported with '>='"),
         ("min(1, 2, 3)", "min() takes 2 arguments, got 3"),
         ("max()", "max() takes 2 arguments, got 0"),
         ("sin()", "sin() takes 1 arguments, got 0"),

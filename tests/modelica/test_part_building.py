@@ -165,6 +165,8 @@ package P
   model Hot Pin p(v(start = 7)); equation der(p.v) = -p.v; end Hot;
   model Socket parameter Real k = 4; Live p; Pin q(v(start = k, fixed = true)); equation der(p.v) = -p.v; der(q.v) = -q.v; end Socket;
   model Started extends Components.Inertia(J = 1, w(start = 7, fixed = true)); end Started;
+  model Inner Started a; Wheel b; end Inner;
+  model Outer Inner c; end Outer;
 """
 
 
@@ -189,6 +191,9 @@ package P
         ("Pair d[2](each a(x(start = {6, 7}, fixed = {true, true})));", "d[0].a[1].x", 7),
         ("Pair d(b(each w(start = k, fixed = true))); parameter Real k = 8;", "d.b[0].w", 8),
         ("Pair d(b(each flange_a(phi(start = 8, fixed = true))));", "d.b[1].phi", 8),
+        ("Inner b(a(w(start = 8)));", "b.a.w", 8), ("Inner b(b(w(fixed = true)));", "b.b.w", 7),
+        ("Outer d(c(a(J = 5, w(start = 8))));", "d.c.a.w", 8), ("Outer d(c(a(J = 5), b(w(fixed = true))));", "d.c.b.w", 7),
+        ("Inner b[2](a(w(start = {8, 9})));", "b[1].a.w", 9), ("Inner b[2](each a(J = 5, w(start = 8)));", "b[0].a.w", 8),
         ("Started b(w(fixed = false)); initial equation b.w = 6;", "b.w", 6),
     ],
 )  # fmt: skip

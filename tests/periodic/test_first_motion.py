@@ -206,6 +206,26 @@ def test_motions_that_cannot_begin_are_refused(kind: str, said: str) -> None:
         task.first(task.scene(["x"]), 0.7, 16, None, None)
 
 
+def test_each_discrete_variable_with_a_memory_is_named() -> None:
+    class Counting(gl.Component):
+        F = gl.Input("1")
+        x, v = gl.Variable("1", start=0.0), gl.Variable("1", start=0.0)
+        first, second, third = gl.Discrete(start=0.0), gl.Discrete(start=0.0), gl.Discrete(start=0.0)
+
+        def equations(self) -> list[Any]:
+            counted = [gl.pre(n) + gl.Piecewise((1, self.x > k), (0, True)) for k, n in ((1, self.first), (3, self.third))]
+            return [
+                gl.Eq(gl.der(self.x), self.v),
+                gl.Eq(gl.der(self.v), self.F - 0.2 * self.v - self.x * (self.first + self.third + self.second)),
+                gl.Eq(self.first, counted[0]),
+                gl.Eq(self.second, self.x > 2),
+                gl.Eq(self.third, counted[1]),
+            ]
+
+    with pytest.raises(GearlibError, match=r"a memory \(first, third\),"):
+        gl.harmonic_balance(gl.compile(Counting()), 2.0, 2.1, inputs={"F": lambda phase, w: np.cos(phase)}, outputs=["x"])
+
+
 class Sided(gl.Component):
     """A spring that is three times as stiff on one side; which side it is on may be a discrete variable, which has no memory."""
 

@@ -37,7 +37,7 @@ def test_a_function_of_the_phase_repeats_after_a_turn(function: Any, off: float 
         return
     size = ".*" if off is None else f"{off:.3g}"
     said = (
-        rf"^the input torque\.tau is not 2 pi periodic in the phase: it differs by {size} after a period\. Give it the slowest"
+        rf"^the input torque\.tau is not 2 pi periodic in the phase: it differs by {size} after a period at 3 rad/s\. Give it"
     )
     with pytest.raises(ArgumentError, match=said.replace("+", r"\+")):
         parts.check_periodic("torque.tau", function, 3.0)

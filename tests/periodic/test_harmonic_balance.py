@@ -1040,3 +1040,36 @@ def test_a_period_has_eight_samples_for_each_harmonic_and_more_for_few(
         gl.GearlibError, match=rf"a whole number from {2 * harmonics + 2} on \({harmonics} harmonics need as many\)"
     ):
         samples_of_a_period(2 * harmonics + 1, harmonics, switching)
+
+
+def test_a_fixed_frequency_that_is_a_multiple_of_the_first_one_is_refused() -> None:
+    """Between the ends it is no multiple, and the series would be that of a force that jumps after each period."""
+    system = gl.compile(Duffing())
+    said = r"^the input F is not 2 pi periodic in the phase: it differs by .* after a period at 1\.38197 rad/s\."
+    with pytest.raises(gl.GearlibError, match=said):
+        gl.harmonic_balance(system, 1.0, 2.0, inputs={"F": lambda phase, w: np.cos(phase) + np.cos(3.0 / w * phase)})
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_a_vibration_at_any_frequency(unit: float) -> None:
+    """``x'' = F - 2 z W x' - W^2 x``: at W = 1e9 rad/s, speeds and angles are far apart, and nothing is undetermined."""
+
+    class Vibration(gl.Component):
+        F = gl.Input("m/s2")
+        x = gl.Variable("m")
+        v = gl.Variable("m/s")
+        W = gl.Parameter("rad/s", default=unit)
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(gl.der(self.x), self.v),
+                gl.Eq(gl.der(self.v), self.F - 2 * ZETA * self.W * self.v - self.W**2 * self.x),
+            ]
+
+    found = gl.harmonic_balance(
+        gl.compile(Vibration()), 0.4 * unit, 1.4 * unit, inputs={"F": lambda phase, w: np.cos(phase)}, outputs=["x"], step=0.1
+    )
+    w = found.omega / unit
+    assert found.amplitude("x") * unit**2 == pytest.approx(1 / np.abs(1 - w**2 + 2j * ZETA * w), rel=1e-8)
+    multiplier = np.exp(-2 * np.pi * ZETA / w)
+    assert np.abs(found.multipliers) == pytest.approx(np.column_stack([multiplier, multiplier]), rel=1e-6)

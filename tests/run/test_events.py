@@ -583,6 +583,94 @@ def test_times_that_no_formula_gives_are_looked_for(method: str) -> None:
     )
 
 
+class LargestOfFive(gl.Component):
+    """A choice among what is compared: sympy turns comparisons of it into choices of comparisons, within other conditions."""
+
+    x, p = gl.Variable("1", start=-1.0), gl.Parameter("1", default=0.5)
+    w, y, z = gl.Variable("1", start=1.0), gl.Variable("1"), gl.Variable("s", start=0.0)
+    one = gl.Parameter("s", default=1.0)
+
+    def equations(self) -> list[Any]:
+        x, w, t = self.x, self.w, gl.time / self.one
+        largest = gl.Max(gl.Max(t, t**4 / 40), gl.Max(gl.Piecewise((w, x > 0), (self.p, True)), gl.Max(w, x)))
+        moved = [gl.Eq(self.one * gl.der(x), 1), gl.Eq(self.one * gl.der(w), 1 - t)]
+        return [*moved, gl.Eq(self.y, largest), gl.Eq(gl.der(self.z), self.y)]
+
+
+@pytest.mark.parametrize("method", ["rk5", "rk8", "ida", "taylor", "auto"])
+def test_comparisons_of_choices_within_conditions(method: str) -> None:
+    """They ended in a TypeError of sympy's printer, or had no Taylor series."""
+    run = gl.simulate(LargestOfFive(), 5.0, samples=13, method=method, outputs=["y", "z"], rtol=1e-9)
+    t = np.linspace(0.0, 5.0, 1_200_001)
+    right = np.max([t, t**4 / 40, t - 1, 1 + t - t**2 / 2, np.where(t > 1, 1 + t - t**2 / 2, 0.5)], axis=0)
+    assert run["y"] == pytest.approx(right[::100_000], abs=1e-7)
+    assert run["z"][-1] == pytest.approx(np.trapezoid(right, t), abs=1e-6)
+
+
+class MovedLimits(gl.Component):
+    """x = t. Each event moves the limit that x has just reached: ``below`` never ends, and the error since a sample never stays."""
+
+    x, error = gl.Variable("1", start=0.0), gl.Variable("1")
+    below, y, over = gl.Variable("s", start=0.0), gl.Variable("1"), gl.Variable("s", start=0.0)
+    limit, held, one = gl.Discrete(start=1.0), gl.Discrete(), gl.Parameter("s", default=1.0)
+
+    def equations(self) -> list[Any]:
+        x, limit = self.x, self.limit
+        return [
+            gl.Eq(self.one * gl.der(x), 1),
+            gl.When(x >= gl.pre(limit), gl.Eq(limit, gl.pre(limit) + 1)),
+            gl.Eq(self.y, gl.Piecewise((1, x < limit), (0, True))),
+            gl.Eq(gl.der(self.below), self.y),
+            gl.When(gl.sample(0.5 * self.one), gl.Eq(self.held, x)),
+            gl.Eq(self.error, x - self.held),
+            gl.Eq(gl.der(self.over), gl.Piecewise((1, self.error >= 0.5), (0, True))),
+        ]
+
+
+_IDA = [{"backend": b, "form": f} for b in ("native", "sksundae") for f in ("ode", "torn", "dae")]
+
+
+@pytest.mark.parametrize(
+    "how", [*({"method": m} for m in ("rk5", "rk8", "taylor", "auto")), *({"method": "ida"} | k for k in _IDA)], ids=str
+)
+def test_what_an_event_moves_away_from_its_zero_is_compared_anew(how: dict[str, Any]) -> None:
+    """By IDA such comparisons stayed on the side that they had crossed to."""
+    run = gl.simulate(MovedLimits(), 4.75, samples=20, **how)
+    assert run["limit"].tolist() == [float(1 + t // 1) for t in run.time.tolist()]
+    assert run["y"].tolist() == [1.0] * 20
+    assert run["below"] == pytest.approx(run.time, abs=1e-6)
+    assert run["over"] == pytest.approx(np.zeros(20), abs=1e-6)
+    assert (
+        len([t for t, _ in run.events if abs(t - 1.0) < 1e-6]) <= 4
+    )  # the sample, and each condition once: nothing follows later
+    end = gl.simulate(MovedLimits(), 3.0, samples=2, **how)  # the run ends as a limit is reached
+    assert (end["limit"][-1], end["y"][-1]) == (4.0, 1.0)
+
+
+class ReachedAtASample(gl.Component):
+    """A variable that is no state reaches its limit as a sample is taken."""
+
+    x, e, z = gl.Variable("1", start=0.0), gl.Variable("1"), gl.Variable("s", start=0.0)
+    limit, held, one = gl.Parameter("1", default=0.5), gl.Discrete(), gl.Parameter("s", default=1.0)
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(self.one * gl.der(self.x), 1),
+            gl.Eq(self.e, self.x - self.limit),
+            gl.Eq(gl.der(self.z), gl.Piecewise((1, self.e >= 0), (0, True))),
+            gl.When(gl.sample(0.1 * self.one), gl.Eq(self.held, self.x)),
+        ]
+
+
+@pytest.mark.parametrize("how", _IDA, ids=str)
+def test_a_limit_that_is_reached_at_a_sample(how: dict[str, Any]) -> None:
+    """With the index-reduced equations as they are, IDA saw the event a sample later (31 of 38)."""
+    system = gl.compile(ReachedAtASample())
+    for limit in (np.arange(1, 39) / 10).tolist():
+        run = system.simulate(4.0, samples=2, method="ida", parameters={"limit": limit}, **how)
+        assert run["z"][-1] == pytest.approx(4.0 - limit, abs=1e-9)
+
+
 @pytest.mark.parametrize("method", ["rk5", "rk8", "ida", "taylor"])
 def test_a_moment_of_an_event_is_asked_for_after_the_run(method: str) -> None:
     """It is that behind the event, as a sample there holds: x has been set back, and the event counted."""

@@ -444,6 +444,61 @@ def test_what_follows_from_a_phase_or_a_number_does_not_turn_by_itself(law: str)
     assert flow["drive.flange"].torque == pytest.approx(-MEANS[law] - other, abs=2 * error)
 
 
+class TwoPhases(gl.Component):
+    """A load of two phases, the second of which begins at an angle, and of two variables that follow from each other."""
+
+    flange, p, q = gp.Flange("shaft"), gl.Variable("rad", start=0.0), gl.Variable("rad")
+    rates, law, n = gl.Structural((1, 1)), gl.Structural(None), gl.Parameter("N.m", default=1.0)
+    w, u, v = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+    s = gl.Parameter("s", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        turned = [gl.Eq(gl.der(x), r * gl.der(self.flange.phi)) for x, r in zip((self.p, self.q), self.rates, strict=True)]
+        loop = [gl.Eq(self.u + 2 * self.v, 3 + gl.sin(self.p)), gl.Eq(self.u - self.v, 0)]
+        speed = gl.Eq(self.w, self.s * gl.der(self.flange.phi))
+        return [*turned, *loop, speed, gl.Eq(self.flange.tau, self.n * self.law(self.p, self.q, self.u, self.w))]
+
+
+BEGIN = 0.7
+TOGETHER = {  # rates, law, mean over time at 5 rad/s
+    "of one rate": ((1, 1), lambda p, q, u, w: gl.cos(p) * gl.cos(q), math.cos(BEGIN) / 2),
+    "against each other": ((3, -3), lambda p, q, u, w: gl.cos(p) * gl.cos(q), math.cos(BEGIN) / 2),
+    "of other rates": ((1, 2), lambda p, q, u, w: gl.cos(p) * gl.cos(q), 0.0),
+    "the square with twice the angle": ((1, 2), lambda p, q, u, w: gl.cos(p) ** 2 * gl.cos(q), math.cos(BEGIN) / 4),
+    "2 to 3": ((2, 3), lambda p, q, u, w: gl.cos(3 * p) * gl.cos(2 * q), math.cos(2 * BEGIN) / 2),
+    "a loop times a speed": ((1, 1), lambda p, q, u, w: w * u, 5.0),
+}
+
+
+@pytest.mark.parametrize("law", TOGETHER)
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_two_phases_meet_as_their_rates_and_beginnings_are(law: str, way: float) -> None:
+    """The steps of each phase are as the rates are, where phases meet in a product alone, too."""
+    rates, torque, mean = TOGETHER[law]
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body = gp.Torque(), gp.Inertia(J=1.0)
+            self.load = TwoPhases(rates=rates, law=torque, start={"q": BEGIN})
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": way * 5.0})
+    assert flow["load.flange"].torque == pytest.approx(mean * (way if "speed" in law else 1.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("speed", [1 / 3, -1 / 3])
+def test_a_phase_of_one_radian_in_a_second_turns(speed: float) -> None:
+    """What repeats every turn is averaged at any rate."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), Sinusoidal(law="a ramp with a ripple")
+            return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
+
+    flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": speed})
+    assert flow["load.flange"].torque == pytest.approx(-j1(0.5), abs=1e-8)
+
+
 class Leaning(gl.Component):
     """A load that depends on its angle, as that of a pendulum."""
 

@@ -12,6 +12,7 @@ from scipy.optimize import minimize
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import ArgumentError
 from gearlib.flatten.model import FlatModel
 from gearlib.statics.steady_motion import (
     Given,
@@ -462,3 +463,86 @@ def test_what_differs_by_rounding_is_equal_in_a_comparison(ulps: int) -> None:
         assert flags(size + ulps * np.spacing(size), size) == equal
     assert flags(1e-30, 0.0) == more
     assert flags(-1e-30, 0.0) == less
+
+
+class BetweenAngles(gl.Component):
+    """A torque over the difference of two flanges' angles, without a variable for it."""
+
+    flange_a, flange_b = gp.Flange("left"), gp.Flange("right")
+    law, n, c = gl.Structural(None), gl.Parameter("N.m", default=8.0), gl.Parameter("N.m/rad3", default=5.0)
+
+    def equations(self) -> list[gl.Eq]:
+        torque = self.law(self.n, self.c, self.flange_b.phi - self.flange_a.phi)
+        return [gl.Eq(self.flange_b.tau, torque), gl.Eq(self.flange_a.tau, -self.flange_b.tau)]
+
+
+BETWEEN = {
+    "cubic": lambda n, c, x: n * x + c * x**3,
+    "without a linear term": lambda n, c, x: c * x**3,
+    "levels off": lambda n, c, x: n * gl.tanh(x),
+    "exponential": lambda n, c, x: n * (1 - gl.exp(-x)),
+}
+
+
+@pytest.mark.parametrize("law", BETWEEN)
+@pytest.mark.parametrize("turning", [True, False])
+def test_a_law_of_two_angles_carries_the_load_by_their_difference(law: str, turning: bool) -> None:
+    """4 N.m, whatever the law, to a load that turns at the speed of the drive, or to the ground."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.drive, self.body, self.other = gp.Torque(), gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+            self.coupling = BetweenAngles(law=BETWEEN[law])
+            self.load = gp.LinearSpeedDependentTorque(tau_nominal=-4.0, w_nominal=5.0) if turning else gp.Fixed(phi0=0.7)
+            return [
+                gl.connect(self.drive.flange, self.body.flange_a),
+                gl.connect(self.body.flange_b, self.coupling.flange_a),
+                gl.connect(self.coupling.flange_b, self.other.flange_a),
+                gl.connect(self.other.flange_b, self.load.flange),
+            ]
+
+    given: dict[str, Any] = {"speeds": {"body.w": 5.0}} if turning else {"torques": {"drive.tau": 4.0}}
+    flow = gl.power_flow(gl.compile(Driven()), **given)
+    assert [flow[f"coupling.flange_{end}"].torque for end in "ab"] == pytest.approx([4.0, -4.0], rel=1e-9)
+    assert flow["load.flange"].torque == pytest.approx(4.0, rel=1e-9)
+    assert flow["load.flange"].speed == pytest.approx(5.0 if turning else 0.0, rel=1e-9)
+
+
+class OfItsAngle(gl.Component):
+    """A load that depends on its speed and on its angle."""
+
+    flange, law, w = gp.Flange("shaft"), gl.Structural(None), gl.Variable("rad/s")
+    c, d, n = gl.Parameter("N.m/rad", default=2.0), gl.Parameter("N.m.s/rad", default=0.1), gl.Parameter("N.m", default=3.0)
+
+    def equations(self) -> list[gl.Eq]:
+        angle, speed = self.flange.phi, self.w
+        return [gl.Eq(self.w, gl.der(angle)), gl.Eq(self.flange.tau, self.law(self, angle, speed))]
+
+
+BEGINNING_FLAT = gl.Table([-100.0, 0.0, 5.0, 10.0], [0.0, 0.0, 0.0, 100.0])
+GROWING = {
+    "beside what is curved in the speed": lambda own, phi, w: own.c * phi + own.n * gl.tanh(own.d * w / own.n),
+    "square": lambda own, phi, w: own.c * phi**2 + own.d * w,
+    "times the speed": lambda own, phi, w: own.d * phi * w + own.d * w,
+    "size": lambda own, phi, w: own.c * abs(phi) + own.d * w,
+    "levels off": lambda own, phi, w: own.n * gl.tanh(phi) + own.d * w,
+    "cut by what repeats": lambda own, phi, w: gl.Piecewise((own.c * phi, gl.sin(phi) > 0.5), (2 * own.c * phi, True)),
+    "a table that is flat at first": lambda own, phi, w: own.n * BEGINNING_FLAT(phi) + own.d * w,
+    "a stop without an event": lambda own, phi, w: gl.no_event(gl.Max(own.c * (phi - 7), 0)) + own.d * w,
+    "a stop": lambda own, phi, w: gl.Max(own.c * (phi - 7), 0) + own.d * w,
+}
+
+
+@pytest.mark.parametrize("law", GROWING)
+def test_a_torque_that_changes_as_the_shaft_turns_on_has_no_steady_motion(law: str) -> None:
+    """No angle is better than another, and over a turn it does not repeat."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.drive, self.body, self.load = gp.Torque(), gp.Inertia(J=1.0), OfItsAngle(law=GROWING[law])
+            return [gl.connect(self.drive.flange, self.body.flange_a), gl.connect(self.body.flange_b, self.load.flange)]
+
+    with pytest.raises(
+        ArgumentError, match=r"no steady motion has the given body\.w: (the equations of|in load a gap is open)"
+    ):
+        gl.power_flow(gl.compile(Driven()), speeds={"body.w": 5.0})

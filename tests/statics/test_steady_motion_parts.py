@@ -250,6 +250,29 @@ def test_at_most_six_variables_that_never_settle_are_named() -> None:
     assert str(refused.value) == "there is no steady motion: b, c, d, e, f, g does not settle, each event changes it"
 
 
+def test_a_speed_and_the_rate_of_its_angle_are_of_one_size() -> None:
+    """That in which a damper of 1e-4 N.m.s/rad has a coefficient of about 1, whatever the unit of time."""
+
+    class Damped(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.brake, self.ground = gp.Inertia(J=1.0), gp.Damper(d=1e-4), gp.Fixed()
+            return [
+                gl.connect(self.body.flange_b, self.brake.flange_a),
+                gl.connect(self.brake.flange_b, self.ground.flange),
+            ]
+
+    translation = gl.compile(Damped()).translation
+    model = translation.structure.complete
+    n, zero = model.n_variables, np.zeros(model.n_variables)
+    sizes = steady_motion.assemble(model, translation.parameter_values({}), [], zero, zero, model.initial_discrete()).sizes
+    speed, angle, torque = (
+        int(model.representative[model.variable(name)]) for name in ("body.w", "body.phi", "brake.flange_a.tau")
+    )
+    assert sizes[speed] == pytest.approx(sizes[n + angle])
+    assert sizes[n + speed] * sizes[angle] == pytest.approx(sizes[speed] ** 2)
+    assert 1e-4 * sizes[speed] / sizes[torque] == pytest.approx(1.0, rel=0.5)
+
+
 def test_equations_of_a_single_coefficient_say_nothing_of_units() -> None:
     rng = np.random.default_rng(5)
     exponents = rng.integers(-2, 3, (6, 2)).astype(float)
@@ -458,3 +481,60 @@ def test_torques_forces_and_whatever_flows_are_told_from_other_variables() -> No
                 )
                 seen.add((owner == 0, own.rpartition(".")[2] if own else None))
     assert seen >= {(True, "tau"), (True, "phi"), (False, "P"), (False, "T"), (False, "inner"), (False, "w")}
+
+
+class Against(gl.Component):
+    """A shaft that slips against one that never turns, by a share of its own speed."""
+
+    flange, share = gp.Flange("shaft"), gl.Parameter("1", default=2.0)
+    w, still = gl.Variable("rad/s"), gl.Variable("rad/s")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.w, gl.der(self.flange.phi)),
+            gl.Eq(self.still, 0),
+            gl.Eq(self.share * self.w, self.share * 3 * self.still),
+        ]
+
+
+def test_a_speed_of_zero_in_an_equation_makes_it_no_equation_of_torques() -> None:
+    """Two of three bodies are held by what never turns."""
+
+    class Three(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.against = [gp.Inertia(J=1.0) for _ in range(3)], [Against() for _ in range(2)]
+            return [gl.connect(body.flange_b, part.flange) for body, part in zip(self.body, self.against, strict=False)]
+
+    assert gl.mobility(gl.compile(Three())) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "x", "sizes", "settled"),
+    [
+        ([0.0, 0.0], [0.0, 0.0], [1.0, 1.0], True), ([1e-8, 0.0], [1e6, 1.0], [1e6, 1.0], True),
+        ([1e-8, 0.0], [1e6, 1.0], [1e-6, 1.0], True), ([0.0, 1e-8], [1e6, 1.0], [1e6, 1.0], False),
+        ([1e-12, 0.0], [1.0, 0.0], [1.0, 1.0], False), ([1e-300, 0.0], [0.0, 0.0], [1.0, 1.0], False),
+    ],
+)  # fmt: skip
+def test_changes_are_rounding_beside_the_largest_unknown_in_its_own_size(
+    change: list[float], x: list[float], sizes: list[float], settled: bool
+) -> None:
+    assert steady_motion.is_rounding(np.array(change), np.array(x), np.array(sizes)) == settled
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(("beyond", "holds"), [(1e-10, True), (-1e-10, False), (1e-15, False), (0.0, False)])
+def test_what_is_compared_is_equal_to_rounding_of_its_own_size(size: float, beyond: float, holds: bool) -> None:
+    """A sweep over the comparisons takes for equal what differs by rounding alone."""
+
+    class Limited(gl.Component):
+        limit, x, y = gl.Parameter("1", default=size), gl.Variable("1", start=size), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), -self.x), gl.Eq(self.y, gl.Piecewise((1.0, self.x > self.limit), (0.0, True)))]
+
+    translation = gl.compile(Limited()).translation
+    model, a = translation.structure.complete, np.zeros(translation.structure.complete.n_variables)
+    a[model.representative[model.variable("x")]] = size * (1 + beyond)
+    found = steady_motion.settled_discrete(model, translation.parameter_values({}), a, 0 * a)
+    assert found[: model.n_relations].tolist() == [float(holds)]

@@ -14,7 +14,7 @@ from scipy.linalg import eig, eigh, eigh_tridiagonal
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import NameLookupError
+from gearlib.errors import GearlibWarning, NameLookupError, SolverError
 from gearparts.interfaces import TwoFlanges
 from tests.linear.random_trains import Train, draw, matrices
 
@@ -146,6 +146,67 @@ def test_a_position_inside_a_gap_is_that_of_a_swing_as_slow_as_the_slowest_mode(
     assert [position for _, position in moved] == pytest.approx([rate / 5j for rate, _ in moved])
     a, b, position = (found.shapes[found.states.index(f"open.{name}"), :2] for name in ("a.w", "b.w", "gap.phi_rel"))
     assert position == pytest.approx((b - a) / 5j)
+
+
+@pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (0.0, 0.3, 0.0), (0.3, 0.0, 0.0), (-0.3, 0.3, 0.3)])
+def test_free_motions_across_open_gaps_are_those_whose_bodies_have_different_speeds(at: tuple[float, ...]) -> None:
+    """Of gaps of 0.2 rad, some closed; a spring of no stiffness, which nothing feels either, is no gap."""
+
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body = [gp.Inertia(J=1.0 + k) for k in range(5)]
+            self.gap, self.loose = [gp.ElastoBacklash(c=50.0, d=0.0, b=0.2) for _ in range(3)], gp.Spring(c=0.0)
+            ends = zip(self.body, [*self.gap, self.loose], self.body[1:], strict=False)
+            return [
+                link
+                for a, part, b in ends
+                for link in (gl.connect(a.flange_b, part.flange_a), gl.connect(part.flange_b, b.flange_a))
+            ]
+
+    class Nested(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.row = Row()
+            return []
+
+    found = gl.modes(gl.compile(Nested()), at={f"row.gap[{k}].phi_rel": value for k, value in enumerate(at)})
+    assert found.free == 2 + at.count(0.0)
+    expected: dict[int, str] = {}
+    for mode in range(found.free):
+        speeds = found.shape(mode, *(f"row.body[{k}].w" for k in range(5)))
+        across = [f"row.gap[{k}]" for k in range(3) if at[k] == 0.0 and abs(speeds[k + 1] - speeds[k]) > 1e-9]
+        expected |= {mode: ", ".join(across)} if across else {}
+    assert found.gaps == expected
+
+
+def test_modes_slower_than_the_rounding_of_the_fastest_are_told() -> None:
+    """A body of 1e-14 kg.m2 behind a damper: its pole of 1e14 rad/s leaves hardly a digit of a swing of 1 rad/s."""
+
+    class Light(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.ground, self.shaft, self.body = gp.Fixed(), gp.Spring(c=1.0), gp.Inertia(J=1.0)
+            self.damper, self.light = gp.Damper(d=1.0), gp.Inertia(J=1e-14)
+            return [
+                gl.connect(self.ground.flange, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.body.flange_a),
+                gl.connect(self.body.flange_b, self.damper.flange_a),
+                gl.connect(self.damper.flange_b, self.light.flange_a),
+            ]
+
+    system = gl.compile(Light())
+    with pytest.warns(GearlibWarning, match=r"since the fastest one, mostly of light\.w, is 1e\+14 rad/s"):
+        gl.modes(system)
+    assert gl.modes(system, parameters={"light.J": 1e-3}).omega.max() == pytest.approx(1.0, rel=1e-2)
+
+
+def test_a_rate_without_a_slope_is_refused_by_its_name() -> None:
+    class Draining(gl.Component):
+        x, y = gl.Variable("1", start=1.0), gl.Variable("1", start=0.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), -self.x), gl.Eq(gl.der(self.y), -gl.sqrt(self.y))]
+
+    with pytest.raises(SolverError, match=r"the slope of der\(y\) is not finite there"):
+        gl.modes(gl.compile(Draining()))
 
 
 class DrivenEnd(gl.Component):

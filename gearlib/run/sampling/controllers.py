@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from gearlib.arguments import is_real, shown
 from gearlib.equations.quasipolynomials import OutsideClassError
 from gearlib.equations.switch_times import instants, rounding
-from gearlib.errors import ArgumentError
+from gearlib.errors import ArgumentError, GearlibWarning, warn
 from gearlib.language.component import Component, with_parts
 from gearlib.language.delayed import Delayed
 from gearlib.language.expressions import JustBefore
 from gearlib.language.sampled import Sampled
 from gearlib.reduce.reduction import Structure
-from gearlib.run.scene import needed_discretes
+from gearlib.run.scene import needed_discretes, needed_states
 from gearlib.structure.incidence import Node
 
 if TYPE_CHECKING:
@@ -109,13 +109,37 @@ def refuse_programs(component: Component, what: str) -> None:
         )
 
 
-def refuse_instants(structure: Structure, states: Sequence[Node], what: str) -> None:
-    """Raise `ArgumentError` if the rates of some states depend on what acts at single instants (`gl.sample`), and is held in between."""
-    updates = ((u.targets, u.equations.template.residual) for u in structure.model.updates if not u.reinit)
-    instants = {int(target) for targets, residual in updates if residual.has(JustBefore) for target in targets}
-    if instants and (acting := instants.intersection(needed_discretes(structure, [(v, k + 1) for v, k in states]))):
-        paths = dict.fromkeys(structure.model.discretes[k].rpartition(".")[0] or "the model" for k in sorted(acting))
+def check_instants(structure: Structure, states: Sequence[Node], what: str, outputs: Sequence[Node] = ()) -> None:
+    """Refuse what acts at single instants (`gl.sample`) if the rates of some states, or outputs, depend on it.
+
+    Warn of values that other events hold.
+    """
+    model, given, held = structure.model, set[int](), dict[int, list[str]]()
+    for update in model.updates:
+        template, targets = update.equations.template, update.targets.tolist()
+        if update.reinit:
+            continue
+        if template.residual.has(JustBefore):
+            given.update(targets)
+        for (j, k), target, row in (
+            (c, *r) for c in template.local_columns for r in zip(targets, update.equations.variables, strict=True)
+        ):
+            if needed_states(structure, [(int(row[j]), k)]):
+                held.setdefault(target, []).append(model.name(int(row[j])))
+    if not given and not held:
+        return
+    needed = needed_discretes(structure, [*((v, k + 1) for v, k in states), *outputs])
+    if acting := given.intersection(needed):
+        paths = dict.fromkeys(model.discretes[k].rpartition(".")[0] or "the model" for k in sorted(acting))
         raise ArgumentError(
             f"{what} needs equations that act at all times, and {', '.join(paths)} acts at single instants (gl.sample): what it holds in "
             "between would never change; put a continuous block in its place, such as gearparts.blocks.LimPID, or simulate it"
+        )
+    if kept := [k for k in needed if k in held]:
+        names = ", ".join(model.discretes[k] for k in kept)
+        read = ", ".join(dict.fromkeys(name for k in kept for name in held[k]))
+        warn(
+            f"{what} takes {names} as constant, which events set from {read}: it holds as long as none does. If they come again and "
+            "again, as those of a sampled controller, put a continuous block in its place, or simulate it",
+            GearlibWarning,
         )

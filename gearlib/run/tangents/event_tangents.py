@@ -133,6 +133,8 @@ class EventTangents:
         self.prepared = Prepared(self.events.program, prepared.structure, prepared.parameters, prepared.solutions)
         self.discretes = tangents.discretes(code.discrete)
         self.started = False
+        # time, states and delay of the last event; where several met, they have no common delay
+        self.last: tuple[float, Floats, Floats | None] | None = None
         double, whole = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
         kind = partial(ctypes.CFUNCTYPE, ctypes.c_int32, ctypes.c_double, double)
         update = kind(ctypes.POINTER(ctypes.c_int32), double, whole)
@@ -170,11 +172,18 @@ class EventTangents:
         first = starting and not any(since < t for since, _ in self.tangents.noted)
         f = np.zeros(self.n) if starting else self._rates(t, x, data, index)
         code = int(self._update(t, x, fired, data, index))
+        if first and code >= 0:
+            self._check_start(t, (x, data, index))
         if code < 0 or (code == 0 and not (starting and self.code.discrete)):
             return code
         here = everything[self.n :].reshape(self.n, self.count).copy()
         delay = np.zeros(self.count)
-        if not starting:
+        again = self.last if self.last is not None and self.last[0] == t and (self.last[1] == states).all() else None
+        if again is not None:  # what has jumped across zero at an event changes with it, whatever its own function does
+            if again[2] is None:
+                self._refuse_together(t, self.relations.searched[sides != 0].tolist())
+            delay = again[2]
+        elif not starting:
             switched = self.relations.timed[held[self.relations.timed] != before[self.relations.timed]]
             delays = self._delays(
                 t, numbers, states, before, f, np.union1d(self.relations.searched[sides != 0], switched), here
@@ -188,6 +197,7 @@ class EventTangents:
                 if carried or (np.abs(effect) > SAME * self.run.rtol * np.abs(here).max(axis=0, initial=0.0)).any():
                     if carried or not changed <= delays.keys():
                         everything[self.n :] = self._in_any_order(t, (x, data, index), begun, sides, delays)
+                        self.last = t, everything[: self.n].copy(), None
                         return code
                     held[:] = before
                     for relation, own in delays.items():  # one after another
@@ -196,6 +206,7 @@ class EventTangents:
                         here += np.outer(last - f, own)
         steps = self._first_steps(t, states) if first and self.code.discrete else None
         everything[self.n :] = self._jumped(t, (x, data, index), f, here, delay, steps, starting).ravel()
+        self.last = t, everything[: self.n].copy(), delay
         return code
 
     def _jumped(
@@ -321,6 +332,33 @@ class EventTangents:
                 "touches zero there without crossing it, and whether there is an event depends on the parameters"
             )
         return dict(zip(relations, delays, strict=False))
+
+    def _check_start(self, t: float, native: tuple[Any, Any, Any]) -> None:
+        """Refuse directions that move an event function which is zero at the start: what happens differs on its two sides.
+
+        A bend is no matter, as of a gap that closes there: the rates are the same on both sides.
+        """
+        everything = np.ctypeslib.as_array(native[0], (self.n * (1 + self.count),))
+        numbers = np.ctypeslib.as_array(native[1], (self.size,))
+        states, here = everything[: self.n], everything[self.n :].reshape(self.n, self.count)
+        held = numbers[self.shared.relations :][: self.shared.n_discrete]
+        now = np.array([t])
+        slots = evaluate(self.prepared, now, states[:, None], self._inputs(t)[0], held[:, None].copy(), self._guess(numbers))
+        moved, along = np.column_stack([here, np.zeros(self.n)]), np.zeros(self.count + 1)
+        changes = self._varied(t, numbers, states, held.copy(), moved, along, self.discretes)[:, :-1]
+        f = self._rates(t, *native)
+        acting = {int(r) for b in (*self.relations.discretes, *self.relations.reinits) for r in b.relations.ravel()}
+        for row, (relation, slot) in enumerate(self.events.functions.tolist()):
+            if slots[slot, 0] == 0.0 and changes[row].any():
+                held[relation] = 1.0 - held[relation]
+                jump = np.abs(self._rates(t, *native) - f).max(initial=0.0)
+                held[relation] = 1.0 - held[relation]
+                if relation in acting or jump > SAME * self.run.rtol * np.abs(f).max(initial=0.0):
+                    name = self.tangents.directions.names[int(np.flatnonzero(changes[row])[0])]
+                    raise SolverError(
+                        f"there is no sensitivity to {name!r}: the event function of {self.run.scene.relation_names[relation]} is zero at "
+                        f"the start, t = {t:.9g} s, and what follows differs on its two sides; let the run begin beside it"
+                    )
 
     def _refuse_together(self, t: float, relations: Iterable[int]) -> NoReturn:
         names = " and ".join(self.run.scene.relation_names[k] for k in relations)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gearlib.errors import SolverError
-from gearlib.solvers.drive.drive_loop import EVALUATED, FOUND, RHS_FAILED, ROOTS_FAILED, STEPPED
+from gearlib.solvers.drive.drive_loop import EVALUATED, FOUND, RHS_FAILED, ROOTS_FAILED, ROUNDING, STEPPED
 from gearlib.solvers.drive.driver import Driver
 from gearlib.solvers.drive.python_stepper import FailedError, PythonStepper
 from gearlib.solvers.problem import Floats
@@ -56,12 +56,20 @@ class ExplicitStepper(PythonStepper):
         directions: Floats = np.where(g * self._sides < 0.0, -self._sides, np.where(self._sides == 0.0, np.sign(g), 0.0))
         return directions
 
-    def restart(self, changed: int, why: int) -> None:
+    def restart(self, changed: int, why: int) -> int:
         self._t, self._x = self.record.t, self.driver.x.copy()
         self._slope = self.f(self._t, self._x)
         g = self._event_functions(self._t, self._x)
         fired = self.driver.fired  # the side of each event function, where the event iteration determines it
-        self._sides = np.where(np.abs(fired) == 2, fired // 2, np.sign(g))
+        told = np.where(np.abs(fired) == 2, fired // 2, 0)
+        self._sides = np.where(told != 0, told, np.sign(g))
+        if not (g * told < 0.0).any():
+            return 0
+        # what is on the other side beyond rounding of the time, too, has jumped: an event of the same instant
+        ahead = 25.0 * ROUNDING * max(abs(self.record.origin + self._t), float(np.ptp(self.driver.times)))
+        later = self._event_functions(self._t + ahead, self._x + ahead * self._slope)
+        fired[:] = np.where((g * told < 0.0) & (later * told < 0.0), -told, 0)
+        return int(np.count_nonzero(fired))
 
     def step(self, stop: float) -> int:
         t, record = self._t, self.record

@@ -36,7 +36,7 @@ from gearlib.solvers.exponential.dense import Propagator, balanced_norm, estimat
 from gearlib.solvers.exponential.forcing import MOST_KNOWN, Exosystem, Forcing, Known, NotExact, recognise
 from gearlib.solvers.exponential.stretches import Stretch, stretches
 from gearlib.solvers.inputs.table import Table
-from gearlib.solvers.problem import LinearChanges, LinearForm, Problem
+from gearlib.solvers.problem import LinearChanges, LinearForm, MovedSwitch, Problem
 
 if TYPE_CHECKING:
     from gearlib.solvers.exponential.corners import Intervals
@@ -170,6 +170,10 @@ def tangent_jumps(linear: LinearForm, columns: Sequence[int], forcing: Forcing) 
     found: dict[int, Floats] = {}
     switches = () if linear.changes is None else linear.changes.switches
     place = {column: j for j, column in enumerate(columns)}
+    for switch in switches:
+        at = {TIME: sympy.Float(forcing.t0, 17)}
+        if _changes_at(switch, at, forcing) and any(float(change.xreplace(at)) for change in switch.changes):
+            return NotExact(f"the condition on {switch.g} changes at the start of the run")
     for piece in range(1, len(forcing.pieces)) if switches else ():
         t = forcing.start(piece)
         before, after = forcing.pieces[piece - 1], forcing.pieces[piece]
@@ -178,10 +182,9 @@ def tangent_jumps(linear: LinearForm, columns: Sequence[int], forcing: Forcing) 
         delays: dict[int, Floats] = {}
         for switch in (s for s in switches if jump[place[s.input]]):
             at = {TIME: sympy.Float(t, 17)}
-            g, slope = float(switch.g.xreplace(at)), float(sympy.diff(switch.g, TIME).xreplace(at))
-            rounding_of_g = 2.0**-48 * sum(abs(float(term.xreplace(at))) for term in sympy.Add.make_args(switch.g))
-            if abs(g) > SAME_SWITCH * max(abs(t), forcing.t_end - forcing.t0) * abs(slope) + rounding_of_g:
-                continue  # another condition changes here
+            if not _changes_at(switch, at, forcing):
+                continue  # another condition does
+            slope = float(sympy.diff(switch.g, TIME).xreplace(at))
             if slope == 0.0:
                 return NotExact(f"the condition on {switch.g} touches zero at t = {t:.9g} s without crossing it")
             delay = -np.array([float(change.xreplace(at)) for change in switch.changes]) / slope
@@ -194,6 +197,14 @@ def tangent_jumps(linear: LinearForm, columns: Sequence[int], forcing: Forcing) 
             own = linear.B[:, column] * jump[place[column]]
             found[piece] = found.get(piece, 0.0) + np.outer(delay, own)
     return found
+
+
+def _changes_at(switch: MovedSwitch, at: Mapping[Any, Any], forcing: Forcing) -> bool:
+    """Whether a condition is zero at a time but for rounding."""
+    g, slope = float(switch.g.xreplace(at)), float(sympy.diff(switch.g, TIME).xreplace(at))
+    rounding_of_g = 2.0**-48 * sum(abs(float(term.xreplace(at))) for term in sympy.Add.make_args(switch.g))
+    span = max(abs(float(at[TIME])), forcing.t_end - forcing.t0)
+    return abs(g) <= SAME_SWITCH * span * abs(slope) + rounding_of_g
 
 
 def _cornered(

@@ -436,7 +436,7 @@ def take_states(s: IdaRecord) -> None:
 
 @native
 def ida_restart(address: int, changed: int, why: int) -> int32:
-    """Restart IDA after a change; returns how many event functions the jump of the algebraic unknowns carried across zero."""
+    """Restart IDA after a change; returns how many event functions have jumped across zero, which is an event of the same instant."""
     s = IdaRecord(address)
     if changed == 0 and why != START and not (why == TIMED and s.update == 0):
         return 0
@@ -455,11 +455,20 @@ def ida_restart(address: int, changed: int, why: int) -> int32:
     if status < 0:
         return status
     take_states(s)
-    crossed = 0
-    if watch:  # algebraic unknowns jump at an event; a crossing that this causes is an event of the same instant
-        for k in range(s.n_roots):
-            fired[k] = sides[k] if sides[k] != before[k] else 0
-            crossed += sides[k] != before[k]
+    if s.n_roots == 0 or s.update == 0:
+        return 0
+    seen = look_beyond(s, s.t) == 0
+    now, later, crossed = floats_at(s.later), floats_at(s.g), 0
+    for k in range(s.n_roots):
+        held = fired[k]  # twice the side that agrees with the relation, see `update_body`
+        fired[k] = 0
+        # algebraic unknowns jump at an event, and so does what compares discrete variables, even that which has just crossed zero
+        jumped = seen and held * now[k] < 0.0 and held * later[k] < 0.0
+        if jumped or (watch and sides[k] != before[k]):
+            fired[k] = sides[k]
+            crossed += 1
+        elif held != 0:
+            sides[k] = held // 2
     return crossed
 
 
@@ -486,15 +495,21 @@ def just_beyond(s: IdaRecord, t: float) -> bool:
 
 
 @native
+def look_beyond(s: IdaRecord, t: float) -> int:
+    """The event functions at (t, y), in ``later``, and beyond rounding of the time, in ``g``."""
+    y, dy, ahead = floats_at(s.y), floats_at(s.dy), floats_at(s.probe)
+    for i in range(s.n):
+        ahead[i] = y[i] + s.slack * dy[i]
+    return abs(event_values(s, t, s.y, s.dy, s.later)) + abs(event_values(s, t + s.slack, s.probe, s.dy, s.g))
+
+
+@native
 def see_beyond_rounding(s: IdaRecord, t: float) -> None:
     """Give event functions that are zero but for rounding, just after an event, the side that the motion takes them to.
 
     Of two functions that are zero together one crosses first, by rounding; the other follows before the first one has left its noise.
     """
-    y, dy, ahead = floats_at(s.y), floats_at(s.dy), floats_at(s.probe)
-    for i in range(s.n):
-        ahead[i] = y[i] + s.slack * dy[i]
-    if event_values(s, t, s.y, s.dy, s.later) != 0 or event_values(s, t + s.slack, s.probe, s.dy, s.g) != 0:
+    if look_beyond(s, t) != 0:
         return
     fired, sides, now, g, real = int32s_at(s.fired), int32s_at(s.sides), floats_at(s.later), floats_at(s.g), False
     for k in range(s.n_roots):

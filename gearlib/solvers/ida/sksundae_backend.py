@@ -227,7 +227,7 @@ class SundaeIda(IdaStepper, PythonStepper):
         return np.where(counts & (rise != 0.0), rise, NEGATIVE_ZERO)
 
     def restart(self, changed: int, why: int) -> int:
-        """Restart IDA after a change; returns how many event functions the jump of the algebraic unknowns carried across zero."""
+        """Restart IDA after a change; returns how many event functions have jumped across zero, which is an event of the same instant."""
         if changed == 0 and why != START and not (why == TIMED and self.record.update == 0):
             return 0
         self.y = self.driver.x[self.permuted].copy()
@@ -237,10 +237,15 @@ class SundaeIda(IdaStepper, PythonStepper):
         before = self.sides
         self._begin(self.record.t)
         self.accept()
-        fired = self.driver.fired
-        if watch:
-            fired[:] = np.where(self.sides == before, 0, self.sides)
-        return int(np.count_nonzero(fired)) if watch else 0
+        fired, held = self.driver.fired, self.driver.fired.copy()  # twice the sides that agree with the relations
+        if not self.n_roots or self.record.update == 0:
+            return 0
+        now, later = self._beyond(self.record.t, 0.0), self._beyond(self.record.t, self.record.slack)
+        jumped = (held * now < 0.0) & (held * later < 0.0)
+        jumped |= watch & (self.sides != before)
+        fired[:] = np.where(jumped, self.sides, 0)
+        self.sides = np.where(~jumped & (held != 0), held // 2, self.sides)
+        return int(np.count_nonzero(fired))
 
     def _begin(self, t: float) -> None:
         record = self.record
@@ -340,14 +345,18 @@ class SundaeIda(IdaStepper, PythonStepper):
         """The next time to step to exactly."""
         return float(self.driver.stops[self.record.stop])
 
+    def _beyond(self, t: float, slack: float) -> Any:
+        """The event functions shortly after t; nan where they cannot be evaluated."""
+        values = np.empty(self.n_roots)
+        if self.root_values(t + slack, self._natural(self.y + slack * self.dy, self.dy), values) != 0:
+            values[:] = np.nan
+        return np.where(values == 0.0, NEGATIVE_ZERO, values)
+
     def _just_beyond(self, t: float) -> bool:
-        slack, fired = self.record.slack, self.driver.fired
-        ahead = self.y + slack * self.dy
-        if self.root_values(t + slack, self._natural(ahead, self.dy), self.g) != 0:
-            return False
-        self.g[self.g == 0.0] = NEGATIVE_ZERO
-        fired[:] = np.where(self.g * self.sides < 0, -self.sides, 0)
-        self.y = ahead if fired.any() else self.y  # a run that goes on from here does not meet the event again
+        fired = self.driver.fired
+        fired[:] = np.where(self._beyond(t, self.record.slack) * self.sides < 0, -self.sides, 0)
+        if fired.any():  # a run that goes on from here does not meet the event again
+            self.y = self.y + self.record.slack * self.dy
         return bool(fired.any())
 
     def step(self, stop: float) -> int:

@@ -32,7 +32,7 @@ SURE, CALM = 15, 6  # steps; the numbers of Hairer's dopri5 and dop853
 @native
 def rk_restart(address: int, changed: int, why: int) -> int32:
     """Restart at ``x``: evaluate the right-hand side, and the sides and slopes of the event functions."""
-    s = LoopRecord(address)
+    s, jumped = LoopRecord(address), 0
     if why != START and (changed != 0 or why == TIMED):  # otherwise the solution continues smoothly
         begin_phase(s, changed != 0)
     s.evaluations += 1
@@ -45,12 +45,12 @@ def rk_restart(address: int, changed: int, why: int) -> int32:
         if s.unknown != 0:
             return ROOTS_FAILED
         slopes(s, s.t, max(s.h, 1e-6 * s.h_max), s.x, s.k, OLD, SLOPE_OLD)
-        establish_sides(s)
+        jumped = establish_sides(s)
     if why == START:
         if s.h == 0.0:
             s.h = first_step(s)
         s.h_before_event, s.fresh = s.h_max, 1
-    return 0
+    return jumped
 
 
 @native

@@ -8,7 +8,7 @@ from __future__ import annotations
 from gearlib.compiler.small_language import floats_at, int32, int32s_at, native
 from gearlib.solvers.drive.drive_loop import ROUNDING
 from gearlib.solvers.rungekutta.record import LoopRecord
-from gearlib.solvers.rungekutta.root_finding import NEW, OLD, SLOPE_NEW, SLOPE_OLD, just_beyond, row
+from gearlib.solvers.rungekutta.root_finding import AT_ONCE, NEW, OLD, SLOPE_NEW, SLOPE_OLD, just_beyond, row
 from gearlib.solvers.rungekutta.stages import dense_output, interpolate, last_stage
 from gearlib.solvers.rungekutta.vectors import move
 
@@ -70,11 +70,23 @@ def fire(s: LoopRecord) -> None:
 
 
 @native
-def establish_sides(s: LoopRecord) -> None:
-    """Sides of the event functions, as determined by the event iteration (unaffected by rounding), else by row OLD of ``g``."""
-    side, fired, g = int32s_at(s.side), int32s_at(s.fired), floats_at(row(s, OLD))
+def establish_sides(s: LoopRecord) -> int:
+    """Sides of the event functions, as determined by the event iteration (unaffected by rounding), else by row OLD of ``g``.
+
+    Returns how many have jumped across zero: what compares discrete variables may, even where it has just been crossed. That is an event
+    of the same instant, and ``fired`` says which.
+    """
+    side, fired, g, slope = int32s_at(s.side), int32s_at(s.fired), floats_at(row(s, OLD)), floats_at(row(s, SLOPE_OLD))
+    jumped, rounding = 0, LOCATED * max(abs(s.origin + s.t), s.span)
+    ahead = max(AT_ONCE * min(s.h, s.h_max), rounding)  # what has come over by then, `root_finding` takes for rounding
     for i in range(s.n_roots):
-        side[i] = fired[i] // 2 if abs(fired[i]) == 2 else sign(g[i])
+        held = fired[i]
+        side[i] = held // 2 if abs(held) == 2 else sign(g[i])
+        fired[i] = 0
+        if abs(held) == 2 and g[i] * held < 0.0 and (g[i] + ahead * slope[i]) * held < 0.0:
+            fired[i] = sign(g[i])
+            jumped += 1
+    return jumped
 
 
 @native

@@ -54,7 +54,7 @@ def taylor_restart(address: int, changed: int, why: int) -> int32:
         if r.unknown != 0:
             return ROOTS_FAILED
         slopes(r, s.t, 1e-6 * s.h_max, s.x, s.k, OLD, SLOPE_OLD)
-        establish_sides(r)
+        return establish_sides(r)
     return 0
 
 

@@ -259,6 +259,7 @@ def test_an_animation_of_matplotlib_shows_them_too() -> None:
                 wheel, at = motion.gears.wheels[k], places[k]
                 c, s = cos(at.angle), sin(at.angle)
                 assert polygon.get_xy()[:-1] == pytest.approx(wheel.outline @ np.array([[c, s], [-s, c]]) + [at.x, at.y])
+                assert (polygon.get_facecolor()[:3] == (1.0, 1.0, 1.0)) == wheel.ring  # a ring's inside is empty
                 ends = np.array(mark.get_data()).T - [at.x, at.y]
                 assert ends[:, 0] * s == pytest.approx(ends[:, 1] * c, abs=1e-12)
                 assert (ends @ [c, s] > 0).all()

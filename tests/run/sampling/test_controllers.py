@@ -13,11 +13,12 @@ import gearparts as gp
 from gearlib.errors import ArgumentError
 from gearlib.run.sampling.controllers import (
     Controller,
+    check_instants,
     controllers_of,
     read_by_controllers,
     refuse_controllers,
-    refuse_instants,
 )
+from gearparts import blocks
 
 
 def controller(period: float = 0.25, offset: float = 0.0, function: Any = None, gives: int = 1) -> Controller:
@@ -162,8 +163,8 @@ def test_what_acts_at_single_instants_is_refused_where_it_is_held_in_rates() -> 
     with pytest.raises(
         ArgumentError, match=r"^it needs equations that act at all times, and the model acts at single instants \(gl"
     ):
-        refuse_instants(scene.structure, [by_name["x"], by_name["z"]], "it")
-    refuse_instants(scene.structure, [by_name["z"]], "it")
+        check_instants(scene.structure, [by_name["x"], by_name["z"]], "it")
+    check_instants(scene.structure, [by_name["z"]], "it")
 
     class Two(gl.Component):
         def assemble(self) -> list[Any]:
@@ -172,7 +173,69 @@ def test_what_acts_at_single_instants_is_refused_where_it_is_held_in_rates() -> 
 
     both = gl.compile(Two()).translation.scene
     with pytest.raises(ArgumentError, match=r"times, and first, second acts at single instants"):
-        refuse_instants(both.structure, both.states, "it")
+        check_instants(both.structure, both.states, "it")
     own = dict(zip(both.state_names, both.states, strict=True))
     with pytest.raises(ArgumentError, match=r"times, and second acts at single instants"):
-        refuse_instants(both.structure, [own["second.x"], own["first.z"]], "it")
+        check_instants(both.structure, [own["second.x"], own["first.z"]], "it")
+
+
+class Taken(gl.Component):
+    """A speed that a pulse train takes, and holds against itself; and a flag that events set, too."""
+
+    w = gl.Variable("rad/s", start=1.0)
+    y = gl.Variable("rad/s")
+    held = gl.Discrete("speed at the last pulse")
+    past = gl.Discrete("whether the speed fell below a half")
+    fed = gl.Structural(True)
+
+    def equations(self) -> list[gl.Eq | gl.When]:
+        brake = 20.0 * (self.held if self.fed else self.w) * (2.0 - self.past)
+        return [
+            gl.Eq(gl.der(self.w), -brake),
+            gl.Eq(self.y, 2.0 * self.held),
+            gl.When(gl.sin(20 * gl.pi * gl.time) > 0, gl.Eq(self.held, self.w)),
+            gl.When(self.w < 0.5, gl.Eq(self.past, 1.0)),
+        ]
+
+
+def test_what_events_hold_is_said_to_be_constant() -> None:
+    """A linear model of the controlled speed would be that of the open loop; a flag stays as it is, which is no news."""
+    said = r"takes held as constant, which events set from w: it holds as long as none does"
+    fed, free = gl.compile(Taken()), gl.compile(Taken(fed=False))
+    for ask in (
+        lambda: fed.linearize(inputs=[], outputs=["w"]),
+        lambda: gl.stability(fed),
+        lambda: gl.modes(fed),
+        lambda: free.linearize(inputs=[], outputs=["y"]),
+    ):
+        with pytest.warns(gl.GearlibWarning, match=said):
+            ask()
+    assert float(free.linearize(inputs=[], outputs=["w"]).A[0, 0]) == -40.0
+
+
+class Measured(gl.Component):
+    """A braked body under a torque; its speed is sampled, and nothing depends on that."""
+
+    def assemble(self) -> list[gl.Connection]:
+        self.torque, self.load, self.brake, self.ground = gp.Torque(), gp.Inertia(J=1.0), gp.Damper(d=1.0), gp.Fixed()
+        self.sensor, self.sampler = gp.SpeedSensor(), blocks.Sampler(sample_period=0.1)
+        return [
+            gl.connect(self.torque.flange, self.load.flange_a), gl.connect(self.load.flange_b, self.brake.flange_a),
+            gl.connect(self.brake.flange_b, self.ground.flange), gl.connect(self.sensor.flange, self.load.flange_b),
+            gl.connect(self.sensor.w, self.sampler.u),
+        ]  # fmt: skip
+
+
+def test_a_sampled_signal_is_no_output_of_a_linear_model() -> None:
+    """It would not respond at all: at low frequencies it does as the speed, 1 / (1 + j w)."""
+    system, loop = gl.compile(Measured()), ("torque.tau", "sampler.y")
+    for ask in (
+        lambda: system.linearize(inputs=["torque.tau"], outputs=["load.w", "sampler.y"]),
+        lambda: gl.frequency_response(system, [0.1], ["torque.tau"], ["sampler.y"]),
+        lambda: gl.stability(system, loop=loop),
+        lambda: gl.steady_state(system, ["sampler.y"], inputs={"torque.tau": 3.0}),
+    ):
+        with pytest.raises(ArgumentError, match=r"^a linear model needs equations that act at all times, and sampler acts at"):
+            ask()
+    found = gl.frequency_response(system, [0.1], ["torque.tau"], ["load.w"])
+    assert found["load.w"][0] == pytest.approx(1 / (1 + 0.1j), rel=1e-12)

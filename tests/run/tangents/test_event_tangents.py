@@ -510,3 +510,82 @@ def test_of_a_new_value_that_is_the_old_one(method: str, limit: float) -> None:
     assert run.sensitivity("x", "k") == pytest.approx([0.0, limit])
     assert run.sensitivity("x", "limit") == pytest.approx([0.0, 0.0], abs=1e-9)
     assert run.sensitivity("x", "start(x)") == pytest.approx([1.0, 1.0])
+
+
+class Begun(gl.Component):
+    """v' = F - a s, where s switches by v or by time, at the start or not."""
+
+    v, one = gl.Variable("1", start=0.0), gl.Parameter("s", default=1.0)
+    F, a, t_0 = gl.Parameter("1", default=2.5), gl.Parameter("1", default=0.5), gl.Parameter("s", default=0.0)
+    kind = gl.Structural("sign")
+
+    def equations(self) -> list[Any]:
+        v, on = self.v, gl.time >= self.t_0
+        s = {
+            "sign": gl.sign(v),
+            "above": gl.Piecewise((1, v > 0), (-1, True)),
+            "not below": gl.Piecewise((1, v >= 0), (-1, True)),
+            "bend": abs(v),
+            "step": v + gl.Piecewise((1, on), (0, True)),
+            "ramp": v + gl.Piecewise(((gl.time - self.t_0) / self.one, on), (0, True)),
+        }[self.kind]
+        return [gl.Eq(self.one * gl.der(v), self.F - self.a * s)]
+
+
+@pytest.mark.parametrize("method", ["rk5", "ida", "auto"])
+@pytest.mark.parametrize("kind", ["sign", "above", "not below", "bend"])
+def test_of_what_switches_at_the_start(method: str, kind: str) -> None:
+    """From rest, v = (F - a) t: of the start value it is 1 on one side and (F - a) / (F + a) on the other; 0.8 was told for a sign."""
+    system = gl.compile(Begun(kind=kind))
+    if kind == "bend":
+        run = system.simulate(1.0, samples=2, method=method, rtol=1e-9, sensitivities=["start(v)"])
+        assert run.sensitivity("v", "start(v)")[-1] == pytest.approx(np.exp(-0.5), rel=1e-6)
+        return
+    with pytest.raises(SolverError, match=r"no sensitivity to 'start\(v\)': the event function of .* is zero at the start"):
+        system.simulate(1.0, method=method, sensitivities=["a", "start(v)"])
+    run = system.simulate(1.0, samples=2, method=method, sensitivities=["a", "F"])
+    assert [run.sensitivity("v", name)[-1] for name in ("a", "F")] == pytest.approx([-1.0, 1.0], rel=1e-6)
+    run = system.simulate(1.0, samples=2, method=method, start={"v": -0.1}, sensitivities=["start(v)"])
+    assert run.sensitivity("v", "start(v)")[-1] == pytest.approx(2.0 / 3.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("method", ["rk5", "ida", "exact", "auto"])
+def test_of_the_time_of_a_step_at_the_start(method: str) -> None:
+    """Earlier it makes no difference, later it does; a ramp goes on alike."""
+    system, more = gl.compile(Begun(kind="step")), {"method": method, "samples": 2, "sensitivities": ["t_0"]}
+    with pytest.raises((SolverError, ArgumentError), match="the start"):
+        system.simulate(1.0, **more)
+    later = system.simulate(1.0, parameters={"t_0": 0.25}, **more)
+    assert later.sensitivity("v", "t_0")[-1] == pytest.approx(0.5 * np.exp(-0.5 * 0.75), rel=1e-6)
+    if method != "exact":
+        ramp = gl.compile(Begun(kind="ramp")).simulate(1.0, **more)
+        assert ramp.sensitivity("v", "t_0")[-1] == pytest.approx(1 - np.exp(-0.5), rel=1e-6)
+
+
+class Raised(gl.Component):
+    """x = p t is always below its limit, which is raised by L each time it is reached; y' is the limit."""
+
+    x, one = gl.Variable("1", start=0.0), gl.Parameter("s", default=1.0)
+    below, y = gl.Variable("s", start=0.0), gl.Variable("s", start=0.0)
+    L, p, limit = gl.Parameter("1", default=1.0), gl.Parameter("1", default=1.0), gl.Discrete()
+
+    def equations(self) -> list[Any]:
+        x, limit = self.x, self.limit
+        reached = gl.Or(gl.initial(), x >= gl.pre(limit))
+        return [
+            gl.Eq(self.one * gl.der(x), self.p),
+            gl.When(reached, gl.Eq(limit, gl.pre(limit) + self.L)),
+            gl.Eq(gl.der(self.below), gl.Piecewise((1, x < limit), (0, True))),
+            gl.Eq(gl.der(self.y), limit),
+        ]
+
+
+@pytest.mark.parametrize("method", ["rk5", "rk8", "ida", "auto"])
+def test_of_what_jumps_away_from_its_zero(method: str) -> None:
+    """It does so at the time of the event; its own zero is elsewhere, by which the time below depended on the limit."""
+    run = gl.simulate(Raised(), 3.5, samples=2, method=method, rtol=1e-9, sensitivities=["L", "p"])
+    assert run["below"][-1] == pytest.approx(3.5, abs=1e-6)
+    # y = L (4 t - t_1 - t_2 - t_3) with t_k = k L / p
+    right = {"below": (0.0, 0.0), "y": (14.0 - 2 * 6.0, 6.0)}
+    for name, values in right.items():
+        assert [run.sensitivity(name, q)[-1] for q in ("L", "p")] == pytest.approx(values, abs=1e-6), name

@@ -24,7 +24,7 @@ def one_step(
     sides: tuple[int, ...] = (),
 ) -> Driver:  # fmt: skip
     """A run of one step of 1 s along a polynomial; event functions of time and state."""
-    slope, looks = motion.deriv(), []
+    slope, looks, fires = motion.deriv(), [], []
 
     def rates(t: float, x: Any, dx: Any, data: Any) -> None:
         dx[0] = slope(t - begin)
@@ -35,13 +35,14 @@ def one_step(
             g[k] = value
 
     def update(t: float, x: Any, fired: Any, data: Any) -> int:
-        for k, side in enumerate(sides):
+        fires.append((t, [fired[k] for k in range(n_roots)]))
+        for k, side in enumerate(sides if len(fires) == 1 else ()):
             fired[k] = 2 * side
         return 0
 
     own = problem(rates, [motion(0.0)], roots=values, n_roots=n_roots, atol=1e12, update=update)
     run = driver(own, [begin, begin + 1.0, begin + span], RungeKutta(order, 1.0))
-    run.looks = looks  # type: ignore[attr-defined]
+    run.looks, run.fires = looks, fires  # type: ignore[attr-defined]
     return run
 
 
@@ -150,8 +151,12 @@ def test_where_the_dense_output_may_be_poor_the_step_is_repeated_up_to_the_event
 @pytest.mark.parametrize("order", [5, 8])
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_function_on_the_wrong_side_from_the_start_is_an_event_at_once(order: int, side: int) -> None:
-    """A billionth of the step later; not if it has come over by then, as rounding may have it."""
+    """In the same instant; not if it has come over a billionth of the step later, as rounding may have it."""
     run = one_step(Polynomial([0.0, 1.0]), lambda t, x: [1.0, -side * (2.0 - t)], 2, order, sides=(0, side))
+    assert math.isnan(first_event(run)[0])
+    assert run.fires == [(0.0, [0, 0]), (0.0, [0, -side])]  # type: ignore[attr-defined]
+    # its slope promises to bring it over, and it is not there in time
+    run = one_step(Polynomial([0.0, 1.0]), lambda t, x: [1.0, side * (1e6 * t**2 - 5e-10)], 2, order, sides=(0, side))
     assert first_event(run) == (pytest.approx(1e-9, rel=1e-6), [1])
     run = one_step(Polynomial([0.0, 1.0]), lambda t, x: [1.0, side * (t - 5e-10)], 2, order, sides=(0, side))
     assert math.isnan(first_event(run)[0])
