@@ -23,12 +23,12 @@ class Watched(Pendulum):
     y = gl.Variable("m", "vertical", nominal=4.0)
     z = gl.Variable("m", "decays", start=1.0)
     rate = gl.Parameter("1/s", default=0.5)
-    way, far, rate_of_far = gl.Variable("m.s"), gl.Variable("m2.s2"), gl.Variable("m2.s")  # which nothing depends on
+    way, far, rate_of_far = gl.Variable("m"), gl.Variable("m2"), gl.Variable("m2/s")  # which nothing depends on
     left = gl.Discrete()
 
     def equations(self) -> list[Any]:
         return [
-            gl.Eq(gl.der(self.way), self.z), gl.Eq(self.far, self.way**2), gl.Eq(self.rate_of_far, gl.der(self.far)),
+            gl.Eq(gl.der(self.way), self.u), gl.Eq(self.far, self.way**2), gl.Eq(self.rate_of_far, gl.der(self.far)),
             gl.Eq(gl.der(self.z), -self.rate * self.z),
             gl.When(self.x < 0.0, gl.Eq(self.left, gl.pre(self.left) + 1.0)),
         ]  # fmt: skip
