@@ -168,7 +168,7 @@ class Evaluator:
         widths = {f"n_{name}": arrays[name].shape[1] for name in ("states", "shared", "values", "slots")}
         points = Points(
             function=code.address, count=count, n_parameters=layout.shared.n_parameters, place=layout.slots,
-            memory=layout.memory, n_memory=len(program.iterated), **widths,
+            memory=layout.memory, n_memory=len(program.watched), **widths,
         )  # fmt: skip
         native_functions(__name__).call("at_points", points, **arrays)
         slots, failed = arrays["slots"].T, np.flatnonzero(arrays["status"])

@@ -97,7 +97,7 @@ class Layout:
     solutions: tuple[int, ...]
     slots: int
     scratch: int
-    memory: int  # a reference determinant for each Newton iteration
+    memory: int  # a reference determinant for each block that is watched
     guards: int  # `EACH` numbers per divisor: its sign (halved by every event), largest magnitude of the numerator, and of the divisor
     size: int  # end of the section
     needed: tuple[Integers, ...]  # per linear block: the unknowns that are used
@@ -159,7 +159,7 @@ def lay_out(program: Program, shared: Shared, base: int, also: Integers | None =
                 scratch = max(scratch, 2 * n * n + (2 if matrix is None else 2 + len(matrix.known)) * n + 1)
     end = at + program.n_slots
     memory = end + scratch
-    guards = memory + len(program.iterated)
+    guards = memory + len(program.watched)
     size = guards + EACH * program.n_guards
     return Layout(shared, tuple(solutions), at, end, memory, guards, size, tuple(needed), tuple(kept))
 

@@ -11,6 +11,7 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from math import exp
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ Integers = NDArray[np.int64]
 VANISHED = 1e-8  # of its largest magnitude: a smaller numerator has vanished together with its divisor
 BESIDE_ZERO = 1e-6  # of its largest magnitude: a smaller divisor just after an event has crossed zero there, and has not jumped
 SMALLER = 9.2  # fall of the logarithm of a nonlinear block's determinant at which an evaluation fails: to a ten-thousandth
-SMALLER_CONSTRAINED = 1.5  # the same with constraints on the states: to a fifth
+SMALLER_CONSTRAINED = 1.5  # the same with constraints on the states, and for their divisors: to a fifth
 # Assignments up to which a program is unrolled, as readable source: compiling takes about 0.7 ms for each, loops 2 ms in all (measured on
 # chains, where the loops are as fast at 100 assignments and faster beyond)
 LONGEST = 260
@@ -128,7 +129,12 @@ def written_out(program: Program, layout: Layout, slot_names: dict[int, str], pa
                 lambda a, s=part, i=i: f"data[{layout.relations + int(s.relations[i, a])}]",  # type: ignore[misc]
             )  # fmt: skip
             body.lines += _guard(
-                divisor, numerator, text, slot_names[quotient], str(layout.guards + EACH * int(part.targets[i]))
+                divisor,
+                numerator,
+                text,
+                slot_names[quotient],
+                str(layout.guards + EACH * int(part.targets[i])),
+                guard.constrained,
             )
     body.lines += [f"dx[{i}] = {slot_names[int(s)]}" for i, s in enumerate(program.output_slots)]
     return body
@@ -154,13 +160,23 @@ def assignments(
                 yield int(step.unknowns[row]), " + ".join(terms) or "0.0"
 
 
-def _guard(divisor: str, numerator: str, value: str, quotient: str, place: str) -> list[str]:
+def _guard(divisor: str, numerator: str, value: str, quotient: str, place: str, constrained: bool) -> list[str]:
     """Fail the evaluation where a divisor has changed sign, unless its numerator vanished with it.
 
     A quotient with a pole looks harmless on both sides of it, and a step may jump across. At an event a divisor may jump, but not to
-    zero.
+    zero. What follows from constraints has lost its digits before, together with its numerator: there it fails where the divisor has
+    fallen as far as a constrained block's determinant may.
     """
     sign, largest, widest = (f"data[{place} + {k}]" if k else f"data[{place}]" for k in range(EACH))
+    if constrained:
+        return [
+            f"{divisor} = {value}",
+            f"if {divisor} * {sign} < 0.0 or abs({divisor}) < {exp(-SMALLER_CONSTRAINED):.3g} * {widest}:",
+            "    return 1",
+            f"if {widest} == 0.0 and abs({divisor}) < 1e300:",  # finite
+            f"    {sign} = 1.0 if {divisor} > 0.0 else (-1.0 if {divisor} < 0.0 else 0.0)",
+            f"    {widest} = abs({divisor})",
+        ]
     return [
         f"{divisor} = {value}",
         f"{numerator} = abs({divisor} * {quotient})",
@@ -215,13 +231,15 @@ def looped(program: Program, layout: Layout, guarded: bool = False, forgiving: b
             _linear(pieces[-1], step, *next(blocks))
         else:
             matrix = next(matrices)
-            _newton(pieces[-1], step, memory, forgiving, matrix if keep else None)
-            memory += not step.linear
+            watched = any(step is each for each in program.watched)
+            _newton(pieces[-1], step, memory, forgiving, matrix if keep else None, watched)
+            memory += watched
     body.include_all(pieces)
     if guarded and program.guards:
         body.lines += [f"s = {body.array([layout.guards])}", "s = index[s]"]
         for guard in program.guards:
-            lines = _guard("divisor", "numerator", "{value}", "data[v + {extra}]", f"s + {EACH} * {{target}}")
+            place = f"s + {EACH} * {{target}}"
+            lines = _guard("divisor", "numerator", "{value}", "data[v + {extra}]", place, guard.constrained)
             loop(body, guard.divisors, "\n".join(lines), extra=guard.quotients)
     outputs = program.output_slots
     starts = starts_of_runs(outputs[:, None])
@@ -341,8 +359,8 @@ def _linear(body: Body, step: Linear, place: int, rows: Integers) -> None:
     ]
 
 
-def _newton(body: Body, step: Newton, memory: int, forgiving: bool, kept: KeptMatrix | None) -> None:
-    """Newton's iteration; at offset ``memory`` the logarithm of the determinant of the first evaluation is stored.
+def _newton(body: Body, step: Newton, memory: int, forgiving: bool, kept: KeptMatrix | None, watched: bool) -> None:
+    """Newton's iteration; at offset ``memory`` the logarithm of the determinant of the first evaluation is stored, if it is watched.
 
     If the determinant falls to a ten-thousandth of that, another solution branch is near and the evaluation fails; with constraints on
     the states already at a fifth, since the states may soon no longer determine the unknowns, and `gearlib.run.state_switching` looks
@@ -458,9 +476,9 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool, kept: KeptMa
     if kept is not None:
         body.lines += ["if data[p] == 1.0:", *(f"    {line}" for line in _product(body, kept, step))]
     if not (step.linear or forgiving):
+        body.lines += [f"if not e <= 1e-10 * f + {ROUNDING}:", "    return 1"]
+    if watched and not forgiving:
         body.lines += [
-            f"if not e <= 1e-10 * f + {ROUNDING}:",
-            "    return 1",
             f"h, s = index[h + 2], {determinant}",
             "if data[h] == 0.0:",
             "    data[h] = s if s != 0.0 else 1e-9",

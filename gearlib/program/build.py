@@ -68,6 +68,7 @@ class Builder:
                 self.slots.setdefault(node, len(self.slots))
         self.n_slots = len(self.slots)
         self.residuals: dict[Node, int] = {}  # slots of residuals, keyed by the tearing variables that are among the states
+        self.constrained: set[int] = set()  # slots that constraints on the states give
         self.table = slot_table(self.slots, self.model.n_variables)
         self.groups = (*self.model.groups, *(u.equations for u in self.model.updates))
 
@@ -87,7 +88,8 @@ class Builder:
         slots = {node: int(place[slot]) for node, slot in self.slots.items()}
         n_slots = int(place.max(initial=-1)) + 1
         residuals = tuple(int(place[self.residuals[node]]) for node in self.states if node in self.residuals)
-        return Program(self.states, self.inputs, slots, n_slots, steps, outputs, checks, residuals)
+        constrained = frozenset(int(place[slot]) for slot in self.constrained)
+        return Program(self.states, self.inputs, slots, n_slots, steps, outputs, checks, residuals, constrained)
 
     def places(self, used: Integers) -> list[Place]:
         """The kernels to evaluate at events, where some entries of the discrete state are used."""
@@ -161,6 +163,8 @@ class Builder:
         if partial.number is None and partial.constant:
             pivots[partial, g, k].append((i, 0, 1))
         scalar[kernel, g, k].append((i, self.slots[node], sign))
+        if k < self.structure.differentiation.counts[e]:
+            self.constrained.add(self.slots[node])
         return True
 
     def _copies(self, kernel: Kernel, template: Template, g: int, i: int, node: Node, sign: int) -> bool:
@@ -208,7 +212,7 @@ class Builder:
             for r, (template, g, i, k, _, _) in enumerate(rows):
                 residual[residual_kernel(template), g, k].append((i, r, 1))
             counts = self.structure.differentiation.counts
-            constrained = not linear and any(k < counts[e] for e, k in solving)
+            constrained = any(k < counts[e] for e, k in solving)
             return Newton(unknowns, self._batches(residual), entries, linear, equations, order.lead, constrained)
         known, known_rows = [], []
         for r, (template, g, i, k, columns, _) in enumerate(rows):

@@ -124,10 +124,14 @@ def _picked(table: Integers, columns: list[int]) -> Integers:
 
 @dataclass(frozen=True)
 class Guard:
-    """Divisors of a batch, numbered through the whole program, with the slots of the quotients."""
+    """Divisors of a batch, numbered through the whole program, with the slots of the quotients.
+
+    ``constrained``: they belong to constraints, and other states may be needed where one is small.
+    """
 
     divisors: Batch
     quotients: Integers
+    constrained: bool
 
 
 @dataclass(frozen=True)
@@ -211,6 +215,8 @@ class Program:
         Coefficients that are divided by, and so must not vanish.
     residuals : tuple of int
         Slots of residuals, appended to the outputs where algebraic unknowns are left to the integrator.
+    constrained : frozenset of int
+        Slots that constraints on the states give, each solved on its own.
     """
 
     states: tuple[Node, ...]
@@ -221,6 +227,7 @@ class Program:
     outputs: tuple[Node, ...]
     pivots: tuple[Batch, ...]
     residuals: tuple[int, ...] = ()
+    constrained: frozenset[int] = frozenset()
     memo: dict[Any, Any] = field(init=False, default_factory=dict)  # cache of `memoised` functions
     solved: dict[int, Any] = field(
         init=False, default_factory=dict
@@ -276,10 +283,22 @@ class Program:
         return tuple(s for s in self.steps if isinstance(s, Newton) and not s.linear)
 
     @cached_property
+    def watched(self) -> tuple[Newton, ...]:
+        """Blocks whose determinant must not fall far in a run: nonlinear ones and, beside constrained ones, those of derivatives."""
+        blocks = [s for s in self.steps if isinstance(s, Newton)]
+        return tuple(s for s in blocks if not s.linear or (self.may_need_others and s.constrained and not s.switched))
+
+    @property
+    def may_need_others(self) -> bool:
+        """Whether constraints on the states are solved in a nonlinear block, which may become singular for these states."""
+        return any(step.constrained for step in self.iterated)
+
+    @cached_property
     def guards(self) -> tuple[Guard, ...]:
         """Divisors that may change sign, of all equations solved individually."""
         found, n = [], 0
         residuals = np.array(self.residuals, np.int64)
+        constrained = self.constrained if self.may_need_others else frozenset()
         for batch in (step for step in self.steps if isinstance(step, Batch)):
             if np.isin(batch.targets, residuals).any():
                 continue
@@ -291,7 +310,7 @@ class Program:
                     kernel, batch.equations, np.arange(n, n + len(batch)), np.ones_like(batch.signs), batch.arguments[:, columns],
                     batch.argument_signs[:, columns], batch.parameters[:, parameters], batch.relations[:, relations],
                 )  # fmt: skip
-                found.append(Guard(divisors, batch.targets))
+                found.append(Guard(divisors, batch.targets, not constrained.isdisjoint(batch.targets.tolist())))
                 n += len(batch)
         return tuple(found)
 

@@ -1,4 +1,4 @@
-"""Index-3 systems outside gears: the car axis, and pendulums in Cartesian coordinates."""
+"""Index-3 systems outside gears: the car axis, pendulums in Cartesian coordinates, and four bars."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import fsolve
 from scipy.special import ellipj
 
 import gearlib as gl
@@ -155,6 +156,70 @@ def test_swings_change_their_states_on_the_way(method: str, angle: float, speed:
     assert np.abs(result["der(x)"] - np.cos(phi) * w).max() < 1e-5
     assert np.abs(result["x"] ** 2 + result["y"] ** 2 - 1).max() < 1e-13
     assert result.states.shape == (41, 2)
+
+
+@pytest.mark.parametrize("place", ["x", "y"])
+@pytest.mark.parametrize("speed", ["u", "v"])
+@pytest.mark.parametrize("method", ["ida", "rk5", "rk8", "auto"])
+def test_whichever_coordinates_a_swing_begins_with(place: str, speed: str, method: str) -> None:
+    """The other speed is a quotient, whose divisor and numerator vanish together where it has lost its digits."""
+    preferred = {place: gl.Variable("m", state="prefer"), speed: gl.Variable("m/s", state="prefer")}
+    kind = type("Preferring", (Pendulum,), preferred)
+    for angle in (0.9, 1.7, 2.5):
+        system = gl.compile(kind(start={"x": np.sin(angle), "y": -np.cos(angle), "u": 0.0, "v": 0.0}))
+        assert set(system.states) == {place, speed}
+        result = system.simulate(2.0, method=method, rtol=1e-9)
+        phi = swing(angle, result.time)
+        assert np.hypot(result["x"] - np.sin(phi), result["y"] + np.cos(phi)).max() < 2e-7
+
+
+BARS, BASE, INERTIAS = np.array([1.0, 3.0, -3.0]), 3.5, np.array([1.0, 2.0, 3.0])
+
+
+def four_bars_by_hand(angles: Any, w: float, times: Any) -> Any:
+    """Angles of crank, coupler and rocker: the equations of motion with both multipliers, from a speed of the crank."""
+
+    def slopes(q: Any) -> Any:
+        return BARS * [-np.sin(q), np.cos(q)]
+
+    def rates(_: float, z: Any) -> Any:
+        q, speeds = np.split(z, 2)
+        matrix = np.block([[np.diag(INERTIAS), -slopes(q).T], [slopes(q), np.zeros((2, 2))]])
+        bend = BARS * [-np.cos(q), -np.sin(q)] @ speeds**2
+        return np.concatenate([speeds, np.linalg.solve(matrix, np.concatenate([np.zeros(3), -bend]))[:3]])
+
+    others = np.linalg.solve(slopes(angles)[:, 1:], -w * slopes(angles)[:, 0])
+    tight = {"rtol": 1e-12, "atol": 1e-12, "method": "DOP853", "t_eval": times}
+    return solve_ivp(rates, (0, times[-1]), [*angles, w, *others], **tight).y[:3]
+
+
+@pytest.mark.parametrize("speed", [0, 1, 2])
+def test_four_bars_turn_whichever_speed_is_a_state(speed: int) -> None:
+    """Coupler and rocker come to rest on the way, where their speeds do not tell that of the crank."""
+
+    class FourBars(gl.Component):
+        a, b, c = (gl.Variable("1", state="prefer" if k == 0 else "default") for k in range(3))
+        u, v, w = (gl.Variable("1/s", state="prefer" if k == speed else "default") for k in range(3))
+        along, across = gl.Variable("1/s2"), gl.Variable("1/s2")
+
+        def equations(self) -> list[gl.Eq]:
+            angles, speeds = (self.a, self.b, self.c), (self.u, self.v, self.w)
+            bars = list(zip(BARS.tolist(), INERTIAS.tolist(), angles, speeds, strict=True))
+            return [
+                *(gl.Eq(gl.der(angle), rate) for _, _, angle, rate in bars),
+                *(gl.Eq(J * gl.der(w), L * (gl.cos(q) * self.across - gl.sin(q) * self.along)) for L, J, q, w in bars),
+                gl.Eq(sum(L * gl.cos(q) for L, _, q, _ in bars), BASE),
+                gl.Eq(sum(L * gl.sin(q) for L, _, q, _ in bars), 0.0),
+            ]
+
+    others = fsolve(lambda z: [BARS @ np.cos([0.7, *z]) - BASE, BARS @ np.sin([0.7, *z])], [0.8, 1.5], xtol=1e-14)
+    system = gl.compile(FourBars(start={"a": 0.7, "u": 5.0}, guess={"b": others[0], "c": others[1]}))
+    assert set(system.states) == {"a", "uvw"[speed]}
+    times = np.linspace(0.0, 3.0, 61)
+    right = four_bars_by_hand(np.array([0.7, *others]), 5.0, times)
+    for method in ("ida", "rk5", "auto"):
+        result = system.simulate(3.0, times=times, method=method, rtol=1e-9)
+        assert np.abs([result["a"], result["b"], result["c"]] - right).max() < 1e-6, method
 
 
 @pytest.mark.parametrize("method", ["ida", "rk"])

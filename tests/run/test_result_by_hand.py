@@ -244,9 +244,13 @@ def test_rare_samples_are_told(recwarn: pytest.WarningsRecorder) -> None:
         rare.check_sampling("u")
     with pytest.warns(GearlibWarning, match="u is sampled too rarely"):
         rare.check_sampling("u", 0.2, 0.8)
-    often = waves().simulate(1.0, samples=400, method="rk")
+    often = waves().simulate(1.0, samples=700, method="rk")
     assert often.stats["steps"] > 100
+    assert often.stats["steps"] < 700
     often.check_sampling("u")
+    often.check_sampling("u", 0.5, 0.501)  # however few they are
+    with pytest.raises(ArgumentError, match=r"^the interval holds 1 samples"):
+        waves().simulate(1.0, samples=40, method="rk").check_sampling("u", 0.5, 0.52)
     assert not [one for one in recwarn if issubclass(one.category, GearlibWarning)]
 
 

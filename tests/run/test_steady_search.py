@@ -11,7 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.run.start_values import Start
-from gearlib.run.steady import Search, growing, search_steady, steady_changes
+from gearlib.run.steady import Search, _Equations, growing, search_steady, steady_changes
 
 
 class Slip(gl.Component):
@@ -68,6 +68,17 @@ def test_what_is_held_is_not_moved() -> None:
     assert grows.T @ own.movable == pytest.approx(np.zeros((1, 3)), abs=1e-12)
     assert search(grows).movable is not None
     assert search(grows).movable.shape == (6, 5)
+
+
+def test_where_all_is_held_rates_vanish_up_to_their_rounding() -> None:
+    """No state is left to be moved."""
+    own, noise = search(np.zeros((6, 0)), np.eye(6)), np.linspace(1.0, 2.0, 6)
+    assert own.movable.shape == (6, 0)
+    equations = _Equations(own, orthonormal(6, 6))
+    assert equations.hold(0.9 * noise, noise)
+    assert not equations.hold(noise + 0.1 * np.eye(6)[3], noise)
+    assert not equations.change(noise).any()
+    assert not equations.largest_change(noise).any()
 
 
 def test_rates_and_their_derivatives_in_nominal_values() -> None:

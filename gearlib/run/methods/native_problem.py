@@ -105,7 +105,7 @@ def _common(scene: Scene | SceneForm, native: NativeScene) -> Problem:
         known: Problem = native.common[0]
         return known
     form = None if isinstance(scene, Scene) else scene
-    relations, pattern, iterated = scene.relations, native.pattern, (scene if form is None else form.scene).program.iterated
+    relations, pattern, program = scene.relations, native.pattern, (scene if form is None else form.scene).program
     n_roots = int((~relations.on_time).sum()) if relations is not None else 0
     nominal = scene.nominal if len(scene.nominal) else np.ones(1)  # integrators need a state: without one, a constant is added
     problem = Problem(
@@ -117,7 +117,7 @@ def _common(scene: Scene | SceneForm, native: NativeScene) -> Problem:
         discrete=slice(native.shared.relations, native.shared.relations + native.shared.n_discrete),
         state_names=scene.state_names, root_names=scene.root_names, implicit=form is not None and form.implicit,
         series=partial(getattr, scene, "series"),
-        max_steps=MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, may_leave=any(s.constrained for s in iterated),
+        max_steps=MOST_STEPS_CONSTRAINED if program.iterated else MOST_STEPS, may_leave=program.may_need_others,
     )  # fmt: skip
     problem = _with_costs(problem, scene, native, 0, 0)
     native.common[:] = [problem]

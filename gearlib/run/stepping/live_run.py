@@ -65,7 +65,7 @@ class LiveRun:
         self.run, self.signals = run, run.signals
         self._turns, self._wait, self._rival_pace = method is BY_TURNS, 1.0, 0.0  # s of motion per ns of work
         self._method = method if isinstance(method, Method) else Explicit()
-        self._known, self._known_until = np.empty(0), -np.inf
+        self._known, self._known_until, self._reached = np.empty(0), -np.inf, -np.inf
         self.callbacks, self._seen = Callbacks(), 0
         self._begin()
 
@@ -131,8 +131,9 @@ class LiveRun:
             if self.driver.t - self._t < self._rival_pace * self.driver.work:
                 self._wait *= 2.0
                 self._change(Explicit())
+        events = self._time_events(t0, t)
         if not self._new:
-            self.driver.go_on(t, self._time_events(t0, t), run.longest_step)
+            self.driver.go_on(t, events, run.longest_step)
         try:
             with self.callbacks.listening() if any(map(is_function, run.signals)) else nullcontext():
                 status = self._arrive()
@@ -155,14 +156,15 @@ class LiveRun:
         return status
 
     def _time_events(self, t0: float, t: float) -> Floats:
-        """Known event times to step to exactly, computed many advances ahead."""
-        if not self.run.scene.time_switches.timed:
+        """Known event times to step to exactly, computed many advances ahead: those that no advance before has reached."""
+        reached, self._reached = self._reached, _reach(t0, t)
+        if self._new or not self.run.scene.time_switches.timed:
             return self._known
-        same = 2.0 * rounding(t0, t)
         if t > self._known_until:
             self._known_until = t0 + AHEAD * (t - t0)
-            self._known = time_events(replace(self.run, times=np.array([t0, self._known_until])))
-        return np.minimum(self._known[(self._known > t0 + same) & (self._known <= t + same)], t)
+            before = t0 - (t - t0) - 2.0 * rounding(t0, self._known_until)  # none are known next to where a run begins
+            self._known = time_events(replace(self.run, times=np.array([before, self._known_until])))
+        return np.minimum(self._known[(self._known >= reached) & (self._known < self._reached)], t)
 
     def _log(self) -> None:
         """Append the new events."""
@@ -177,3 +179,9 @@ class LiveRun:
     def close(self) -> None:
         """Release the resources of the method."""
         self.driver.close()
+
+
+def _reach(t0: float, t: float) -> float:
+    """Time before which `time_events` of a run from ``t0`` to ``t`` knows what switches: within rounding behind its end."""
+    beyond = t + 2.0 * rounding(t0, t)
+    return beyond - rounding(t0, beyond)

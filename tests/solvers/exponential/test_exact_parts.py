@@ -157,7 +157,8 @@ def test_times_end_where_the_inputs_do(wrong: tuple[float, float]) -> None:
             2.0
         )
     else:
-        with pytest.raises(ArgumentError, match=r"but inputs are known from 0 to 2 s$"):
+        said = rf"^times from {wrong[0]:g} to {wrong[1]:g} s, but inputs are known from 0 to 2 s$"
+        with pytest.raises(ArgumentError, match=said):
             prepare(np.zeros((1, 1)), np.ones((1, 1)), forcing, wrong)
 
 
