@@ -22,7 +22,7 @@ from gearlib.reduce.reduction import confirm
 from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.sampling.controllers import refuse_controllers
 from gearlib.run.scene import Scene, node_name
-from gearlib.run.start_values import fixed_values, start_values
+from gearlib.run.start_values import StartConstraints, fixed_values, start_values
 from gearlib.run.time_switches import Timed, time_switches
 from gearlib.run.translation import Translation, asked_scene
 from gearlib.structure.incidence import Node
@@ -205,17 +205,25 @@ class ExportedModel:
         return found
 
     @cached_property
-    def computed_starts(self) -> frozenset[int] | None:
-        """Parameters that start values depend on, where these are not those of the states themselves; else None."""
+    def start_constraints(self) -> StartConstraints | None:
+        """Equations that start values are computed from, where these are not those of the states themselves; else None."""
         scene = self.scene
         if scene.unfixed is not None:
             return None
-        structure, model = scene.structure, scene.model
+        structure = scene.structure
         place = set(structure.states)
-        fixed = fixed_values(model, self.numbers, {})
-        others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.solved_by]
-        program = build(structure, others, structure.states, dynamic=False)
-        return frozenset([*used_parameters(program), *model.start_slots.tolist()])
+        fixed = fixed_values(scene.model, self.numbers, {})
+        return StartConstraints.of(structure, [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.solved_by])
+
+    @cached_property
+    def computed_starts(self) -> frozenset[int] | None:
+        """Parameters that computed start values depend on; None where there are none."""
+        found = self.start_constraints
+        if found is None:
+            return None
+        rules = [] if found.relations is None else [*found.relations.batches, *found.relations.discretes]
+        used = [used_parameters(p) for p in found.programs] + [set(b.parameters.ravel().tolist()) for b in rules]
+        return frozenset().union(self.model.start_slots.tolist(), *used)
 
     @cached_property
     def own_starts(self) -> tuple[bool, ...]:

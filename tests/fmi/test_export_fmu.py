@@ -325,6 +325,99 @@ def test_directional_derivatives_are_those_of_the_linear_model(
     np.testing.assert_allclose(found, A.T @ seed, rtol=1e-10, atol=1e-10 * np.abs(A).max())
 
 
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_derivatives_are_those_by_states_and_inputs(version: str, tmp_path: Path) -> None:
+    """By hand: a state's own is 1, that of its negative -1; none by parameters and time, and none of event indicators."""
+
+    class Lag(gl.Component):
+        T, limit = gl.Parameter("s", default=0.25), gl.Parameter("1", default=2.0)
+        u, x, y, z = gl.Input("1"), gl.Variable("1", start=1.0), gl.Variable("1"), gl.Variable("1")
+
+        def equations(self) -> list[Any]:
+            over = gl.Piecewise((1.0, self.x > self.limit), (0.0, True))
+            return [
+                gl.Eq(self.T * gl.der(self.x), self.u - self.x - over), gl.Eq(self.y, -self.x), gl.Eq(self.z, 3 * self.u + self.x),
+            ]  # fmt: skip
+
+    path = gl.compile(Lag(), outputs=["x", "y", "z"]).export_fmu(tmp_path / "lag.fmu", version=version)
+    description, folder = fmpy.read_model_description(str(path)), fmpy.extract(str(path), str(tmp_path / "content"))
+    at = {v.name: v.valueReference for v in description.modelVariables}
+    told: list[str] = []
+    fmu = fmpy.instantiate_fmu(folder, description, "CoSimulation", logger=lambda *a: told.append(a[-1].decode()))
+    if version == "2.0":
+        fmu.setupExperiment()
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    unknown, known = [at[n] for n in ("x", "der(x)", "y", "z")], [at["x"], at["u"]]
+    by_hand = np.array([[1.0, 0.0], [-4.0, 4.0], [-1.0, 0.0], [1.0, 3.0]])
+    for seed in ([1.0, 0.0], [0.0, 1.0], [2.0, -3.0]):
+        np.testing.assert_allclose(fmu.getDirectionalDerivative(unknown, known, seed), by_hand @ seed, rtol=1e-12)
+    if version == "3.0":
+        for weights in np.eye(4):
+            found = fmu.getAdjointDerivative(unknown, known, weights.tolist(), nSensitivity=2)
+            np.testing.assert_allclose(found, weights @ by_hand, rtol=1e-12)
+    for others, said in (([at["T"]], "by states and inputs"), ([0], "by states and inputs")):
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            fmu.getDirectionalDerivative(unknown, others, [1.0])
+        assert said in told[-1]
+    if version == "3.0":
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            fmu.getDirectionalDerivative([at["event_indicators[0]"]], known, [1.0, 1.0])
+        assert "event indicators have no derivatives" in told[-1]
+    fmu.terminate()
+    fmu.freeInstance()
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_a_step_begins_where_the_last_one_ended(version: str, tmp_path: Path) -> None:
+    """A step that is to be repeated needs the saved state; without it, it is refused. A reset forgets the start time."""
+
+    class Clock(gl.Component):
+        forth, x = gl.Structural(True), gl.Variable("s", start=0.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), 1.0 if self.forth else -1.0)]
+
+    def log(*arguments: Any) -> None:
+        told.append(arguments[-1].decode())
+
+    made, told = [], list[str]()
+    for name, forth in (("one", True), ("other", False)):
+        path = gl.compile(Clock(forth=forth)).export_fmu(tmp_path / f"{name}.fmu", version=version)
+        description, folder = fmpy.read_model_description(str(path)), fmpy.extract(str(path), str(tmp_path / name))
+        logged = fmpy.instantiate_fmu(folder, description, "CoSimulation", logger=log)
+        made.append((logged, description.modelVariables))
+    (fmu, variables), (other, _) = made
+    x = [next(v.valueReference for v in variables if v.name == "x")]
+    get, suffix = (fmu.getReal, "state") if version == "2.0" else (fmu.getFloat64, "State")
+    if version == "2.0":
+        fmu.setupExperiment(startTime=1.0)
+        fmu.enterInitializationMode()
+    else:
+        fmu.enterInitializationMode(startTime=1.0)
+    fmu.exitInitializationMode()
+    memory = getattr(fmu, f"getFMU{suffix}")()
+    fmu.doStep(1.0, 0.25)
+    for t in (1.0, 1.5, 0.0):
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            fmu.doStep(t, 0.25)
+        assert "but the last one ended at 1.25 s" in told[-1]
+    assert get(x) == pytest.approx([0.25], rel=1e-12)
+    content = getattr(fmu, f"serializeFMU{suffix}")(memory)
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        getattr(other, f"de{'S' if version == '2.0' else 's'}erializeFMU{suffix}")(content)
+    getattr(fmu, f"setFMU{suffix}")(memory)
+    fmu.doStep(1.0, 0.5)
+    assert get(x) == pytest.approx([0.5], rel=1e-12)
+    fmu.reset()
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    fmu.doStep(0.0, 0.25)
+    assert get(x) == pytest.approx([0.25], rel=1e-12)
+    for each in (fmu, other):
+        each.freeInstance()
+
+
 class Shrinking(gl.Component):
     """A condition that compares a huge number before 0.5 s, and one of size one afterwards; it comes true at 0.7 s."""
 

@@ -77,6 +77,7 @@ void reset_instance(Instance *m) {
 
 struct Memory {
     Instance head;
+    char token[40]; /* of this FMU: another one's numbers may be as many */
     double numbers[];
 };
 
@@ -84,6 +85,7 @@ Memory *remember(const Instance *m) {
     Memory *memory = malloc(sizeof *memory + m->n_numbers * sizeof(double));
     if (!memory) return NULL;
     memory->head = *m;
+    strncpy(memory->token, model.token, sizeof memory->token);
     memcpy(memory->numbers, m->numbers, m->n_numbers * sizeof(double));
     return memory;
 }
@@ -122,7 +124,7 @@ Memory *from_bytes(Instance *m, const unsigned char *bytes, size_t size) {
     size_t needed = memory_size(m);
     Memory *memory = size < needed ? NULL : malloc(needed); /* what to_bytes has filled of a larger array, too */
     if (memory) memcpy(memory, bytes, needed);
-    if (memory && memory->head.n_numbers == m->n_numbers) return memory;
+    if (memory && strncmp(memory->token, model.token, sizeof memory->token) == 0) return memory;
     free(memory);
     fail(m, FAILED, "these %lu bytes are no serialized state of this FMU, which takes %lu", (unsigned long)size,
          (unsigned long)needed);
@@ -407,6 +409,11 @@ static int64_t column_of(uint32_t reference) {
     return k >= 0 && k < model.n_equations ? k : -1;
 }
 
+static int is_known(uint32_t reference) {
+    int64_t k = (int64_t)reference - 1 - model.n_parameters;
+    return k >= 0 && k < model.n_inputs + model.n_states;
+}
+
 static int64_t row_of(uint32_t reference, double *sign) {
     int64_t k = (int64_t)reference - 1 - model.n_parameters - model.n_inputs - model.n_states;
     *sign = 1.0;
@@ -425,6 +432,12 @@ int directional(Instance *m, const uint32_t *unknowns, size_t n, const uint32_t 
     if (!m->has_entries && jac(m->t, m->x, m->entries, m->data, INDEX) != 0)
         return fail(m, REFUSED, "the derivatives cannot be computed at t = %.9g s", m->t);
     m->has_entries = 1;
+    for (size_t j = 0; j < k; j++)
+        if (!is_known(knowns[j]))
+            return fail(m, FAILED, "derivatives are those by states and inputs; value reference %u is none", (unsigned)knowns[j]);
+    for (size_t i = 0; i < n; i++)
+        if ((int64_t)unknowns[i] >= model.n_parameters + model.n_inputs + 2 * model.n_states + model.n_outputs + 1)
+            return fail(m, FAILED, "event indicators have no derivatives; value reference %u is one", (unsigned)unknowns[i]);
     if (!(row = calloc((size_t)model.n_observed + 1, sizeof(double)))) return FAILED;
     for (size_t i = 0; i < n && adjoint; i++) {
         double sign;
@@ -442,13 +455,12 @@ int directional(Instance *m, const uint32_t *unknowns, size_t n, const uint32_t 
         }
         if (adjoint) result[j] = sum;
     }
-    for (size_t i = 0; i < n && !adjoint; i++) {
+    for (size_t i = 0; i < n; i++) {
         double sign;
         int64_t r = row_of(unknowns[i], &sign);
-        result[i] = r >= 0 ? sign * row[r] : 0.0;
-        if (r < 0) /* a state that is an output, say */
-            for (size_t j = 0; j < k; j++)
-                if (unknowns[i] == knowns[j]) result[i] = seed[j];
+        if (!adjoint) result[i] = r >= 0 ? sign * row[r] : 0.0;
+        for (size_t j = 0; j < k && r < 0; j++) /* a state that is an output, say */
+            if (unknowns[i] == knowns[j]) result[adjoint ? j : i] += seed[adjoint ? i : j];
     }
     free(row);
     return FINE;

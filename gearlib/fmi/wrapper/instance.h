@@ -58,7 +58,7 @@ void moved(Instance *m);
 int directional(Instance *m, const uint32_t *unknowns, size_t n, const uint32_t *knowns, size_t k, const double *seed,
                 double *result, int adjoint);
 
-int do_step(Instance *m, double to);
+int do_step(Instance *m, double from, double h);
 
 typedef struct Memory Memory;
 Memory *remember(const Instance *m);

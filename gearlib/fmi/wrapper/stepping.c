@@ -182,9 +182,13 @@ static int go(Instance *m, double to, double *reached) {
     return fail(m, FAILED, "too many steps at t = %.9g s", r->origin + r->t);
 }
 
-int do_step(Instance *m, double to) {
+int do_step(Instance *m, double from, double h) {
+    double to = from + h;
     int code = ready(m);
     if (code) return code;
+    if (!(h > 0.0)) return fail(m, FAILED, "a communication step of %g s is not positive", h);
+    if (!(fabs(from - m->t) <= 0.01 * h + 1e-12 * fabs(m->t)))
+        return fail(m, FAILED, "a communication step begins at t = %.12g s, but the last one ended at %.12g s", from, m->t);
     if (!m->step_ready) get_ready(m);
     else point_record(m);
     if (m->extrapolates) {
