@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -79,6 +80,7 @@ class Measured(ABC):
     """One experiment."""
 
     parameters: Mapping[str, float]
+    bounds: Mapping[str, tuple[float, float]] = MappingProxyType({})  # of the free parameters
 
     @abstractmethod
     def series(self, system: Compiled) -> list[MeasuredSeries]:
@@ -190,10 +192,14 @@ class MeasuredHistories(Measured):
         result = self._run(system, free, TIGHT)
         columns: list[list[Floats]] = [[] for _ in self.columns]
         for name, value in free.items():
-            step = STEP * (abs(value) or 1.0)
-            ahead, back = (self._run(system, {**free, name: value + h}, TIGHT) for h in (step, -step))
+            low, high = self.bounds.get(name, (-np.inf, np.inf))
+            step = STEP * (
+                value if low > 0.0 else max(abs(value), min(high - low, 1.0))
+            )  # near zero, a value has no size of its own
+            ends = max(value - step, low), min(value + step, high)
+            back, ahead = (self._run(system, {**free, name: end}, TIGHT) for end in ends)
             for column, n in zip(columns, self.columns, strict=True):
-                column.append((ahead[n] - back[n]) / (2 * step))
+                column.append((ahead[n] - back[n]) / (ends[1] - ends[0]))
         return Prediction(
             self._kept([result[n] for n in self.columns]), self._kept([np.column_stack(c) for c in columns]), reason
         )

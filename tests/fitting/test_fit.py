@@ -574,3 +574,41 @@ def test_a_value_that_tends_to_a_bound_of_zero_is_at_its_bound(growth: float) ->
     assert found["d"] == pytest.approx(max(-2 * growth, 0.0), abs=1e-3)
     assert found.at_bounds == (("d",) if growth > 0 else ())
     assert ("at its bound" in str(found)) == (growth > 0)
+
+
+@pytest.mark.parametrize(("low", "high", "size"), [(-1.0, 1.0, 1.0), (0.0, 1.0, 1.0), (-1e-6, 2e-6, 1e-6), (-1e7, 1e7, 1.0)])
+def test_differences_of_runs_of_a_parameter_near_zero(low: float, high: float, size: float) -> None:
+    """By hand: y = 3 + sin(p / size), dy/dp = cos(p / size) / size, also where p is far below what rounding leaves of y."""
+
+    class Shifted(gl.Component):
+        p, least = gl.Parameter("1", default=0.0), gl.Parameter("1", default=1.0)
+        x, y, second = gl.Variable("1", start=2.0), gl.Variable("1"), gl.Parameter("s", default=1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(self.second * gl.der(self.x), -self.x), gl.Eq(self.y, 3 + gl.sin(self.p / self.least))]
+
+    shifted, time = gl.compile(Shifted()), np.linspace(0.0, 1.0, 5)
+    data = gl.MeasuredHistories({"time": time, "y": 0 * time}, parameters={"least": size})
+    data.bounds = {"p": (low, high)}
+    for p in (0.0, 1e-13 * size, 1e-7 * size, 0.1 * size):
+        (slopes,) = data.predicted(shifted, {"p": p}, False).slopes
+        np.testing.assert_allclose(slopes[:, 0], np.cos(p / size) / size, rtol=1e-5)
+
+
+def test_differences_of_runs_stay_within_the_bounds() -> None:
+    """A spring's damping that is found to be none has no run with a negative one; its standard error is the textbook's."""
+
+    class Untangled(gl.MeasuredHistories):
+        def predicted(self, system: Any, free: Any, exact: bool = True) -> Any:
+            return super().predicted(system, free, False)
+
+    time, noise = np.linspace(0.0, 2.0, 41), np.random.default_rng(3).normal(size=41)
+    train = system()
+    run = train.simulate(2.0, times=time, parameters={"shaft.d": 0.0}, rtol=1e-10, inputs={"torque.tau": 5.0})
+    measured = {"time": time, "load.w": run["load.w"] + 1e-2 * noise}
+    both = [
+        gl.fit(train, kind(measured, inputs={"torque.tau": 5.0}), {"shaft.d": (0.0, 10.0)}, noise=1e-2)
+        for kind in (gl.MeasuredHistories, Untangled)
+    ]
+    assert both[1]["shaft.d"] == pytest.approx(both[0]["shaft.d"], abs=1e-3 * both[0].standard_errors["shaft.d"])
+    assert both[1].standard_errors["shaft.d"] == pytest.approx(both[0].standard_errors["shaft.d"], rel=1e-3)
