@@ -246,6 +246,25 @@ class ExportedModel:
         return start_values(self.scene, self.numbers, self.input_starts, 0.0, {}).states
 
 
+def following_events(program: Program) -> NDArray[np.bool_]:
+    """Which slots follow from the discrete state: an event may change them at once, by whatever its condition depends on."""
+    follows = np.zeros(program.n_slots, bool)
+
+    def rows(batch: Batch) -> NDArray[np.bool_]:
+        known = follows[batch.arguments] & (batch.argument_signs != 0)
+        return np.asarray(known.any(axis=1) | (batch.relations.shape[1] > 0))
+
+    for step in program.steps:
+        match step:
+            case Batch():
+                follows[step.targets] |= rows(step)
+            case Linear():
+                follows[step.unknowns] = follows[step.known].any()
+            case Newton():
+                follows[step.unknowns] = any(rows(batch).any() for batch in (*step.residuals, *step.jacobian))
+    return follows
+
+
 def used_parameters(program: Program) -> set[int]:
     """Entries of the parameter table that a program reads."""
     found: set[int] = set()

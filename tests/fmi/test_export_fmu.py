@@ -161,6 +161,37 @@ def test_description_tells_units_bounds_and_dependencies(version: str, export: C
     assert told < len(states) ** 2, "not simply all of them"
 
 
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_outputs_that_follow_events_do_not_claim_to_depend_on_nothing(version: str, tmp_path: Path) -> None:
+    """An input turns them through a condition; what no event reaches names what it is computed from."""
+
+    class Switched(gl.Component):
+        u, v, second = gl.Input("1"), gl.Input("1"), gl.Parameter("s", default=1.0)
+        x, on, twice, held, turned, summed = gl.Variable("1", start=0.0), *(gl.Variable("1") for _ in range(5))
+        loop_a, loop_b, mode = gl.Variable("1"), gl.Variable("1"), gl.Discrete()
+
+        def equations(self) -> list[Any]:
+            return [
+                gl.Eq(self.second * gl.der(self.x), self.v - self.x),
+                gl.Eq(self.on, gl.Piecewise((1.0, self.u > 0.5), (0.0, True))),
+                gl.Eq(self.twice, 2 * self.on),
+                gl.Eq(self.mode, self.u > 0.2),
+                gl.Eq(self.held, 3.0 * self.mode),
+                gl.Eq(self.turned, gl.Piecewise((self.x, self.u > 0.5), (-self.x, True))),
+                gl.Eq(self.summed, self.x + self.v),
+                gl.Eq(self.loop_a + self.loop_b, self.twice),
+                gl.Eq(self.loop_a - 2 * self.loop_b, self.x),
+            ]
+
+    outputs = ["on", "twice", "held", "turned", "summed", "mode", "loop_a"]
+    path = gl.compile(Switched(), outputs=outputs).export_fmu(tmp_path / "switched.fmu", version=version)
+    found = {
+        o.variable.name: None if o.dependencies is None else {d.name for d in o.dependencies}
+        for o in fmpy.read_model_description(str(path)).outputs
+    }
+    assert found == {**dict.fromkeys(outputs), "summed": {"x", "v"}}
+
+
 def test_archive_holds_no_python(export: Callable[..., Exported]) -> None:
     with zipfile.ZipFile(export("xp").path) as archive:
         names = archive.namelist()
