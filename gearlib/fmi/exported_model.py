@@ -20,6 +20,7 @@ from gearlib.program.relations import Relations, jumps_below, relations_of
 from gearlib.reduce.coefficients import some
 from gearlib.reduce.reduction import confirm
 from gearlib.run.refusals.jumps import refuse_jumps
+from gearlib.run.refusals.limits import bounded_variables, warn_of_unchecked
 from gearlib.run.sampling.controllers import refuse_controllers
 from gearlib.run.scene import Scene, node_name
 from gearlib.run.start_values import StartConstraints, fixed_values, start_values
@@ -91,9 +92,14 @@ class ExportedModel:
 
     @cached_property
     def nodes(self) -> tuple[Node, ...]:
-        """The nodes computed for the outputs: all that are neither discrete nor identically zero."""
+        """The nodes computed for the outputs, which are neither discrete nor identically zero, and those that have a minimum."""
         found = [self._node(name) for name in self.names if name not in self.model.discretes]
-        return tuple(dict.fromkeys(node for node, sign in found if sign))
+        return tuple(dict.fromkeys([*(node for node, sign in found if sign), *(node for _, _, node in self.bounded)]))
+
+    @cached_property
+    def bounded(self) -> tuple[tuple[int, float, Node], ...]:
+        """Variables with a declared minimum, which the FMU checks at the start and after each step."""
+        return tuple(bounded_variables(self.scene))
 
     def _node(self, name: str) -> tuple[Node, int]:
         return self.scene.structure.named(name, "output", ("cannot be an output", "can"))
@@ -352,6 +358,7 @@ def _inputs(translation: Translation, inputs: Any) -> tuple[tuple[int, ...], Flo
 def _refuse(found: ExportedModel, stop_time: float) -> None:
     """Raise an error for anything that an FMU cannot contain."""
     scene, name = found.scene, found.translation.name
+    warn_of_unchecked(scene.structure)
     for step in (*scene.program.steps, *found.observed.steps):
         if isinstance(step, Linear) and len(step.unknowns) > MOST_DENSE:
             raise ArgumentError(

@@ -449,6 +449,57 @@ def test_a_step_begins_where_the_last_one_ended(version: str, tmp_path: Path) ->
         each.freeInstance()
 
 
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+def test_what_falls_below_its_least_value_is_refused_as_in_a_run(version: str, kind: str, tmp_path: Path) -> None:
+    """A tank that runs empty, started with 0.5: at the start where it is given less than nothing, later where it has run out."""
+
+    class Tank(gl.Component):
+        x, empty, second = gl.Variable("m", start=0.5), gl.Variable("m"), gl.Parameter("s", default=1.0)
+        level, speed = gl.Variable("m", "level", min=0), gl.Parameter("m/s", default=0.4)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), -self.speed), gl.Eq(self.level, -self.empty), gl.Eq(self.empty, -2 * self.x)]
+
+    path = gl.compile(Tank(), outputs=["x"]).export_fmu(tmp_path / "tank.fmu", version=version)
+    told: list[str] = []
+
+    def until(stop_time: float, **start: float) -> float:
+        options: dict[str, Any] = {"start_values": start, "logger": lambda *a: told.append(a[-1].decode()), "solver": "CVode"}
+        return float(fmpy.simulate_fmu(str(path), fmi_type=kind, stop_time=stop_time, output_interval=0.1, **options)["x"][-1])
+
+    assert until(1.2) == pytest.approx(0.5 - 0.4 * 1.2)
+    assert until(1.5, x=0.6) == pytest.approx(0.0, abs=1e-6)
+    assert told == []
+    for stop_time, start, said in ((1.0, -1e-3, "-0.002 at t = 0 s"), (2.0, 0.5, "-0.04 at t = 1.3 s")):
+        with pytest.raises(Exception, match="failed with status"):
+            until(stop_time, x=start)
+        assert re.match(r"level is -\S+ at t = \S+ s, but it cannot be below 0$", told[-1]), told
+        assert kind == "ModelExchange" or said in told[-1]
+
+
+def test_a_freewheel_that_is_overtaken_is_refused_where_its_fmu_begins(tmp_path: Path) -> None:
+    class Overtaken(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.fast, self.slow = gp.Inertia(J=1.0, start={"w": 1.0}), gp.Inertia(J=1.0, start={"w": 0.0})
+            self.freewheel = gp.OneWayClutch(fn_max=100.0, f_normalized=0.0)
+            return [
+                gl.connect(self.fast.flange_b, self.freewheel.flange_a),
+                gl.connect(self.freewheel.flange_b, self.slow.flange_a),
+            ]
+
+    (tmp_path / "content").mkdir()
+    one = FmuInstance(gl.compile(Overtaken()).export_fmu(tmp_path / "overtaken.fmu"), tmp_path / "content")
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        one.begin()
+    assert one.messages == ["freewheel.w_rel is -1 at t = 0 s, but it cannot be below 0"]
+    one.fmu.reset()
+    one.begin(**{"fast.w": -1.0})
+    one.go(0.1)
+    assert one.get("fast.w", "slow.w") == pytest.approx([-1.0, 0.0])
+    one.close()
+
+
 class Shrinking(gl.Component):
     """A condition that compares a huge number before 0.5 s, and one of size one afterwards; it comes true at 0.7 s."""
 

@@ -83,9 +83,7 @@ EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
 }
 
 EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
-    int code = ready(M);
-    M->mode = M->stepping ? STEPPING : EVENT;
-    return status(code);
+    return status(leave_initialisation(M));
 }
 
 EXPORT fmi2Status fmi2Terminate(fmi2Component c) {
@@ -187,8 +185,7 @@ EXPORT fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
 EXPORT fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean no_return, fmi2Boolean *event, fmi2Boolean *terminate) {
     (void)no_return;
     *event = *terminate = fmi2False;
-    after_step(M);
-    return fmi2OK;
+    return status(after_step(M));
 }
 
 EXPORT fmi2Status fmi2SetTime(fmi2Component c, fmi2Real t) {

@@ -226,6 +226,27 @@ static int take_observed(Instance *m) {
     return FINE;
 }
 
+/* The equations rely on least values: beyond them they go on without a word, as a freewheel that is overtaken. */
+int check_bounds(Instance *m, double share) {
+    int code = model.n_bounds ? take_observed(m) : FINE;
+    for (int64_t i = 0; i < model.n_bounds && !code; i++) {
+        double value = model.bound_signs[i] * m->observed[model.bound_slots[i]], size = fmax(model.bound_sizes[i], fabs(value));
+        for (int64_t k = model.bound_from[i]; k < model.bound_from[i + 1]; k++)
+            size = fmax(size, fabs(m->x[model.bound_states[k]]));
+        if (value < model.bound_least[i] - share * size)
+            code = fail(m, FAILED, "%s is %.9g at t = %.9g s, but it cannot be below %g", model.bound_names[i], value, m->t,
+                        model.bound_least[i]);
+    }
+    return code;
+}
+
+int leave_initialisation(Instance *m) {
+    int code = ready(m);
+    if (!code) code = check_bounds(m, 1e-8);
+    m->mode = m->stepping ? STEPPING : EVENT;
+    return code;
+}
+
 static int take_g(Instance *m) {
     int code = ready(m);
     if (code || !model.n_indicators) return code;
@@ -468,10 +489,12 @@ int directional(Instance *m, const uint32_t *unknowns, size_t n, const uint32_t 
 
 /* ------------------------------------------------------------ events */
 
-void after_step(Instance *m) {
-    if (take_g(m)) return;
+int after_step(Instance *m) {
+    int code = take_g(m);
+    if (code) return code;
     for (int64_t i = 0; i < model.n_indicators; i++)
         if (fabs(m->g[i]) > m->scale[i]) m->scale[i] = fabs(m->g[i]);
+    return check_bounds(m, 1e-4); /* the importing tool's tolerance is its own */
 }
 
 int handle_events(Instance *m, int *states_changed, double *next) {

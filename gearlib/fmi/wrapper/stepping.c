@@ -209,5 +209,5 @@ int do_step(Instance *m, double from, double h) {
     memset(m->slopes, 0, (size_t)(model.all_inputs + 1) * sizeof(double)); /* of this step only */
     m->extrapolates = 0;
     moved(m);
-    return FINE;
+    return check_bounds(m, 10.0 * m->tolerance);
 }
