@@ -232,7 +232,7 @@ class MeasuredAtPoint(Measured):
     at: Any
 
     @abstractmethod
-    def at_point(self, system: Compiled, at: Any, parameters: Mapping[str, float], free: Sequence[str]) -> Prediction:
+    def _at_point(self, system: Compiled, at: Any, parameters: Mapping[str, float], free: Sequence[str]) -> Prediction:
         """Predictions, with derivatives with respect to some of the parameters."""
 
     def predicted(self, system: Compiled, free: Mapping[str, float], exact: bool = True) -> Prediction:
@@ -240,7 +240,7 @@ class MeasuredAtPoint(Measured):
         given, begins = {**self.parameters, **parameters}, isinstance(self.at, Mapping) or self.at is None
 
         def at_start(moved: Mapping[str, float], names: Sequence[str]) -> Prediction:
-            return self.at_point(system, {**(self.at or {}), **moved} if begins and moved else self.at, given, names)
+            return self._at_point(system, {**(self.at or {}), **moved} if begins and moved else self.at, given, names)
 
         found = at_start(starts, list(parameters))
         columns = {name: [slopes[:, k] for slopes in found.slopes] for k, name in enumerate(parameters)}
@@ -294,7 +294,7 @@ class MeasuredResponse(MeasuredAtPoint):
         name = f"{self.output} to {self.input}"
         return [MeasuredSeries(name, unit, self.omega / (2 * np.pi), "frequency, Hz", self.values, self.noise)]
 
-    def at_point(self, system: Compiled, at: Any, parameters: Mapping[str, float], free: Sequence[str]) -> Prediction:
+    def _at_point(self, system: Compiled, at: Any, parameters: Mapping[str, float], free: Sequence[str]) -> Prediction:
         found = frequency_response(system, self.omega, [self.input], [self.output], at=at, parameters=parameters)
         slopes = found.sensitivities(list(free))[:, 0, 0].T if free else np.empty((len(self.omega), 0), complex)
         return Prediction([found.values[0, 0]], [as_real(slopes)])
@@ -347,7 +347,7 @@ class MeasuredModes(MeasuredAtPoint):
             for n, v in self.measured.items()
         ]
 
-    def at_point(self, system: Compiled, at: Any, parameters: Mapping[str, float], free: Sequence[str]) -> Prediction:
+    def _at_point(self, system: Compiled, at: Any, parameters: Mapping[str, float], free: Sequence[str]) -> Prediction:
         found = modes(system, at=at, parameters=parameters)
         chosen, count = found.free + self.numbers, len(found) - found.free
         if self.numbers.max() >= count:
@@ -397,7 +397,7 @@ class MeasuredMargins(MeasuredAtPoint):
             MeasuredSeries(n, units[n], np.zeros(1), "", np.array([v]), self.noise.get(n)) for n, v in self.measured.items()
         ]
 
-    def at_point(self, system: Compiled, at: Any, parameters: Mapping[str, float], free: Sequence[str]) -> Prediction:
+    def _at_point(self, system: Compiled, at: Any, parameters: Mapping[str, float], free: Sequence[str]) -> Prediction:
         found = stability(system, self.loop, gain=self.gain, at=at, parameters=parameters)
         assert found.loop is not None, "one was chosen"
         margins, slopes = found.loop.margins, [found.sensitivity(p) for p in free]

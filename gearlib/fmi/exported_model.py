@@ -23,6 +23,7 @@ from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.refusals.limits import bounded_variables, warn_of_unchecked
 from gearlib.run.sampling.controllers import refuse_controllers
 from gearlib.run.scene import Scene, node_name
+from gearlib.run.simulate import warn_of_zero_inputs
 from gearlib.run.start_values import StartConstraints, fixed_values, start_values
 from gearlib.run.time_switches import Timed, time_switches
 from gearlib.run.translation import Translation, asked_scene
@@ -319,6 +320,8 @@ def exported_model(
         names = tuple(name_list("outputs", outputs, "load.w"))
         scene = asked_scene(structure, names)
     chosen, starts = _inputs(translation, inputs)
+    left = tuple(name for k, name in enumerate(translation.inputs) if k not in chosen)
+    warn_of_zero_inputs(translation, left, "the FMU", "export_fmu")
     given = [n for n in names if n in translation.inputs]
     if given:
         raise ArgumentError(f"{given[0]} is an input of the FMU, so it cannot be an output; leave it out of outputs")

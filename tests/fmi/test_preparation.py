@@ -272,7 +272,9 @@ def test_start_values_that_follow_from_inputs_and_time_hold_for_those_alone(tmp_
             return [gl.connect(self.torque.flange, self.body.flange_a)]
 
     (tmp_path / "content").mkdir()
-    path = gl.compile(Both(), outputs=["loaded.w", "body.w"]).export_fmu(tmp_path / "loaded.fmu", inputs={"loaded.tau": 3.0})
+    path = gl.compile(Both(), outputs=["loaded.w", "body.w"]).export_fmu(
+        tmp_path / "loaded.fmu", inputs={"loaded.tau": 3.0, "torque.tau": 0.0}
+    )
     one = FmuInstance(path, tmp_path / "content")
     kinds = {v.name: v.variability for v in one.description.modelVariables}
     names = [f"loaded.{n}" for n in ("c", "d", "least", "jump", "second")]
