@@ -478,6 +478,25 @@ def test_what_falls_below_its_least_value_is_refused_as_in_a_run(version: str, k
         assert kind == "ModelExchange" or said in told[-1]
 
 
+@pytest.mark.parametrize("stop_time", [1.0, 1e6, 1e10])
+def test_events_are_as_sharp_in_a_run_without_an_end(stop_time: float, tmp_path: Path) -> None:
+    """By hand: x' is 1 up to just behind a communication point, then 3. Importers give huge stop times, where they do not know when the user ends the run."""
+
+    class Faster(gl.Component):
+        x, second = gl.Variable("1", start=0.0), gl.Parameter("s", default=1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(self.second * gl.der(self.x), gl.Piecewise((1.0, self.x < 0.3000005), (3.0, True)))]
+
+    (tmp_path / "content").mkdir()
+    one = FmuInstance(gl.compile(Faster()).export_fmu(tmp_path / "faster.fmu"), tmp_path / "content")
+    one.fmu.enterInitializationMode(tolerance=1e-8, startTime=0.0, stopTime=stop_time)
+    one.fmu.exitInitializationMode()
+    one.go(1.0, 10)
+    assert one.get("x") == pytest.approx([0.3000005 + 3 * 0.6999995], rel=1e-10)
+    one.close()
+
+
 def test_a_freewheel_that_is_overtaken_is_refused_where_its_fmu_begins(tmp_path: Path) -> None:
     class Overtaken(gl.Component):
         def assemble(self) -> list[Any]:
