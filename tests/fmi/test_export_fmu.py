@@ -480,7 +480,7 @@ def test_what_falls_below_its_least_value_is_refused_as_in_a_run(version: str, k
 
 @pytest.mark.parametrize("stop_time", [1.0, 1e6, 1e10])
 def test_events_are_as_sharp_in_a_run_without_an_end(stop_time: float, tmp_path: Path) -> None:
-    """By hand: x' is 1 up to just behind a communication point, then 3. Importers give huge stop times, where they do not know when the user ends the run."""
+    """By hand: x' is 1 up to just behind a communication point, then 3. Importers give huge stop times where they know of no end."""
 
     class Faster(gl.Component):
         x, second = gl.Variable("1", start=0.0), gl.Parameter("s", default=1.0)
