@@ -247,6 +247,9 @@ class MeasuredAtPoint(Measured):
         for name, value in free.items():
             if name in columns:
                 continue
+            if not begins:
+                columns[name] = [np.zeros(len(as_real(v))) for v in found.values]
+                continue
             ends = self.ends(name, value)
             back, ahead = (at_start({**starts, str(start_named(name)): end}, ()).values for end in ends)
             columns[name] = [as_real(a - b) / (ends[1] - ends[0]) for a, b in zip(ahead, back, strict=True)]
