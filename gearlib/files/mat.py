@@ -99,10 +99,10 @@ def _foreign(found: dict[str, Any], samples: Floats, path: Path) -> Record:
             raise damaged(path, f"{name} is column {at} of the {sizes[of]} of data_{of}")
     moving = [i for i in range(1, len(names)) if block[i] == 2]  # the first is the time
     held = {names[i]: float(np.sign(column[i]) * constants[abs(column[i]) - 1]) for i in range(len(names)) if block[i] == 1}
-    parts = [texts[i].rpartition(" [") if texts[i].endswith("]") else (texts[i], "", "]") for i in moving]
+    parts = [texts[i].rpartition("[") if texts[i].endswith("]") else (texts[i], "", "]") for i in moving]
     used, columns = np.unique(np.abs(column[moving]), return_inverse=True)
     return Record(
         samples[:, 0].copy(), np.ascontiguousarray(samples[:, used - 1]), tuple(names[i] for i in moving), tuple(columns.tolist()),
         tuple(np.sign(column[moving]).tolist()), tuple(unit[:-1].partition("|")[0] for _, _, unit in parts),
-        tuple(text for text, _, _ in parts), parameters=held,
+        tuple(text.rstrip() for text, _, _ in parts), parameters=held,
     )  # fmt: skip

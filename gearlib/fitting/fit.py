@@ -117,6 +117,8 @@ def fit(
     common = by_name("parameters", parameters, "a mapping of paths to numbers")
     experiments = _experiments(data, common)
     ranges = ranges_of(translation, free, experiments)
+    for experiment in experiments:
+        experiment.bounds = {r.name: (r.low, r.high) for r in ranges}
     series = [s for e in experiments for s in e.series(system)]
     given = checked_noise(noise, list(dict.fromkeys(s.name for s in series))) if noise is not None else {}
     sizes, known = residual_sizes(series, given)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -79,6 +80,13 @@ class Measured(ABC):
     """One experiment."""
 
     parameters: Mapping[str, float]
+    bounds: Mapping[str, tuple[float, float]] = MappingProxyType({})  # of the free parameters
+
+    def ends(self, name: str, value: float) -> tuple[float, float]:
+        """Values of a free parameter for a central difference, within its bounds; near zero, a value has no size of its own."""
+        low, high = self.bounds.get(name, (-np.inf, np.inf))
+        step = STEP * (value if low > 0.0 else max(abs(value), min(high - low, 1.0)))
+        return max(value - step, low), min(value + step, high)
 
     @abstractmethod
     def series(self, system: Compiled) -> list[MeasuredSeries]:
@@ -190,10 +198,14 @@ class MeasuredHistories(Measured):
         result = self._run(system, free, TIGHT)
         columns: list[list[Floats]] = [[] for _ in self.columns]
         for name, value in free.items():
-            step = STEP * (abs(value) or 1.0)
-            ahead, back = (self._run(system, {**free, name: value + h}, TIGHT) for h in (step, -step))
+            low, high = self.bounds.get(name, (-np.inf, np.inf))
+            step = STEP * (
+                value if low > 0.0 else max(abs(value), min(high - low, 1.0))
+            )  # near zero, a value has no size of its own
+            ends = max(value - step, low), min(value + step, high)
+            back, ahead = (self._run(system, {**free, name: end}, TIGHT) for end in ends)
             for column, n in zip(columns, self.columns, strict=True):
-                column.append((ahead[n] - back[n]) / (2 * step))
+                column.append((ahead[n] - back[n]) / (ends[1] - ends[0]))
         return Prediction(
             self._kept([result[n] for n in self.columns]), self._kept([np.column_stack(c) for c in columns]), reason
         )
@@ -214,7 +226,39 @@ class MeasuredHistories(Measured):
         return run(translation, request)
 
 
-class MeasuredResponse(Measured):
+class MeasuredAtPoint(Measured):
+    """Measurements of a linear model at an operating point, which free start values move."""
+
+    at: Any
+
+    @abstractmethod
+    def _at_point(self, system: Compiled, at: Any, parameters: Mapping[str, float], free: Sequence[str]) -> Prediction:
+        """Predictions, with derivatives with respect to some of the parameters."""
+
+    def predicted(self, system: Compiled, free: Mapping[str, float], exact: bool = True) -> Prediction:
+        parameters, starts = split(free)
+        given, begins = {**self.parameters, **parameters}, isinstance(self.at, Mapping) or self.at is None
+
+        def at_start(moved: Mapping[str, float], names: Sequence[str]) -> Prediction:
+            return self._at_point(system, {**(self.at or {}), **moved} if begins and moved else self.at, given, names)
+
+        found = at_start(starts, list(parameters))
+        columns = {name: [slopes[:, k] for slopes in found.slopes] for k, name in enumerate(parameters)}
+        for name, value in free.items():
+            if name in columns:
+                continue
+            if not begins:
+                columns[name] = [np.zeros(len(as_real(v))) for v in found.values]
+                continue
+            ends = self.ends(name, value)
+            back, ahead = (at_start({**starts, str(start_named(name)): end}, ()).values for end in ends)
+            columns[name] = [as_real(a - b) / (ends[1] - ends[0]) for a, b in zip(ahead, back, strict=True)]
+        return Prediction(
+            found.values, [np.column_stack([columns[n][k] for n in free]) for k in range(len(found.values))], found.approximate
+        )
+
+
+class MeasuredResponse(MeasuredAtPoint):
     """A measured frequency response from one input to one output.
 
     Parameters
@@ -253,16 +297,13 @@ class MeasuredResponse(Measured):
         name = f"{self.output} to {self.input}"
         return [MeasuredSeries(name, unit, self.omega / (2 * np.pi), "frequency, Hz", self.values, self.noise)]
 
-    def predicted(self, system: Compiled, free: Mapping[str, float], exact: bool = True) -> Prediction:
-        given = {**self.parameters, **split(free)[0]}
-        found = frequency_response(system, self.omega, [self.input], [self.output], at=self.at, parameters=given)
-        known = [name for name in free if name in given]
-        slopes = dict(zip(known, found.sensitivities(known)[:, 0, 0] if known else [], strict=True))
-        none = np.zeros(len(self.omega), complex)
-        return Prediction([found.values[0, 0]], [as_real(np.column_stack([slopes.get(name, none) for name in free]))])
+    def _at_point(self, system: Compiled, at: Any, parameters: Mapping[str, float], free: Sequence[str]) -> Prediction:
+        found = frequency_response(system, self.omega, [self.input], [self.output], at=at, parameters=parameters)
+        slopes = found.sensitivities(list(free))[:, 0, 0].T if free else np.empty((len(self.omega), 0), complex)
+        return Prediction([found.values[0, 0]], [as_real(slopes)])
 
 
-class MeasuredModes(Measured):
+class MeasuredModes(MeasuredAtPoint):
     """Measured natural frequencies and damping ratios.
 
     Parameters
@@ -309,21 +350,19 @@ class MeasuredModes(Measured):
             for n, v in self.measured.items()
         ]
 
-    def predicted(self, system: Compiled, free: Mapping[str, float], exact: bool = True) -> Prediction:
-        given = {**self.parameters, **split(free)[0]}
-        found = modes(system, at=self.at, parameters=given)
+    def _at_point(self, system: Compiled, at: Any, parameters: Mapping[str, float], free: Sequence[str]) -> Prediction:
+        found = modes(system, at=at, parameters=parameters)
         chosen, count = found.free + self.numbers, len(found) - found.free
         if self.numbers.max() >= count:
             raise ArgumentError(f"numbers names mode {self.numbers.max()}; the system has {count} that vibrate")
-        slopes = {name: found.sensitivity(name) for name in free if name in given}
-        none = np.zeros(len(chosen))
+        slopes = [found.sensitivity(name) for name in free]
         return Prediction(
             [getattr(found, n)[chosen] for n in self.measured],
-            [np.column_stack([getattr(slopes[p], n)[chosen] if p in slopes else none for p in free]) for n in self.measured],
-        )  # fmt: skip
+            [np.array([getattr(s, n)[chosen] for s in slopes]).reshape(len(free), len(chosen)).T for n in self.measured],
+        )
 
 
-class MeasuredMargins(Measured):
+class MeasuredMargins(MeasuredAtPoint):
     """Measured or specified stability margins of a loop.
 
     Parameters
@@ -361,18 +400,17 @@ class MeasuredMargins(Measured):
             MeasuredSeries(n, units[n], np.zeros(1), "", np.array([v]), self.noise.get(n)) for n, v in self.measured.items()
         ]
 
-    def predicted(self, system: Compiled, free: Mapping[str, float], exact: bool = True) -> Prediction:
-        given = {**self.parameters, **split(free)[0]}
-        found = stability(system, self.loop, gain=self.gain, at=self.at, parameters=given)
+    def _at_point(self, system: Compiled, at: Any, parameters: Mapping[str, float], free: Sequence[str]) -> Prediction:
+        found = stability(system, self.loop, gain=self.gain, at=at, parameters=parameters)
         assert found.loop is not None, "one was chosen"
-        margins, slopes = found.loop.margins, {p: found.sensitivity(p) for p in free if p in given}
+        margins, slopes = found.loop.margins, [found.sensitivity(p) for p in free]
         values, rows = [], []
         for name in self.measured:
             own = getattr(margins, name)
             if not np.isfinite(own):
-                raise ArgumentError(f"the loop {self.loop[0]} -> {self.loop[1]} has no {name} with {given}: it is {own}")
+                raise ArgumentError(f"the loop {self.loop[0]} -> {self.loop[1]} has no {name} with {parameters}: it is {own}")
             values.append(np.array([own]))
             plain = name.removesuffix("_db")
             per = 20 / np.log(10) / margins.gain_margin if plain != name else 1.0
-            rows.append(np.array([[per * getattr(slopes[p], plain) if p in slopes else 0.0 for p in free]]))
+            rows.append(np.array([[per * getattr(s, plain) for s in slopes]]))
         return Prediction(values, rows)

@@ -20,9 +20,11 @@ from gearlib.program.relations import Relations, jumps_below, relations_of
 from gearlib.reduce.coefficients import some
 from gearlib.reduce.reduction import confirm
 from gearlib.run.refusals.jumps import refuse_jumps
+from gearlib.run.refusals.limits import bounded_variables, warn_of_unchecked
 from gearlib.run.sampling.controllers import refuse_controllers
 from gearlib.run.scene import Scene, node_name
-from gearlib.run.start_values import fixed_values, start_values
+from gearlib.run.simulate import warn_of_zero_inputs
+from gearlib.run.start_values import StartConstraints, fixed_values, start_values
 from gearlib.run.time_switches import Timed, time_switches
 from gearlib.run.translation import Translation, asked_scene
 from gearlib.structure.incidence import Node
@@ -91,9 +93,14 @@ class ExportedModel:
 
     @cached_property
     def nodes(self) -> tuple[Node, ...]:
-        """The nodes computed for the outputs: all that are neither discrete nor identically zero."""
+        """The nodes computed for the outputs, which are neither discrete nor identically zero, and those that have a minimum."""
         found = [self._node(name) for name in self.names if name not in self.model.discretes]
-        return tuple(dict.fromkeys(node for node, sign in found if sign))
+        return tuple(dict.fromkeys([*(node for node, sign in found if sign), *(node for _, _, node in self.bounded)]))
+
+    @cached_property
+    def bounded(self) -> tuple[tuple[int, float, Node], ...]:
+        """Variables with a declared minimum, which the FMU checks at the start and after each step."""
+        return tuple(bounded_variables(self.scene))
 
     def _node(self, name: str) -> tuple[Node, int]:
         return self.scene.structure.named(name, "output", ("cannot be an output", "can"))
@@ -205,17 +212,25 @@ class ExportedModel:
         return found
 
     @cached_property
-    def computed_starts(self) -> frozenset[int] | None:
-        """Parameters that start values depend on, where these are not those of the states themselves; else None."""
+    def start_constraints(self) -> StartConstraints | None:
+        """Equations that start values are computed from, where these are not those of the states themselves; else None."""
         scene = self.scene
         if scene.unfixed is not None:
             return None
-        structure, model = scene.structure, scene.model
+        structure = scene.structure
         place = set(structure.states)
-        fixed = fixed_values(model, self.numbers, {})
-        others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.solved_by]
-        program = build(structure, others, structure.states, dynamic=False)
-        return frozenset([*used_parameters(program), *model.start_slots.tolist()])
+        fixed = fixed_values(scene.model, self.numbers, {})
+        return StartConstraints.of(structure, [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.solved_by])
+
+    @cached_property
+    def computed_starts(self) -> frozenset[int] | None:
+        """Parameters that computed start values depend on; None where there are none."""
+        found = self.start_constraints
+        if found is None:
+            return None
+        rules = [] if found.relations is None else [*found.relations.batches, *found.relations.discretes]
+        used = [used_parameters(p) for p in found.programs] + [set(b.parameters.ravel().tolist()) for b in rules]
+        return frozenset().union(self.model.start_slots.tolist(), *used)
 
     @cached_property
     def own_starts(self) -> tuple[bool, ...]:
@@ -236,6 +251,25 @@ class ExportedModel:
     def start(self) -> Floats:
         """The states at the start for the default parameters."""
         return start_values(self.scene, self.numbers, self.input_starts, 0.0, {}).states
+
+
+def following_events(program: Program) -> NDArray[np.bool_]:
+    """Which slots follow from the discrete state: an event may change them at once, by whatever its condition depends on."""
+    follows = np.zeros(program.n_slots, bool)
+
+    def rows(batch: Batch) -> NDArray[np.bool_]:
+        known = follows[batch.arguments] & (batch.argument_signs != 0)
+        return np.asarray(known.any(axis=1) | (batch.relations.shape[1] > 0))
+
+    for step in program.steps:
+        match step:
+            case Batch():
+                follows[step.targets] |= rows(step)
+            case Linear():
+                follows[step.unknowns] = follows[step.known].any()
+            case Newton():
+                follows[step.unknowns] = any(rows(batch).any() for batch in (*step.residuals, *step.jacobian))
+    return follows
 
 
 def used_parameters(program: Program) -> set[int]:
@@ -286,6 +320,8 @@ def exported_model(
         names = tuple(name_list("outputs", outputs, "load.w"))
         scene = asked_scene(structure, names)
     chosen, starts = _inputs(translation, inputs)
+    left = tuple(name for k, name in enumerate(translation.inputs) if k not in chosen)
+    warn_of_zero_inputs(translation, left, "the FMU", "export_fmu")
     given = [n for n in names if n in translation.inputs]
     if given:
         raise ArgumentError(f"{given[0]} is an input of the FMU, so it cannot be an output; leave it out of outputs")
@@ -325,6 +361,7 @@ def _inputs(translation: Translation, inputs: Any) -> tuple[tuple[int, ...], Flo
 def _refuse(found: ExportedModel, stop_time: float) -> None:
     """Raise an error for anything that an FMU cannot contain."""
     scene, name = found.scene, found.translation.name
+    warn_of_unchecked(scene.structure)
     for step in (*scene.program.steps, *found.observed.steps):
         if isinstance(step, Linear) and len(step.unknowns) > MOST_DENSE:
             raise ArgumentError(

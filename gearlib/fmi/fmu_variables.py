@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from gearlib.equations.template import parse_column
-from gearlib.fmi.exported_model import ExportedModel
+from gearlib.fmi.exported_model import ExportedModel, following_events
 from gearlib.language.declarations import Parameter, Variable
 from gearlib.run.scene import node_name
 
@@ -60,7 +60,7 @@ class FmuVariables:
     inputs : tuple of int
     indicators : tuple of int
     observed : mapping of int to int
-        For each derivative and output: its row in the sparsity pattern of the derivatives, if it has one.
+        For each derivative and output: its row in the sparsity pattern of the derivatives, if that tells all that it depends on.
     columns : tuple of int
         Value references of the pattern's columns.
     """
@@ -92,13 +92,14 @@ def fmu_variables(exported: ExportedModel, n_indicators: int) -> FmuVariables:
     observed = {reference: i for i, reference in enumerate(derivatives)} if exported.scene.states else {}
     at += 2 * count
     outputs = [v.reference for v in found if v.causality == "output"]
+    switched = following_events(exported.observed)
     for k, output in enumerate(exported.outputs):
         of = (exported.model.declaration(output.variable) if output.variable >= 0 else None) or Variable()
         kind = "continuous" if output.discrete < 0 else "discrete"
         unit, text = differentiated_unit(of.unit, output.order), _described(of.description, output.order)
         found.append(FmuVariable(_spelled(output.name), at + k, "output", kind, "calculated", unit, text))
         outputs.append(at + k)
-        if output.slot >= 0:
+        if output.slot >= 0 and not switched[exported.observed.output_slots[output.slot]]:
             observed[at + k] = output.slot
     at += len(exported.outputs)
     indicators = tuple(range(at, at + n_indicators))

@@ -112,7 +112,7 @@ def model_source(exported: ExportedModel) -> ModelSource:
     checks: list[str] = []
     body, end = preparation_body(exported, parts, end, checks)
     add(PREPARE, body)
-    add(BEGIN, begin_body(exported, parts, checks))
+    add(BEGIN, begin_body(exported, parts, shared.inputs, checks))
     add(NEXT_TIME, next_time_body(exported))
 
     packed: list[Integers] = []

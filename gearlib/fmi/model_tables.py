@@ -11,6 +11,7 @@ import numpy as np
 from gearlib.compiler.small_language import fields_of
 from gearlib.fmi.exported_model import ExportedModel
 from gearlib.fmi.model_source import ModelSource
+from gearlib.run.refusals.limits import states_below
 from gearlib.run.scene import relation_names
 from gearlib.solvers.rungekutta.record import LoopRecord
 
@@ -44,6 +45,8 @@ def model_tables(exported: ExportedModel, source: ModelSource, token: str, toler
     if exported.relations is not None:
         labels = relation_names(scene.structure, exported.relations)
         names = [labels[int(k)] for k in exported.relations.searched]
+    bounded, known = exported.bounded, list(exported.observed.outputs)
+    below = [states_below(scene, node) for _, _, node in bounded]
     arrays = {
         "parameter_places": ("int64_t", parameters),
         "settable": ("uint8_t", settable),
@@ -60,12 +63,20 @@ def model_tables(exported: ExportedModel, source: ModelSource, token: str, toler
         "rows": ("int64_t", source.pattern.indices),
         "checks": ("const char *", source.checks),
         "indicator_names": ("const char *", names),
+        "bound_slots": ("int64_t", [known.index(node) for _, _, node in bounded]),
+        "bound_signs": ("double", [exported.model.sign[v] for v, _, _ in bounded]),
+        "bound_least": ("double", [least for _, least, _ in bounded]),
+        "bound_sizes": ("double", [exported.model.nominal[v] for _, _, (v, _) in bounded]),
+        "bound_names": ("const char *", [exported.model.name(v) for v, _, _ in bounded]),
+        "bound_from": ("int64_t", np.cumsum([0, *map(len, below)])),
+        "bound_states": ("int64_t", [place for places in below for place in places]),
         "data": ("double", [*source.data, 0.0]),  # the last one is private to the wrapper
         "index": ("int64_t", source.index),
     }
     numbers = {
         "name": _text(exported.translation.name), "token": _text(token), "n_parameters": len(parameters),
         "n_inputs": len(exported.inputs), "n_states": max(n, 1), "n_outputs": len(outputs), "n_indicators": source.n_roots,
+        "n_bounds": len(bounded),
         "n_equations": n, "n_table": len(table.names), "inputs_at": shared.inputs, "all_inputs": shared.n_inputs,
         "discrete_at": shared.relations, "n_discrete": shared.n_discrete, "n_data": len(source.data) + 1,
         "n_observed": len(exported.observed.outputs), "n_entries": len(source.pattern.indices),

@@ -128,8 +128,8 @@ def preparation_body(exported: ExportedModel, parts: Sequence[Part], end: int, c
     return body, size
 
 
-def begin_body(exported: ExportedModel, parts: Sequence[Part], checks: list[str]) -> Body:
-    """The body of ``begin``: start values of the states, and initial guesses of iterations."""
+def begin_body(exported: ExportedModel, parts: Sequence[Part], first_input: int, checks: list[str]) -> Body:
+    """The body of ``begin``: start values of the states, and initial guesses of iterations; ``first_input`` is a place in ``data``."""
     scene, model = exported.scene, exported.model
     representatives, signs, slots = model.guessed
     value = {int(v): (int(sign), int(slot)) for v, sign, slot in zip(representatives, signs, slots, strict=True) if sign}
@@ -141,12 +141,28 @@ def begin_body(exported: ExportedModel, parts: Sequence[Part], checks: list[str]
         _contradictions(exported, body, checks)
     else:
         body.lines += [f"x[{i}] = {float(number)!r}" for i, number in enumerate(exported.start)]
+        _computed(exported, first_input, body, checks)
     for part in parts:
         if part.program.iterated:
             variables, places = part.program.undifferentiated
             pairs = zip(variables.tolist(), places.tolist(), strict=True)
             _copied(body, "data", [(part.layout.slots + slot, *value[v]) for v, slot in pairs if v in value])
     return body
+
+
+def _computed(exported: ExportedModel, first_input: int, body: Body, checks: list[str]) -> None:
+    """Check that inputs and time are those that start values were computed with."""
+    found = exported.start_constraints
+    assert found is not None, "start values are computed"
+    for k in np.flatnonzero(found.inputs).tolist():
+        name, value = exported.translation.inputs[k], float(exported.input_starts[k])
+        checks.append(
+            f"start values were computed with {name} = {value:g}, so it begins with that; export the FMU with inputs={{'{name}': ...}}"
+        )
+        body.lines += [f"if data[{first_input + k}] != {value!r}:", f"    return {len(checks)}"]
+    if found.on_time:
+        checks.append("start values were computed for a start at t = 0 s")
+        body.lines += ["if t != 0.0:", f"    return {len(checks)}"]
 
 
 def _copied(body: Body, target: str, triples: Sequence[tuple[int, int, int]]) -> None:

@@ -44,7 +44,7 @@ class FlangeTerminal:
 
 
 def terminals(exported: ExportedModel, variables: FmuVariables) -> tuple[FlangeTerminal, ...]:
-    """Flanges of parts that an input of the FMU drives, with all of its inputs and outputs there.
+    """Flanges of parts that an input of the FMU drives, each with one input or output for each member.
 
     A flange is one where a flow and a motion (or a temperature) are among the inputs and outputs; those that only one of both is
     known of are no terminals.
@@ -63,7 +63,10 @@ def terminals(exported: ExportedModel, variables: FmuVariables) -> tuple[FlangeT
                 groups.setdefault(connector, {})[member] = declared
         for connector, members in groups.items():
             path = f"{instance.path}.{connector}" if instance.path else connector
-            known = tuple(_members(exported, public, instance.path, path, members))
+            each: dict[str, TerminalMember] = {}
+            for m in _members(exported, public, instance.path, path, members):
+                each.setdefault(m.name, m)  # a tool joins members by name; inputs come before their aliases among the outputs
+            known = tuple(each.values())
             if {"signal"} < {m.kind for m in known}:
                 found.append(FlangeTerminal(path, f"{instance.path or exported.translation.name}: a flange", known))
     return tuple(found)

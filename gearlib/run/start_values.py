@@ -237,7 +237,7 @@ class _Change:
 
 
 @dataclass(frozen=True, eq=False)
-class _Constraints:
+class StartConstraints:
     """Equations of fixed start values that are no states: the program that computes these from all states, and its derivatives."""
 
     here: Scene  # with all states
@@ -245,8 +245,28 @@ class _Constraints:
     plan: DerivativePlan
     relations: Relations | None
 
+    @property
+    def programs(self) -> tuple[Program, ...]:
+        return (self.program,) if self.relations is None else (self.program, self.relations.program)
+
+    @property
+    def inputs(self) -> NDArray[np.bool_]:
+        """Which of the inputs they depend on."""
+        read = np.any([p.inputs_read for p in self.programs], axis=0)
+        if self.relations is not None:
+            r, first = self.relations, len(self.program.states)
+            used = [b.arguments.ravel() for b in (*r.batches, *r.discretes)]
+            read |= np.isin(first + np.arange(len(read)), np.concatenate([np.empty(0, np.int64), *used]))
+        return np.asarray(read)
+
+    @property
+    def on_time(self) -> bool:
+        """Whether they depend on time explicitly."""
+        rules = () if self.relations is None else (*self.relations.batches, *self.relations.discretes)
+        return any(p.on_time for p in self.programs) or any(b.kernel.on_time for b in rules)
+
     @classmethod
-    def of(cls, structure: Structure, others: Sequence[Node]) -> _Constraints:
+    def of(cls, structure: Structure, others: Sequence[Node]) -> StartConstraints:
         n, program = len(structure.states), build(structure, others, structure.states, dynamic=False)
         plan = derivative_plan(program, [(i, i) for i in range(n)], program.output_slots, n)
         relations = relations_of(structure, program) if structure.model.n_discrete else None
@@ -278,7 +298,7 @@ def _satisfy(
     """
     constraints = scene.constraints.get(tuple(others))
     if constraints is None:
-        constraints = scene.constraints[tuple(others)] = _Constraints.of(structure, others)
+        constraints = scene.constraints[tuple(others)] = StartConstraints.of(structure, others)
     here, program, plan = constraints.here, constraints.program, constraints.plan
     prepared = prepare(program, structure, parameters)
     wanted = np.array([fixed[v][0] for v, _ in others])

@@ -462,7 +462,8 @@ def test_a_file_of_openmodelica_is_read(saved: Path, tmp_path: Path) -> None:
     found = gl.load_result(tmp_path / "om.mat")
     assert found.keys() == ["J.w", "J.w_back", "clock", "left"]
     assert found["J.w_back"] == pytest.approx([-3.0, -4.0, -5.0])
-    assert found.unit("J.w") == "rad/s"
+    assert [found.unit(name) for name in found] == ["rad/s", "rad/s", "s", "s"]
+    assert found.record().descriptions == ("speed", "", "time", "time to zero")
     assert found.parameters == {"J.J": 2.5, "J.minus": -2.5}
     assert found.at(0.25) == {"J.w": 3.5, "J.w_back": -3.5, "clock": 0.25, "left": -0.25}  # the time may have aliases, too
 

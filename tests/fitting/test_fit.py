@@ -574,3 +574,90 @@ def test_a_value_that_tends_to_a_bound_of_zero_is_at_its_bound(growth: float) ->
     assert found["d"] == pytest.approx(max(-2 * growth, 0.0), abs=1e-3)
     assert found.at_bounds == (("d",) if growth > 0 else ())
     assert ("at its bound" in str(found)) == (growth > 0)
+
+
+@pytest.mark.parametrize(("low", "high", "size"), [(-1.0, 1.0, 1.0), (0.0, 1.0, 1.0), (-1e-6, 2e-6, 1e-6), (-1e7, 1e7, 1.0)])
+def test_differences_of_runs_of_a_parameter_near_zero(low: float, high: float, size: float) -> None:
+    """By hand: y = 3 + sin(p / size), dy/dp = cos(p / size) / size, also where p is far below what rounding leaves of y."""
+
+    class Shifted(gl.Component):
+        p, least = gl.Parameter("1", default=0.0), gl.Parameter("1", default=1.0)
+        x, y, second = gl.Variable("1", start=2.0), gl.Variable("1"), gl.Parameter("s", default=1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(self.second * gl.der(self.x), -self.x), gl.Eq(self.y, 3 + gl.sin(self.p / self.least))]
+
+    shifted, time = gl.compile(Shifted()), np.linspace(0.0, 1.0, 5)
+    data = gl.MeasuredHistories({"time": time, "y": 0 * time}, parameters={"least": size})
+    data.bounds = {"p": (low, high)}
+    for p in (0.0, 1e-13 * size, 1e-7 * size, 0.1 * size):
+        (slopes,) = data.predicted(shifted, {"p": p}, False).slopes
+        np.testing.assert_allclose(slopes[:, 0], np.cos(p / size) / size, rtol=1e-5)
+
+
+def test_differences_of_runs_stay_within_the_bounds() -> None:
+    """A spring's damping that is found to be none has no run with a negative one; its standard error is the textbook's."""
+
+    class Untangled(gl.MeasuredHistories):
+        def predicted(self, system: Any, free: Any, exact: bool = True) -> Any:
+            return super().predicted(system, free, False)
+
+    time, noise = np.linspace(0.0, 2.0, 41), np.random.default_rng(3).normal(size=41)
+    train = system()
+    run = train.simulate(2.0, times=time, parameters={"shaft.d": 0.0}, rtol=1e-10, inputs={"torque.tau": 5.0})
+    measured = {"time": time, "load.w": run["load.w"] + 1e-2 * noise}
+    both = [
+        gl.fit(train, kind(measured, inputs={"torque.tau": 5.0}), {"shaft.d": (0.0, 10.0)}, noise=1e-2)
+        for kind in (gl.MeasuredHistories, Untangled)
+    ]
+    assert both[1]["shaft.d"] == pytest.approx(both[0]["shaft.d"], abs=1e-3 * both[0].standard_errors["shaft.d"])
+    assert both[1].standard_errors["shaft.d"] == pytest.approx(both[0].standard_errors["shaft.d"], rel=1e-3)
+
+
+class Hardening(gl.Component):
+    """x'' = -k (x + x^3) - d x' + u, in SI units; the angle at the start has no value of its own."""
+
+    k, d = gl.Parameter("1", default=2.0), gl.Parameter("1", default=0.1)
+    second = gl.Parameter("s", default=1.0)
+    x, v, u = gl.Variable("1"), gl.Variable("1"), gl.Input("1")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(self.second * gl.der(self.x), self.v),
+            gl.Eq(self.second * gl.der(self.v), self.u - self.k * (self.x + self.x**3) - self.d * self.v),
+        ]
+
+
+@pytest.mark.parametrize("at", [None, {"v": 0.0}, {"x": 3.0}])
+def test_free_start_values_move_the_point_at_which_linear_models_are_taken(at: dict[str, float] | None) -> None:
+    """By hand: stiffness k (1 + 3 x^2) at the start. It was that of the model's own start, whatever the start was found to be."""
+    hardening, omega, place, k = gl.compile(Hardening()), np.array([0.5, 3.0]), 0.7, 1.5
+    free = {"start(x)": place, "k": k}
+    stiffness, slope = k * (1 + 3 * place**2), np.array([6 * k * place, 1 + 3 * place**2])
+    response = 1 / (stiffness - omega**2 + 0.1j * omega)
+    found = gl.MeasuredResponse(omega, response, "u", "x", at=at).predicted(hardening, free)
+    np.testing.assert_allclose(found.values[0], response, rtol=1e-9)
+    np.testing.assert_allclose(found.slopes[0], as_real(-(response**2)[:, None] * slope), rtol=1e-6)
+    frequency = np.sqrt(stiffness)
+    found = gl.MeasuredModes([1.0], [0.1], at=at).predicted(hardening, free)
+    assert found.values == [pytest.approx([frequency / (2 * np.pi)]), pytest.approx([0.05 / frequency])]
+    np.testing.assert_allclose(found.slopes[0], [slope / (4 * np.pi * frequency)], rtol=1e-6)
+    np.testing.assert_allclose(found.slopes[1], [-0.025 * slope / frequency**3], rtol=1e-6)
+    found = gl.MeasuredMargins(("u", "v"), phase_margin=90.0, gain=0.3, at=at).predicted(hardening, free)
+    crossing = max(np.roots([1, 0, 0.1**2 - 2 * stiffness - 0.3**2, 0, stiffness**2]), key=abs)  # |0.3 i w| = |D(i w)|
+    margin = np.degrees(np.angle(0.3j * crossing / (stiffness - crossing**2 + 0.1j * crossing)))
+    assert abs(found.values[0][0]) == pytest.approx(180 - abs(margin), rel=1e-6)
+    steady = gl.MeasuredModes([1.0], at="steady").predicted(hardening, free)
+    assert steady.values[0] == pytest.approx([np.sqrt(k) / (2 * np.pi)], rel=1e-4)
+    assert steady.slopes[0][0, 0] == 0.0
+
+
+def test_a_start_value_and_a_stiffness_are_found_from_modes_and_histories() -> None:
+    hardening, time, omega = gl.compile(Hardening()), np.linspace(0.0, 3.0, 31), np.array([2.0, 3.0, 4.0])
+    run = hardening.simulate(3.0, times=time, parameters={"k": 1.5}, start={"x": 0.7}, inputs={"u": 0.0}, rtol=1e-10)
+    data = [
+        gl.MeasuredResponse(omega, 1 / (1.5 * (1 + 3 * 0.49) - omega**2 + 0.1j * omega), "u", "x", noise=1e-3),
+        gl.MeasuredHistories({"time": time, "x": run["x"]}, inputs={"u": 0.0}, noise=1e-2),
+    ]
+    found = gl.fit(hardening, data, {"k": (0.1, 10.0), "start(x)": (0.1, 2.0)})
+    assert found.values == pytest.approx({"k": 1.5, "start(x)": 0.7}, rel=1e-5)

@@ -161,6 +161,37 @@ def test_description_tells_units_bounds_and_dependencies(version: str, export: C
     assert told < len(states) ** 2, "not simply all of them"
 
 
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_outputs_that_follow_events_do_not_claim_to_depend_on_nothing(version: str, tmp_path: Path) -> None:
+    """An input turns them through a condition; what no event reaches names what it is computed from."""
+
+    class Switched(gl.Component):
+        u, v, second = gl.Input("1"), gl.Input("1"), gl.Parameter("s", default=1.0)
+        x, on, twice, held, turned, summed = gl.Variable("1", start=0.0), *(gl.Variable("1") for _ in range(5))
+        loop_a, loop_b, mode = gl.Variable("1"), gl.Variable("1"), gl.Discrete()
+
+        def equations(self) -> list[Any]:
+            return [
+                gl.Eq(self.second * gl.der(self.x), self.v - self.x),
+                gl.Eq(self.on, gl.Piecewise((1.0, self.u > 0.5), (0.0, True))),
+                gl.Eq(self.twice, 2 * self.on),
+                gl.Eq(self.mode, self.u > 0.2),
+                gl.Eq(self.held, 3.0 * self.mode),
+                gl.Eq(self.turned, gl.Piecewise((self.x, self.u > 0.5), (-self.x, True))),
+                gl.Eq(self.summed, self.x + self.v),
+                gl.Eq(self.loop_a + self.loop_b, self.twice),
+                gl.Eq(self.loop_a - 2 * self.loop_b, self.x),
+            ]
+
+    outputs = ["on", "twice", "held", "turned", "summed", "mode", "loop_a"]
+    path = gl.compile(Switched(), outputs=outputs).export_fmu(tmp_path / "switched.fmu", version=version)
+    found = {
+        o.variable.name: None if o.dependencies is None else {d.name for d in o.dependencies}
+        for o in fmpy.read_model_description(str(path)).outputs
+    }
+    assert found == {**dict.fromkeys(outputs), "summed": {"x", "v"}}
+
+
 def test_archive_holds_no_python(export: Callable[..., Exported]) -> None:
     with zipfile.ZipFile(export("xp").path) as archive:
         names = archive.namelist()
@@ -323,6 +354,169 @@ def test_directional_derivatives_are_those_of_the_linear_model(
     np.testing.assert_allclose(found, A @ seed, rtol=1e-10, atol=1e-10 * np.abs(A).max())
     found = one.fmu.getAdjointDerivative(rates, states, seed.tolist())
     np.testing.assert_allclose(found, A.T @ seed, rtol=1e-10, atol=1e-10 * np.abs(A).max())
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_derivatives_are_those_by_states_and_inputs(version: str, tmp_path: Path) -> None:
+    """By hand: a state's own is 1, that of its negative -1; none by parameters and time, and none of event indicators."""
+
+    class Lag(gl.Component):
+        T, limit = gl.Parameter("s", default=0.25), gl.Parameter("1", default=2.0)
+        u, x, y, z = gl.Input("1"), gl.Variable("1", start=1.0), gl.Variable("1"), gl.Variable("1")
+
+        def equations(self) -> list[Any]:
+            over = gl.Piecewise((1.0, self.x > self.limit), (0.0, True))
+            return [
+                gl.Eq(self.T * gl.der(self.x), self.u - self.x - over), gl.Eq(self.y, -self.x), gl.Eq(self.z, 3 * self.u + self.x),
+            ]  # fmt: skip
+
+    path = gl.compile(Lag(), outputs=["x", "y", "z"]).export_fmu(tmp_path / "lag.fmu", version=version)
+    description, folder = fmpy.read_model_description(str(path)), fmpy.extract(str(path), str(tmp_path / "content"))
+    at = {v.name: v.valueReference for v in description.modelVariables}
+    told: list[str] = []
+    fmu = fmpy.instantiate_fmu(folder, description, "CoSimulation", logger=lambda *a: told.append(a[-1].decode()))
+    if version == "2.0":
+        fmu.setupExperiment()
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    unknown, known = [at[n] for n in ("x", "der(x)", "y", "z")], [at["x"], at["u"]]
+    by_hand = np.array([[1.0, 0.0], [-4.0, 4.0], [-1.0, 0.0], [1.0, 3.0]])
+    for seed in ([1.0, 0.0], [0.0, 1.0], [2.0, -3.0]):
+        np.testing.assert_allclose(fmu.getDirectionalDerivative(unknown, known, seed), by_hand @ seed, rtol=1e-12)
+    if version == "3.0":
+        for weights in np.eye(4):
+            found = fmu.getAdjointDerivative(unknown, known, weights.tolist(), nSensitivity=2)
+            np.testing.assert_allclose(found, weights @ by_hand, rtol=1e-12)
+    for others, said in (([at["T"]], "by states and inputs"), ([0], "by states and inputs")):
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            fmu.getDirectionalDerivative(unknown, others, [1.0])
+        assert said in told[-1]
+    if version == "3.0":
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            fmu.getDirectionalDerivative([at["event_indicators[0]"]], known, [1.0, 1.0])
+        assert "event indicators have no derivatives" in told[-1]
+    fmu.terminate()
+    fmu.freeInstance()
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_a_step_begins_where_the_last_one_ended(version: str, tmp_path: Path) -> None:
+    """A step that is to be repeated needs the saved state; without it, it is refused. A reset forgets the start time."""
+
+    class Clock(gl.Component):
+        forth, x = gl.Structural(True), gl.Variable("s", start=0.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), 1.0 if self.forth else -1.0)]
+
+    def log(*arguments: Any) -> None:
+        told.append(arguments[-1].decode())
+
+    made, told = [], list[str]()
+    for name, forth in (("one", True), ("other", False)):
+        path = gl.compile(Clock(forth=forth)).export_fmu(tmp_path / f"{name}.fmu", version=version)
+        description, folder = fmpy.read_model_description(str(path)), fmpy.extract(str(path), str(tmp_path / name))
+        logged = fmpy.instantiate_fmu(folder, description, "CoSimulation", logger=log)
+        made.append((logged, description.modelVariables))
+    (fmu, variables), (other, _) = made
+    x = [next(v.valueReference for v in variables if v.name == "x")]
+    get, suffix = (fmu.getReal, "state") if version == "2.0" else (fmu.getFloat64, "State")
+    if version == "2.0":
+        fmu.setupExperiment(startTime=1.0)
+        fmu.enterInitializationMode()
+    else:
+        fmu.enterInitializationMode(startTime=1.0)
+    fmu.exitInitializationMode()
+    memory = getattr(fmu, f"getFMU{suffix}")()
+    fmu.doStep(1.0, 0.25)
+    for t in (1.0, 1.5, 0.0):
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            fmu.doStep(t, 0.25)
+        assert "but the last one ended at 1.25 s" in told[-1]
+    assert get(x) == pytest.approx([0.25], rel=1e-12)
+    content = getattr(fmu, f"serializeFMU{suffix}")(memory)
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        getattr(other, f"de{'S' if version == '2.0' else 's'}erializeFMU{suffix}")(content)
+    getattr(fmu, f"setFMU{suffix}")(memory)
+    fmu.doStep(1.0, 0.5)
+    assert get(x) == pytest.approx([0.5], rel=1e-12)
+    fmu.reset()
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    fmu.doStep(0.0, 0.25)
+    assert get(x) == pytest.approx([0.25], rel=1e-12)
+    for each in (fmu, other):
+        each.freeInstance()
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+def test_what_falls_below_its_least_value_is_refused_as_in_a_run(version: str, kind: str, tmp_path: Path) -> None:
+    """A tank that runs empty, started with 0.5: at the start where it is given less than nothing, later where it has run out."""
+
+    class Tank(gl.Component):
+        x, empty, second = gl.Variable("m", start=0.5), gl.Variable("m"), gl.Parameter("s", default=1.0)
+        level, speed = gl.Variable("m", "level", min=0), gl.Parameter("m/s", default=0.4)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), -self.speed), gl.Eq(self.level, -self.empty), gl.Eq(self.empty, -2 * self.x)]
+
+    path = gl.compile(Tank(), outputs=["x"]).export_fmu(tmp_path / "tank.fmu", version=version)
+    told: list[str] = []
+
+    def until(stop_time: float, **start: float) -> float:
+        options: dict[str, Any] = {"start_values": start, "logger": lambda *a: told.append(a[-1].decode()), "solver": "CVode"}
+        return float(fmpy.simulate_fmu(str(path), fmi_type=kind, stop_time=stop_time, output_interval=0.1, **options)["x"][-1])
+
+    assert until(1.2) == pytest.approx(0.5 - 0.4 * 1.2)
+    assert until(1.5, x=0.6) == pytest.approx(0.0, abs=1e-6)
+    assert told == []
+    for stop_time, start, said in ((1.0, -1e-3, "-0.002 at t = 0 s"), (2.0, 0.5, "-0.04 at t = 1.3 s")):
+        with pytest.raises(Exception, match="failed with status"):
+            until(stop_time, x=start)
+        assert re.match(r"level is -\S+ at t = \S+ s, but it cannot be below 0$", told[-1]), told
+        assert kind == "ModelExchange" or said in told[-1]
+
+
+@pytest.mark.parametrize("stop_time", [1.0, 1e6, 1e10])
+def test_events_are_as_sharp_in_a_run_without_an_end(stop_time: float, tmp_path: Path) -> None:
+    """By hand: x' is 1 up to just behind a communication point, then 3. Importers give huge stop times where they know of no end."""
+
+    class Faster(gl.Component):
+        x, second = gl.Variable("1", start=0.0), gl.Parameter("s", default=1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(self.second * gl.der(self.x), gl.Piecewise((1.0, self.x < 0.3000005), (3.0, True)))]
+
+    (tmp_path / "content").mkdir()
+    one = FmuInstance(gl.compile(Faster()).export_fmu(tmp_path / "faster.fmu"), tmp_path / "content")
+    one.fmu.enterInitializationMode(tolerance=1e-8, startTime=0.0, stopTime=stop_time)
+    one.fmu.exitInitializationMode()
+    one.go(1.0, 10)
+    assert one.get("x") == pytest.approx([0.3000005 + 3 * 0.6999995], rel=1e-10)
+    one.close()
+
+
+def test_a_freewheel_that_is_overtaken_is_refused_where_its_fmu_begins(tmp_path: Path) -> None:
+    class Overtaken(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.fast, self.slow = gp.Inertia(J=1.0, start={"w": 1.0}), gp.Inertia(J=1.0, start={"w": 0.0})
+            self.freewheel = gp.OneWayClutch(fn_max=100.0, f_normalized=0.0)
+            return [
+                gl.connect(self.fast.flange_b, self.freewheel.flange_a),
+                gl.connect(self.freewheel.flange_b, self.slow.flange_a),
+            ]
+
+    (tmp_path / "content").mkdir()
+    one = FmuInstance(gl.compile(Overtaken()).export_fmu(tmp_path / "overtaken.fmu"), tmp_path / "content")
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        one.begin()
+    assert one.messages == ["freewheel.w_rel is -1 at t = 0 s, but it cannot be below 0"]
+    one.fmu.reset()
+    one.begin(**{"fast.w": -1.0})
+    one.go(0.1)
+    assert one.get("fast.w", "slow.w") == pytest.approx([-1.0, 0.0])
+    one.close()
 
 
 class Shrinking(gl.Component):

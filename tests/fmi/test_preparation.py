@@ -246,3 +246,47 @@ def test_conditions_on_time_begin_and_switch_as_in_gearlib(kind: str, tmp_path: 
         found = fmpy.simulate_fmu(str(path), fmi_type=name, stop_time=1.2, output_interval=0.3, output=["x", "n"])
         assert found["n"][-1] == begins
         assert found["x"][-1] == pytest.approx(run["x"][-1], abs=1e-5)
+
+
+def test_start_values_that_follow_from_inputs_and_time_hold_for_those_alone(tmp_path: Path) -> None:
+    """A speed is fixed, so the angle follows from the load: c phi = tau + jump - d w; that of any other load is not known."""
+
+    class Loaded(gl.Component):
+        c, d = gl.Parameter("N.m/rad", default=10.0), gl.Parameter("N.m.s/rad", default=2.0)
+        least, jump = gl.Parameter("N.m", default=2.0), gl.Parameter("N.m", default=7.0)
+        tau = gl.Input("N.m")
+        phi, w, more = gl.Variable("rad"), gl.Variable("rad/s", start=0.5), gl.Variable("N.m")
+        second = gl.Parameter("s", default=1.0)
+
+        def equations(self) -> list[Any]:
+            return [
+                gl.Eq(gl.der(self.phi), self.w),
+                gl.Eq(self.d * self.w, self.tau + self.more + self.jump * gl.sin(gl.time / self.second) - self.c * self.phi),
+                gl.Eq(self.more, gl.Piecewise((self.jump, self.tau > self.least), (0.0, True))),
+            ]
+
+    class Both(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.loaded = Loaded()
+            self.body, self.torque = gp.Inertia(J=1.0), gp.Torque()
+            return [gl.connect(self.torque.flange, self.body.flange_a)]
+
+    (tmp_path / "content").mkdir()
+    path = gl.compile(Both(), outputs=["loaded.w", "body.w"]).export_fmu(
+        tmp_path / "loaded.fmu", inputs={"loaded.tau": 3.0, "torque.tau": 0.0}
+    )
+    one = FmuInstance(path, tmp_path / "content")
+    kinds = {v.name: v.variability for v in one.description.modelVariables}
+    names = [f"loaded.{n}" for n in ("c", "d", "least", "jump", "second")]
+    assert [kinds[n] for n in names] == ["constant"] * 5
+    one.begin(**{"loaded.tau": 3.0})
+    assert one.get("loaded.phi", "loaded.w") == pytest.approx([(3.0 + 7.0 - 2.0 * 0.5) / 10.0, 0.5], rel=1e-9)
+    one.fmu.reset()
+    with pytest.raises(FMICallException):
+        one.begin(**{"loaded.tau": 1.0})
+    assert "start values were computed with loaded.tau = 3" in one.messages[-1]
+    one.fmu.reset()
+    with pytest.raises(FMICallException):
+        one.fmu.enterInitializationMode(startTime=0.5)
+    assert "start values were computed for a start at t = 0 s" in one.messages[-1]
+    one.close()

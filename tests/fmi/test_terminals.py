@@ -77,6 +77,24 @@ def test_inputs_and_outputs_at_a_flange_are_a_terminal(make: Callable[[], gl.Com
     assert members == EXPECTED[make]
 
 
+def test_a_member_is_one_variable_and_an_input_before_an_output() -> None:
+    """Of a rigid shaft, all bodies have the flange's speed; of a spring at the motor, the torque is the motor's."""
+
+    class Rigid(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.motor, self.shaft, self.load = gp.Torque(), gp.SpringDamper(c=50.0, d=0.5), gp.Inertia(J=0.2)
+            self.speed = gp.SpeedSensor()
+            return [
+                gl.connect(self.motor.flange, self.shaft.flange_a, self.speed.flange),
+                gl.connect(self.shaft.flange_b, self.load.flange_a),
+            ]
+
+    (terminal,) = found(Rigid(), ["shaft.tau", "speed.w", "shaft.flange_a.phi", "speed.flange.phi"])
+    assert sorted((m.name, m.variable, m.kind) for m in terminal.members) == [
+        ("phi", "shaft.flange_a.phi", "signal"), ("tau", "motor.tau", "inflow"), ("w", "speed.w", "signal"),
+    ]  # fmt: skip
+
+
 def test_the_file_of_an_fmu_is_valid_and_names_its_variables(tmp_path: Path) -> None:
     path = gl.compile(Rear(), outputs=OUTPUTS[Rear]).export_fmu(tmp_path / "rear.fmu", kind="cs")
     with zipfile.ZipFile(path) as archive:

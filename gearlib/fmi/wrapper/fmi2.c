@@ -9,7 +9,6 @@
 typedef struct {
     fmi2CallbackLogger log;
     fmi2ComponentEnvironment environment;
-    int has_tolerance, has_stop;
     double tolerance, start, stop;
 } Face;
 
@@ -84,9 +83,7 @@ EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
 }
 
 EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
-    int code = ready(M);
-    M->mode = M->stepping ? STEPPING : EVENT;
-    return status(code);
+    return status(leave_initialisation(M));
 }
 
 EXPORT fmi2Status fmi2Terminate(fmi2Component c) {
@@ -96,6 +93,7 @@ EXPORT fmi2Status fmi2Terminate(fmi2Component c) {
 
 EXPORT fmi2Status fmi2Reset(fmi2Component c) {
     reset_instance(M);
+    FACE->tolerance = FACE->start = FACE->stop = 0.0;
     return fmi2OK;
 }
 
@@ -187,8 +185,7 @@ EXPORT fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
 EXPORT fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean no_return, fmi2Boolean *event, fmi2Boolean *terminate) {
     (void)no_return;
     *event = *terminate = fmi2False;
-    after_step(M);
-    return fmi2OK;
+    return status(after_step(M));
 }
 
 EXPORT fmi2Status fmi2SetTime(fmi2Component c, fmi2Real t) {
@@ -236,8 +233,7 @@ EXPORT fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueR
 
 EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean no_return) {
     (void)no_return;
-    if (!(h > 0.0)) return status(fail(M, FAILED, "a communication step of %g s is not positive", h));
-    return do_step(M, t + h) ? fmi2Error : fmi2OK;
+    return do_step(M, t, h) ? fmi2Error : fmi2OK;
 }
 
 EXPORT fmi2Status fmi2CancelStep(fmi2Component c) { return refuse(c, "a step that goes on by itself"); }

@@ -101,9 +101,7 @@ EXPORT fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean
 }
 
 EXPORT fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
-    int code = ready(M);
-    M->mode = M->stepping ? STEPPING : EVENT;
-    return status(code);
+    return status(leave_initialisation(M));
 }
 
 EXPORT fmi3Status fmi3EnterEventMode(fmi3Instance instance) {
@@ -311,8 +309,7 @@ EXPORT fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean
                                               fmi3Boolean *terminate) {
     (void)no_return;
     *event = *terminate = fmi3False;
-    after_step(M);
-    return fmi3OK;
+    return status(after_step(M));
 }
 
 EXPORT fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 t) {
@@ -370,8 +367,7 @@ EXPORT fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 t, fmi3Float64 h
     int code;
     (void)no_return;
     *event = *terminate = *early = fmi3False;
-    if (!(h > 0.0)) return status(fail(M, FAILED, "a communication step of %g s is not positive", h));
-    code = do_step(M, t + h);
+    code = do_step(M, t, h);
     *last = M->t;
     return code ? fmi3Error : fmi3OK;
 }

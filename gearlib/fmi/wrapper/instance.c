@@ -77,6 +77,7 @@ void reset_instance(Instance *m) {
 
 struct Memory {
     Instance head;
+    char token[40]; /* of this FMU: another one's numbers may be as many */
     double numbers[];
 };
 
@@ -84,6 +85,7 @@ Memory *remember(const Instance *m) {
     Memory *memory = malloc(sizeof *memory + m->n_numbers * sizeof(double));
     if (!memory) return NULL;
     memory->head = *m;
+    strncpy(memory->token, model.token, sizeof memory->token);
     memcpy(memory->numbers, m->numbers, m->n_numbers * sizeof(double));
     return memory;
 }
@@ -122,7 +124,7 @@ Memory *from_bytes(Instance *m, const unsigned char *bytes, size_t size) {
     size_t needed = memory_size(m);
     Memory *memory = size < needed ? NULL : malloc(needed); /* what to_bytes has filled of a larger array, too */
     if (memory) memcpy(memory, bytes, needed);
-    if (memory && memory->head.n_numbers == m->n_numbers) return memory;
+    if (memory && strncmp(memory->token, model.token, sizeof memory->token) == 0) return memory;
     free(memory);
     fail(m, FAILED, "these %lu bytes are no serialized state of this FMU, which takes %lu", (unsigned long)size,
          (unsigned long)needed);
@@ -222,6 +224,27 @@ static int take_observed(Instance *m) {
         return fail(m, REFUSED, "the outputs cannot be computed at t = %.9g s", m->t);
     m->has_observed = 1;
     return FINE;
+}
+
+/* The equations rely on least values: beyond them they go on without a word, as a freewheel that is overtaken. */
+int check_bounds(Instance *m, double share) {
+    int code = model.n_bounds ? take_observed(m) : FINE;
+    for (int64_t i = 0; i < model.n_bounds && !code; i++) {
+        double value = model.bound_signs[i] * m->observed[model.bound_slots[i]], size = fmax(model.bound_sizes[i], fabs(value));
+        for (int64_t k = model.bound_from[i]; k < model.bound_from[i + 1]; k++)
+            size = fmax(size, fabs(m->x[model.bound_states[k]]));
+        if (value < model.bound_least[i] - share * size)
+            code = fail(m, FAILED, "%s is %.9g at t = %.9g s, but it cannot be below %g", model.bound_names[i], value, m->t,
+                        model.bound_least[i]);
+    }
+    return code;
+}
+
+int leave_initialisation(Instance *m) {
+    int code = ready(m);
+    if (!code) code = check_bounds(m, 1e-8);
+    m->mode = m->stepping ? STEPPING : EVENT;
+    return code;
 }
 
 static int take_g(Instance *m) {
@@ -407,6 +430,11 @@ static int64_t column_of(uint32_t reference) {
     return k >= 0 && k < model.n_equations ? k : -1;
 }
 
+static int is_known(uint32_t reference) {
+    int64_t k = (int64_t)reference - 1 - model.n_parameters;
+    return k >= 0 && k < model.n_inputs + model.n_states;
+}
+
 static int64_t row_of(uint32_t reference, double *sign) {
     int64_t k = (int64_t)reference - 1 - model.n_parameters - model.n_inputs - model.n_states;
     *sign = 1.0;
@@ -425,6 +453,12 @@ int directional(Instance *m, const uint32_t *unknowns, size_t n, const uint32_t 
     if (!m->has_entries && jac(m->t, m->x, m->entries, m->data, INDEX) != 0)
         return fail(m, REFUSED, "the derivatives cannot be computed at t = %.9g s", m->t);
     m->has_entries = 1;
+    for (size_t j = 0; j < k; j++)
+        if (!is_known(knowns[j]))
+            return fail(m, FAILED, "derivatives are those by states and inputs; value reference %u is none", (unsigned)knowns[j]);
+    for (size_t i = 0; i < n; i++)
+        if ((int64_t)unknowns[i] >= model.n_parameters + model.n_inputs + 2 * model.n_states + model.n_outputs + 1)
+            return fail(m, FAILED, "event indicators have no derivatives; value reference %u is one", (unsigned)unknowns[i]);
     if (!(row = calloc((size_t)model.n_observed + 1, sizeof(double)))) return FAILED;
     for (size_t i = 0; i < n && adjoint; i++) {
         double sign;
@@ -442,13 +476,12 @@ int directional(Instance *m, const uint32_t *unknowns, size_t n, const uint32_t 
         }
         if (adjoint) result[j] = sum;
     }
-    for (size_t i = 0; i < n && !adjoint; i++) {
+    for (size_t i = 0; i < n; i++) {
         double sign;
         int64_t r = row_of(unknowns[i], &sign);
-        result[i] = r >= 0 ? sign * row[r] : 0.0;
-        if (r < 0) /* a state that is an output, say */
-            for (size_t j = 0; j < k; j++)
-                if (unknowns[i] == knowns[j]) result[i] = seed[j];
+        if (!adjoint) result[i] = r >= 0 ? sign * row[r] : 0.0;
+        for (size_t j = 0; j < k && r < 0; j++) /* a state that is an output, say */
+            if (unknowns[i] == knowns[j]) result[adjoint ? j : i] += seed[adjoint ? i : j];
     }
     free(row);
     return FINE;
@@ -456,10 +489,12 @@ int directional(Instance *m, const uint32_t *unknowns, size_t n, const uint32_t 
 
 /* ------------------------------------------------------------ events */
 
-void after_step(Instance *m) {
-    if (take_g(m)) return;
+int after_step(Instance *m) {
+    int code = take_g(m);
+    if (code) return code;
     for (int64_t i = 0; i < model.n_indicators; i++)
         if (fabs(m->g[i]) > m->scale[i]) m->scale[i] = fabs(m->g[i]);
+    return check_bounds(m, 1e-4); /* the importing tool's tolerance is its own */
 }
 
 int handle_events(Instance *m, int *states_changed, double *next) {

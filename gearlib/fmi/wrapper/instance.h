@@ -53,12 +53,13 @@ int get_rates(Instance *m, double *rates, size_t n);
 int get_nominals(Instance *m, double *nominals, size_t n);
 int get_indicators(Instance *m, double *z, size_t n);
 int handle_events(Instance *m, int *states_changed, double *next);
-void after_step(Instance *m);
+int after_step(Instance *m);
+int leave_initialisation(Instance *m);
 void moved(Instance *m);
 int directional(Instance *m, const uint32_t *unknowns, size_t n, const uint32_t *knowns, size_t k, const double *seed,
                 double *result, int adjoint);
 
-int do_step(Instance *m, double to);
+int do_step(Instance *m, double from, double h);
 
 typedef struct Memory Memory;
 Memory *remember(const Instance *m);

@@ -28,6 +28,10 @@ typedef struct {
     const int64_t *columns, *rows; /* pattern of the derivatives, compressed columns; rows: derivatives, then what is observed */
     const char *const *checks;     /* what prepare and begin find wrong */
     const char *const *indicator_names;
+    int64_t n_bounds; /* variables with a least value: slot, sign, and the states from which they are computed */
+    const int64_t *bound_slots, *bound_from, *bound_states;
+    const double *bound_signs, *bound_least, *bound_sizes;
+    const char *const *bound_names;
     const double *data;
     const int64_t *index;
     double tolerance, stop_time;

@@ -122,13 +122,10 @@ static void get_ready(Instance *m) {
     r->budget = BUDGET;
     r->origin = late;
     r->t = r->burst_start = m->t - late;
-    r->window = fmax(1e-9 * span, 2.2e-10 * fmax(fabs(m->start - late), fabs(m->stop - late)));
-    r->slack = 1e-16 * span;
     r->slack_share = 2.2e-14;
     r->order = m->tolerance >= 1e-6 ? 5 : 8;
     r->size = blocks(model.n_states);
     r->rtol = m->tolerance;
-    r->span = span;
     r->h_max = (model.n_indicators || model.driven || m->ask ? 0.01 : 0.1) * span;
     r->patience = -1;
 }
@@ -182,16 +179,24 @@ static int go(Instance *m, double to, double *reached) {
     return fail(m, FAILED, "too many steps at t = %.9g s", r->origin + r->t);
 }
 
-int do_step(Instance *m, double to) {
+int do_step(Instance *m, double from, double h) {
+    double to = from + h;
     int code = ready(m);
     if (code) return code;
+    if (!(h > 0.0)) return fail(m, FAILED, "a communication step of %g s is not positive", h);
+    if (!(fabs(from - m->t) <= 0.01 * h + 1e-12 * fabs(m->t)))
+        return fail(m, FAILED, "a communication step begins at t = %.12g s, but the last one ended at %.12g s", from, m->t);
     if (!m->step_ready) get_ready(m);
     else point_record(m);
+    Record *r = &m->record;
+    r->span = fmin(m->stop - m->start, 1e3 * h); /* what rounding is taken for: the stop time may be any, for a run without an end */
+    r->window = fmax(1e-9 * r->span, 2.2e-10 * fabs(to - r->origin));
+    r->slack = 1e-16 * r->span;
     if (m->extrapolates) {
         memcpy(m->bases, m->data + model.inputs_at, (size_t)model.all_inputs * sizeof(double));
         m->extrapolated_from = m->t;
     }
-    if (!m->record.started) {
+    if (!r->started) {
         StepMemory part;
         step_parts(m->step_memory, &part);
         memset(part.fired, 0, (size_t)(model.n_indicators + 1) * sizeof(int32_t));
@@ -205,5 +210,5 @@ int do_step(Instance *m, double to) {
     memset(m->slopes, 0, (size_t)(model.all_inputs + 1) * sizeof(double)); /* of this step only */
     m->extrapolates = 0;
     moved(m);
-    return FINE;
+    return check_bounds(m, 10.0 * m->tolerance);
 }

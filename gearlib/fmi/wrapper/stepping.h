@@ -12,5 +12,6 @@ void move_inputs(Instance *m, double t);
 int64_t blocks(int64_t n); /* n numbers, in whole blocks of four */
 int64_t step_numbers(void);
 void point_record(Instance *m);
+int check_bounds(Instance *m, double share);
 
 #endif

@@ -40,7 +40,7 @@ def refuse_too_small(parts: Sequence[Segment], rtol: float) -> None:
     for number, part in enumerate(parts):
         if not part.scene.model.bounded:
             continue
-        for v, least, node in _bounded(part.scene):
+        for v, least, node in bounded_variables(part.scene):
             values = int(part.scene.model.sign[v]) * part.history(node)
             wrong = values < least - MISSED * rtol * _size(part.scene, node, part.states, values)
             if wrong.any():
@@ -101,7 +101,7 @@ def _too_small(
     scene: Scene, numbers: Prepared, t: float, x: Floats, inputs: Floats, begin: Start
 ) -> tuple[int, float, float] | None:
     """The variable that is below its minimum in a state, its value and the minimum."""
-    bounded = list(_bounded(scene))
+    bounded = list(bounded_variables(scene))
     if not bounded:
         return None
     now, column = np.array([t]), x[:, None]
@@ -119,7 +119,7 @@ def _too_small(
     return None
 
 
-def _bounded(scene: Scene) -> Iterator[tuple[int, float, Node]]:
+def bounded_variables(scene: Scene) -> Iterator[tuple[int, float, Node]]:
     """Variables with a declared minimum that the scene determines."""
     model = scene.model
     for v, least in model.bounded:
@@ -130,12 +130,17 @@ def _bounded(scene: Scene) -> Iterator[tuple[int, float, Node]]:
 
 def _size(scene: Scene, node: Node, states: Floats, values: Floats) -> float:
     """The largest operand from which a variable is computed, including its own value and nominal value."""
-    needed = [scene.place_of[s] for s in reach(scene.structure, [node], dynamic=False, events=False)[1] if s in scene.place_of]
     return max(
         float(scene.model.nominal[node[0]]),
         float(np.abs(values).max(initial=0.0)),
-        float(np.abs(states[:, needed]).max(initial=0.0)),
+        float(np.abs(states[:, states_below(scene, node)]).max(initial=0.0)),
     )
+
+
+def states_below(scene: Scene, node: Node) -> list[int]:
+    """Places of the states from which a variable is computed."""
+    found = reach(scene.structure, [node], dynamic=False, events=False)[1]
+    return [scene.place_of[s] for s in found if s in scene.place_of]
 
 
 def _text(model: FlatModel, v: int, value: float, least: float) -> str:
