@@ -28,7 +28,12 @@ PACKAGES = ("compiler", "drawing/scheme", "equations", "flatten", "native", "pro
 MODULES = (
     *(f"statics/{name}" for name in ("closed_gaps", "load_sharing", "mesh_turn", "steady_motion")),
     *(f"run/{name}" for name in ("linear_form", "scene", "steady", "translation")),
-    *("drawing/arrangement", "drawing/layers", "linear/linearized_program", "many_runs/side_by_side", "many_runs/work"),
+    *("drawing/arrangement", "drawing/layers", "many_runs/side_by_side", "many_runs/work"),
+    *(
+        f"fmi/{name}"
+        for name in ("exported_model", "fmu_variables", "model_description", "model_source", "preparation", "terminals")
+    ),
+    *(f"linear/{name}" for name in ("linearized_program", "one_sided_slopes", "resolvent", "response_changes")),
     *("periodic/floquet", "periodic/fourier_balance", "solvers/drive/driver"),
     *("vibration/eigenvalue_count", "vibration/lowest_eigenvalues"),
     *(f"modelica/class_{name}" for name in ("building", "content", "writing")),

@@ -297,7 +297,7 @@ def steady_changes(
 
     _, gradient, noise = search.equations(x)
     ahead = by_seeds(x) + gradient @ (begin / search.scale[:, None])
-    equations = _Equations(search, gradient)
+    equations = SteadyEquations(search, gradient)
     changes = equations.change(ahead)
     # What the rates keep, as a momentum l x, has l that follow the parameters: l' (x - start) = l' gradient e = -l gradient' e
     e = equations.change((start.states - x) / search.scale)
@@ -447,7 +447,7 @@ def _left_to_motion(search: Search, x: Floats) -> bool:
     if (search.scene.program.is_linear and not events) or (np.abs(x - start) <= SETTLED * np.abs(x)).all():
         return False
     own = replace(search, held=sticking(search, x, search.discrete(x)[:, 0])[1]) if events else search
-    equations = _Equations(own, search.rates(x)[1])
+    equations = SteadyEquations(own, search.rates(x)[1])
     if not equations.open.size:
         return False
     f, gradient = search.rates(start)
@@ -522,12 +522,12 @@ def _closed(search: Search, x: Floats) -> End:
     beside these. Components that no equation constrains are not changed.
     """
     last = np.inf
-    point: tuple[Floats, Floats, Floats, _Equations]
+    point: tuple[Floats, Floats, Floats, SteadyEquations]
 
     def equations(x: Floats) -> tuple[Floats, Correction]:
         nonlocal point
         f, gradient, noise = search.equations(x)
-        linear = _Equations(search, gradient)
+        linear = SteadyEquations(search, gradient)
         point = x, f, noise, linear
         return f, lambda f: -search.scale * linear.change(f)
 
@@ -572,11 +572,11 @@ def _goes_on(search: Search, x: Floats) -> bool:
         return True
     later = x + search.scale * (turned / np.abs(turned).max()) * LATER
     f, gradient = search.rates(later)
-    change = _Equations(search, gradient).change(f)
+    change = SteadyEquations(search, gradient).change(f)
     return bool((np.abs(change) <= NEAR * np.abs(x / search.scale).max()).all())
 
 
-class _Equations:
+class SteadyEquations:
     """Linearised equations for the rates that must vanish, reduced to independent ones."""
 
     def __init__(self, search: Search, gradient: Floats) -> None:

@@ -11,7 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.run.start_values import Start
-from gearlib.run.steady import Search, _Equations, growing, search_steady, steady_changes
+from gearlib.run.steady import Search, SteadyEquations, growing, search_steady, steady_changes
 
 
 class Slip(gl.Component):
@@ -74,7 +74,7 @@ def test_where_all_is_held_rates_vanish_up_to_their_rounding() -> None:
     """No state is left to be moved."""
     own, noise = search(np.zeros((6, 0)), np.eye(6)), np.linspace(1.0, 2.0, 6)
     assert own.movable.shape == (6, 0)
-    equations = _Equations(own, orthonormal(6, 6))
+    equations = SteadyEquations(own, orthonormal(6, 6))
     assert equations.hold(0.9 * noise, noise)
     assert not equations.hold(noise + 0.1 * np.eye(6)[3], noise)
     assert not equations.change(noise).any()
