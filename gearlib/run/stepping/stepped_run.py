@@ -28,6 +28,7 @@ from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import unrolled
 
 Floats = NDArray[np.float64]
+RESOLVED = 1e-13  # of time: a limit below it would be a step too small; a call may advance by less, the rounding of time
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +107,7 @@ class SteppedRun:
         self, translation: Translation, parameters: Floats, t_start: float, start: Any, inputs: Mapping[str, Any] | None,
         method: str | Method, rtol: float, atol: ArrayLike | None, max_step: float | None,
     ) -> None:  # fmt: skip
-        self._translation, self._rtol, self._max_step = translation, rtol, max_step
+        self._translation, self._rtol, self._max_step, self._begin = translation, rtol, max_step, t_start
         self._method = BY_TURNS if method == "auto" else method_of(method)
         structure = translation.structure
         scene = translation.scene if translation.outputs is not None else translation.with_states(structure.states)
@@ -167,7 +168,9 @@ class SteppedRun:
     def _run(self, times: Floats) -> Run:
         """The integration that a step asks of the method."""
         now = self._now
-        longest = self._max_step if self._max_step is not None or len(times) < 2 else float(times[-1] - times[0])
+        longest = self._max_step
+        if longest is None and len(times) > 1:
+            longest = max(float(times[-1] - times[0]), RESOLVED * max(abs(self._begin), *map(abs, times.tolist())))
         start, signals = Start(now.states, now.guess, ()), unrolled(self.inputs.signals, float(times[0]), float(times[-1]))
         return Run(now.scene, now.numbers, start, signals, times, self._rtol, now.atol, now.discrete, longest)
 

@@ -89,7 +89,7 @@ def rk_step(address: int, stop: float) -> int32:
     t, h = s.t, min(s.h, s.h_max)
     if s.h_cut > 0.0:
         h, s.h_cut = min(h, s.h_cut), 0.0
-    if h < min(10.0 * ROUNDING * abs(t) + 1e-25 * s.span, stop - t):  # a whole run may be as short as that
+    if h < 10.0 * ROUNDING * abs(t) + 1e-25 * s.span:
         return UNDERFLOW
     last_of_span = t + 1.0001 * h >= stop
     if last_of_span:
