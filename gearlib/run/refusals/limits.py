@@ -27,8 +27,8 @@ MISSED = 10.0  # tolerances by which a variable may fall short of its minimum, r
 ACCURATE = 1e-9  # tolerance of a state at the start, where no integration error exists
 
 
-def refuse_too_small(parts: Sequence[Segment], rtol: float) -> None:
-    """Refuse a run in which a variable is below its minimum.
+def refuse_too_small(parts: Sequence[Segment], rtol: float, goes_on: bool = False) -> None:
+    """Refuse a run in which a variable is below its minimum; one that ``goes_on`` may begin where rounding left it.
 
     Raises
     ------
@@ -42,7 +42,8 @@ def refuse_too_small(parts: Sequence[Segment], rtol: float) -> None:
             continue
         for v, least, node in bounded_variables(part.scene):
             values = int(part.scene.model.sign[v]) * part.history(node)
-            wrong = values < least - MISSED * rtol * _size(part.scene, node, part.states, values)
+            rounded = min(least, float(values[0])) if goes_on and number == 0 else least
+            wrong = values < rounded - MISSED * rtol * _size(part.scene, node, part.states, values)
             if wrong.any():
                 first = int(np.argmax(wrong))
                 at_start = number == 0 and first == 0

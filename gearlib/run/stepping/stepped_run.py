@@ -28,6 +28,7 @@ from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import unrolled
 
 Floats = NDArray[np.float64]
+RESOLVED = 1e-13  # of time: a limit below it would be a step too small; a call may advance by less, the rounding of time
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +107,7 @@ class SteppedRun:
         self, translation: Translation, parameters: Floats, t_start: float, start: Any, inputs: Mapping[str, Any] | None,
         method: str | Method, rtol: float, atol: ArrayLike | None, max_step: float | None,
     ) -> None:  # fmt: skip
-        self._translation, self._rtol, self._max_step = translation, rtol, max_step
+        self._translation, self._rtol, self._max_step, self._begin = translation, rtol, max_step, t_start
         self._method = BY_TURNS if method == "auto" else method_of(method)
         structure = translation.structure
         scene = translation.scene if translation.outputs is not None else translation.with_states(structure.states)
@@ -167,7 +168,9 @@ class SteppedRun:
     def _run(self, times: Floats) -> Run:
         """The integration that a step asks of the method."""
         now = self._now
-        longest = self._max_step if self._max_step is not None or len(times) < 2 else float(times[-1] - times[0])
+        longest = self._max_step
+        if longest is None and len(times) > 1:
+            longest = max(float(times[-1] - times[0]), RESOLVED * max(abs(self._begin), *map(abs, times.tolist())))
         start, signals = Start(now.states, now.guess, ()), unrolled(self.inputs.signals, float(times[0]), float(times[-1]))
         return Run(now.scene, now.numbers, start, signals, times, self._rtol, now.atol, now.discrete, longest)
 
@@ -186,7 +189,9 @@ class SteppedRun:
             arrived = live.to(run)
             here = replace(now, t=t, states=live.states, discrete=live.discrete, signals=signals)
             if arrived:
-                here = self._checked(here)
+                if here.scene.model.bounded:
+                    refuse_too_small([_part(here, signals, before=now)], self._rtol, goes_on=True)
+                here = _on_branch(here)
         except BaseException:
             live.close()
             raise
@@ -197,14 +202,6 @@ class SteppedRun:
         self._live, self._now = live, replace(here, n_events=len(self.events))
         return True
 
-    def _checked(self, here: Moment) -> Moment:
-        """A state checked against the minima of its variables, with guesses on its solution branch."""
-        if here.scene.model.bounded:
-            refuse_too_small([_part(here, here.signals)], self._rtol)
-        if here.scene.program.iterated:
-            here = replace(here, guess=_part(here, here.signals).guess_on_branch())
-        return here
-
     def _go_to(self, times: Floats) -> None:
         now, controllers, switched = self._now, self._translation.controllers, self._translation.switched
         if controllers:
@@ -212,15 +209,15 @@ class SteppedRun:
             parts, self.inputs.signals = [(whole, found)], pieces.after
         else:
             parts = integrate_through(self._run(times), self._method, switched)
+        refuse_too_small([Segment.of(part, found) for part, found in parts], self._rtol, goes_on=self._begun)
         self._begun, signals = True, self.inputs.signals
         run, outcome = parts[-1]
-        refuse_too_small([Segment.of(part, found) for part, found in parts], self._rtol)
         discrete = outcome.discrete[-1].copy() if run.scene.n_discrete else None
         here = replace(
             now, t=float(times[-1]), states=outcome.x[-1].copy(), discrete=discrete, scene=run.scene, numbers=run.numbers,
             atol=run.atol, signals=signals, guess=run.start.guess,
         )  # fmt: skip
-        here = self._checked(here)
+        here = _on_branch(here)
         self.events += [event for _, found in parts for event in found.events()]
         self._now = replace(here, n_events=len(self.events))
 
@@ -267,9 +264,16 @@ class SteppedRun:
         return f"<SteppedRun of {self._translation.name} at {self.t:g} s>"
 
 
-def _part(now: Moment, signals: tuple[Any, ...]) -> Segment:
-    """The current state as a run of one sample, from which other variables are computed."""
-    discrete = np.zeros((1, 0)) if now.discrete is None else now.discrete[None, :]
+def _on_branch(here: Moment) -> Moment:
+    """The same with guesses on its solution branch."""
+    return replace(here, guess=_part(here, here.signals).guess_on_branch()) if here.scene.program.iterated else here
+
+
+def _part(now: Moment, signals: tuple[Any, ...], before: Moment | None = None) -> Segment:
+    """The current state as a run of one sample, from which other variables are computed; or of two, from the one ``before``."""
+    moments = [now] if before is None else [before, now]
+    discrete = [np.zeros(0) if each.discrete is None else each.discrete for each in moments]
     return Segment(
-        now.scene, np.array([now.t]), now.states[None, :], discrete, now.numbers.parameters, signals, now.guess, now.t
-    )
+        now.scene, np.array([each.t for each in moments]), np.array([each.states for each in moments]), np.array(discrete),
+        now.numbers.parameters, signals, now.guess, moments[0].t,
+    )  # fmt: skip

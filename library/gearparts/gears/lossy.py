@@ -11,7 +11,7 @@ import gearlib as gl
 from gearlib.errors import BindingError
 from gearparts.interfaces import Dissipative, Flange, MaybeHeated, TwoFlanges, TwoFlangesAndSupport
 from gearparts.rotational.backlash import ElastoBacklash
-from gearparts.rotational.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, YIELD, sign_while
+from gearparts.rotational.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, YIELD, excess, sign_while
 from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, extremes, interpolated, piecewise_without_events, reaches
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
                 torque + gl.Piecewise((0, gl.holds(self.locked)), (-side_forward, ahead), (side_backward, True)),
             ),
             gl.Eq(self.tau_loss, gl.Piecewise((self.sa, gl.holds(self.locked)), (forward, ahead), (backward, True))),
-            gl.Eq(gl.der(self.w_a), gl.Piecewise((YIELD * self.sa, gl.holds(self.locked)), (self.sa - self.tau_loss, True))),
+            gl.Eq(gl.der(self.w_a), gl.Piecewise((YIELD * self.sa, gl.holds(self.locked)), (self.sa, True))),
             gl.Eq(
                 self.loss_forward,
                 piecewise_without_events(
@@ -166,13 +166,13 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
             ),
         ]
 
-    def _starts(self, sense: int, loss: Any, limit: Any, starts: Any, starts_opposite: Any) -> Any:
+    def _starts(self, sense: int, curve: Any, limit: Any, starts: Any, starts_opposite: Any) -> Any:
         """Breakaway condition for one direction; multiplied by flags, since the comparison is meaningful only while the gear is stuck.
 
         A gear that has started in the opposite direction locks first: until then its curve parameter is not a torque.
         """
-        started = 1 - (1 - starts) * (1 - gl.pre(starts))  # at this event or before it
-        pushed = self.was_stuck * (1 - starts_opposite) * (loss - limit * (1 - ROUNDING * started)) > 0
+        limit = limit * (1 - ROUNDING * gl.pre(starts))
+        pushed = self.was_stuck * (1 - starts_opposite) * excess(curve, limit, starts) > 0
         return gl.Or(pushed, gl.And(gl.initial(), gl.equals(self.moving, sense)))
 
     def energies(self) -> gl.Energy:

@@ -2,7 +2,7 @@
 
 The relation between torque and acceleration is parametrised by a curve parameter ``sa`` (Otter, Elmqvist and Mattsson, "Hybrid modeling
 in Modelica based on the synchronous data flow principle", 1999, https://doi.org/10.1109/CACSD.1999.808640): locked, it is the torque;
-sliding, it is the acceleration in excess of that at the onset of sliding. The speed is a continuous state in every mode.
+sliding, it is the acceleration. The speed is a continuous state in every mode.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, extremes, in
 
 BACKWARD, STUCK, FORWARD, FREE, UNKNOWN = -1, 0, 1, 2, 3
 HYSTERESIS = 1e-4  # relative, for a one-way clutch's break-away torque
-ROUNDING = 1e-10  # an element that could slide, but is held by another one, is exactly at its limit
+ROUNDING = 1e-10  # of a torque, relative to its limit
+NO_ACCELERATION = 1e-7  # rad/s2: rounding of that of an element that could slide, but is held by another one
 # While locked, the curve parameter is the torque and does not affect the acceleration. Under prescribed motion that would leave the
 # torque undetermined, and a motion that starts or passes through zero would have no solution. With this compliance (rad/s2 per N.m) the
 # torque of a locked element is zero on a prescribed motion at rest, and beyond any limit on one that moves, so that the element slides.
@@ -72,13 +73,11 @@ class Friction(SlidingSurfaces, Dissipative):
 
     def equations(self) -> list[gl.Eq]:
         locked, is_free = gl.holds(self.locked), gl.holds(self.free)
-        tau0_max = self.peak * self.tau0
         was = gl.pre(self.mode)
         forward = gl.Or(gl.holds(self.start_forward), gl.equals(was, FORWARD))
         backward = gl.Or(gl.holds(self.start_backward), gl.equals(was, BACKWARD))
-        ways = [(self.sa - tau0_max, forward), (self.sa + tau0_max, True)]
         return [
-            gl.Eq(gl.der(self.v), gl.Piecewise((YIELD * self.sa, locked), (self.sa, is_free), *ways)),
+            gl.Eq(gl.der(self.v), gl.Piecewise((YIELD * self.sa, locked), (self.sa, True))),
             gl.Eq(
                 self.tau,
                 gl.Piecewise((self.sa, locked), (0, is_free), (self.level(self.v), forward), (-self.level(-self.v), True)),
@@ -111,19 +110,27 @@ class Friction(SlidingSurfaces, Dissipative):
     def energies(self) -> gl.Energy:
         return gl.Energy(heat=self.loss_power)
 
-    def _starts(self, sense: int, torque: Any, speed: Any, starts: Any, starts_opposite: Any, was_opposite: Any) -> Any:
-        """Whether sliding starts in a direction, with torque and speed counted in that direction.
+    def _starts(self, sense: int, curve: Any, speed: Any, starts: Any, starts_opposite: Any, was_opposite: Any) -> Any:
+        """Whether sliding starts in a direction, with curve parameter and speed counted in that direction.
 
-        While stuck, the torque must exceed its limit, or the sliding torque if it had started already. An element that starts at this
-        event, but is held by another one, is exactly at its limit, and keeps starting. One that has started in the opposite direction
-        locks first: until then its curve parameter is not a torque, and two elements on one shaft would drive each other back and
-        forth. The comparison is multiplied by flags: where none is set, it would raise meaningless events.
+        While stuck, the torque must exceed its limit, or the sliding torque if it had started already. One that has started in the
+        opposite direction locks first: until then its curve parameter is not a torque, and two elements on one shaft would drive each
+        other back and forth. The comparison is multiplied by flags: where none is set, it would raise meaningless events.
         """
         started = gl.pre(starts)
-        limit = self.peak * self.tau0 * (1 - started) * (1 - ROUNDING * starts) + (1 - ROUNDING) * self.tau0 * started
-        pushed = self.was_stuck * (1 - starts_opposite) * (torque - limit) + was_opposite * (speed - self.w_small) > 0
+        limit = self.peak * self.tau0 * (1 - started) + (1 - ROUNDING) * self.tau0 * started
+        pushed = self.was_stuck * (1 - starts_opposite) * excess(curve, limit, starts)
+        pushed = pushed + was_opposite * (speed - self.w_small) > 0
         engaged_now = gl.And(gl.equals(gl.pre(self.mode), FREE), gl.Not(gl.holds(self.free)))
         return gl.Or(pushed, gl.And(gl.Or(gl.initial(), engaged_now), gl.equals(self.moving, sense)))
+
+
+def excess(curve: Any, limit: Any, starts: Any) -> Any:
+    """What is positive while an element starts to slide: its torque beyond the limit, or its acceleration once it ``starts``.
+
+    An element that could slide, but is held by another one, has no acceleration, and keeps starting.
+    """
+    return curve - limit * (1 - starts) + NO_ACCELERATION * starts
 
 
 def sign_while(flag: Any, speed: Any, was: Any) -> Any:
@@ -284,13 +291,13 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
         locked, is_free, was_stuck = gl.holds(self.locked), gl.holds(self.free), gl.holds(gl.pre(self.stuck))
         largest_at_rest = self.level_at_rest().subs(self.f_normalized, 1)
         peak = gl.no_event(gl.Max(self.peak, 1 + HYSTERESIS))
-        starts = 1 - (1 - self.start_forward) * (1 - gl.pre(self.start_forward))
-        limit = self.tau0_max * (1 - starts) + (self.tau0 - ROUNDING * largest_at_rest) * starts
+        started = gl.pre(self.start_forward)
+        limit = self.tau0_max * (1 - started) + (self.tau0 - ROUNDING * largest_at_rest) * started
         return [
             gl.Eq(self.tau0_max, gl.Piecewise((HYSTERESIS * largest_at_rest, is_free), (peak * self.tau0, True))),
             gl.Eq(
                 gl.der(self.w_rel),
-                gl.Piecewise((0, gl.holds(self.forced)), (YIELD * self.sa, locked), (self.sa - self.tau0, True)),
+                gl.Piecewise((0, gl.holds(self.forced)), (YIELD * self.sa, locked), (self.sa, True)),
             ),
             gl.Eq(self.tau, gl.Piecewise((self.sa, locked), (0, is_free), (self.level(self.w_rel), True))),
             gl.Eq(self.moving, (1 - gl.pre(self.locked)) * self.w_rel > AT_REST * (1 - gl.pre(self.moving))),
@@ -298,7 +305,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
             gl.Eq(
                 self.start_forward,
                 gl.Or(
-                    self.was_stuck * (self.sa - limit) > 0,
+                    self.was_stuck * excess(self.sa, limit, self.start_forward) > 0,
                     gl.And(was_stuck, self.w_rel > self.w_small),
                     gl.And(gl.initial(), gl.holds(self.moving)),
                 ),

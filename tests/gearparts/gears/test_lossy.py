@@ -399,7 +399,7 @@ def by_b(torque: float, sense: int, size: float = 1.0) -> float:
 
 @pytest.mark.parametrize("w", [0.0, 5.0])
 def test_losses_in_each_state_are_those_of_the_docstring(lossy: gl.Component, w: float) -> None:
-    """The curve parameter, here 7, is the loss while locked, and else the acceleration without it."""
+    """The curve parameter, here 7, is the loss while locked, and else the acceleration."""
     size = 1 + w / 10
     for torque in (4.0, -3.0):
         values = {"flange_a__tau": torque, "sa": 7.0}
@@ -412,7 +412,7 @@ def test_losses_in_each_state_are_those_of_the_docstring(lossy: gl.Component, w:
             assert right_side(lossy, "tau_loss", w_a=-w, tau_eta=drives, **values) == pytest.approx(loss)
         assert right_side(lossy, "tau_eta", w_a=w, locked=1, **values) == torque
         assert right_side(lossy, "tau_loss", w_a=w, locked=1, **values) == 7.0
-    assert right_side(lossy, "der(w_a)", sa=7.0, tau_loss=3.0) == 4.0
+    assert right_side(lossy, "der(w_a)", sa=7.0, tau_loss=3.0) == 7.0
     assert right_side(lossy, "der(w_a)", sa=7.0, tau_loss=3.0, locked=1) == pytest.approx(0.0, abs=1e-20)
     assert right_side(lossy, "loss_power", tau_loss=3.0, w_a=-2.0) == -6.0
 
@@ -503,8 +503,9 @@ def test_when_a_gear_starts(lossy: gl.Component, sense: int) -> None:
 
     stuck = {"was_stuck": 1.0}
     assert [starts(loss, **stuck) for loss in (-9.0, 1.9, 2.0, 2.0001)] == [False, False, False, True]
-    for begun in (own, f"pre_{own}"):  # held by another element it is at the limit itself, and keeps starting
-        assert [starts(loss, **stuck, **{begun: 1.0}) for loss in (1.9, 2.0)] == [False, True]
+    assert [starts(loss, **stuck, **{f"pre_{own}": 1.0}) for loss in (1.9, 2.0)] == [False, True]
+    # Held by another element it has no acceleration, and keeps starting
+    assert [starts(rate, **stuck, **{own: 1.0}) for rate in (-1e-6, 0.0, 1e-6)] == [False, True, True]
     assert not starts(5.0)
     assert not starts(5.0, **stuck, **{other: 1.0})
     assert [starts(0.0, initial=1.0, moving=m) for m in (sense, -sense, 0)] == [True, False, False]

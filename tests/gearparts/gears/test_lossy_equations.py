@@ -30,7 +30,7 @@ def test_a_gear_turns_by_its_ratio_and_passes_on_what_is_not_lost(
         "ratio": 2.5, "support.phi": housing, "flange_b.phi": housing + 0.2, "phi_a": 0.5, "flange_a.phi": housing + 0.5,
         "w_a": 6.0, "der(phi_a)": 6.0, "flange_a.tau": 4.0, "tau_loss": loss, "flange_b.tau": -2.5 * (4.0 - loss),
         "support.tau": -4.0 + 2.5 * (4.0 - loss), "loss_power": 6.0 * loss, "heat_port.Q_flow": -6.0 * loss,
-        "der(w_a)": 1.25, "sa": 1.25 + loss, "tau_eta": 4.0 if lossless else 4.0 - 0.2 / (0.9 - 1 / 0.8),
+        "der(w_a)": 1.25, "sa": 1.25, "tau_eta": 4.0 if lossless else 4.0 - 0.2 / (0.9 - 1 / 0.8),
         "loss_forward": loss, "loss_backward": 0.0 if lossless else (1 - 1 / 0.8) * 4.0 - 0.3,
     }  # fmt: skip
     modes = {"mode": 2.0} if lossless else {"mode": 1.0, "pre(mode)": 1.0, "moving": 1.0, "pre(moving)": 1.0}

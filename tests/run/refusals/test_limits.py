@@ -97,6 +97,18 @@ def test_reinit_in_the_forbidden_sense_is_refused(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("size", [1e3, 1e5])
+def test_what_rounding_leaves_of_a_fast_freewheel_is_no_fault_in_steps(method: str, size: float) -> None:
+    """It is relative to the speeds before; locked, the shafts pass through standstill. By hand as below."""
+    given = {"parameters": {"tau": -3.0 * size, "pressed": 0.1 * size}, "start": {"a.w": size, "b.w": 2.0 * size}}
+    run, met = gl.compile(Overrun(), outputs=["a.w", "clutch.w_rel"]).stepper(method=method, rtol=1e-11, **given), 1 / 2.25
+    for t in np.linspace(0.1, 2.0, 20).tolist():
+        run.advance(t)
+        assert run["a.w"] == pytest.approx(size * (1.0 + 0.5 * min(t, met) - max(0.0, t - met)), abs=1e-8 * size)
+    assert run["clutch.w_rel"] == pytest.approx(0.0, abs=1e-12 * size)
+
+
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
 def test_locked_and_unlocked_again_and_gone_on_is_right(method: str, rtol: float) -> None:
     """Overruns, is caught up with, and carries the torque then: what rounding leaves of a locked clutch's speed is no fault."""

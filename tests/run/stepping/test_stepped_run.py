@@ -83,6 +83,22 @@ def test_stepped_is_simulated(component: type[gl.Component], end: float, name: s
     assert np.array(found) == pytest.approx(whole, abs=share * np.abs(whole).max())
 
 
+@pytest.mark.parametrize("method", [*METHODS, "taylor"])
+def test_a_step_may_be_as_short_as_the_rounding_of_time(drive: gl.System, method: str) -> None:
+    """Times that a caller computes in two ways; 2 w' + 0.5 w = 3."""
+    shortest = [2.7, math.nextafter(2.7, 3.0), 2.7 + 3e-15, 4.0]
+    for times in (
+        [0.0, *shortest],
+        [2.5, 2.6, *shortest],
+        [-0.3, -0.15, -5e-17, 2e-16, 0.3],
+        [1.3, math.nextafter(1.3, 2.0), 2.0],
+    ):
+        run = drive.stepper(t_start=times[0], method=method, rtol=1e-10, inputs={"torque.tau": 3.0})
+        for t in times[1:]:
+            run.advance(t)
+            assert run["load.w"] == pytest.approx(6.0 - 6.0 * math.exp(-0.25 * (t - times[0])), rel=1e-8)
+
+
 # ---------------------------------------------------------------- inputs
 
 
