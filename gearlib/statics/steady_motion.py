@@ -302,7 +302,8 @@ def _settled(
         return rows.residual, last.solve
 
     def settled(x: Floats, change: Floats, _: Floats) -> bool:
-        return is_rounding(change, x, last.column if last is not None else np.ones(2 * n))
+        assert last is not None, "the change is that of these factors"
+        return is_rounding(change, x, last.column)
 
     for _ in range(40):
         x = newton(equations, x, settled, 30).x

@@ -307,6 +307,16 @@ def test_a_corner_without_an_event_is_told_at_values_of_any_size(x: float) -> No
         system.linearize([], at={"x": x}, parameters={"edge": x}, sparse=True)
 
 
+@pytest.mark.parametrize(("beside", "told"), [(5e-12, True), (-5e-12, True), (1e-11, False), (-1e-11, False)])
+def test_a_point_that_rounding_parts_from_a_corner_is_at_it(beside: float, told: bool) -> None:
+    """A comparison of two values of 3 that agree to a relative 1e-12 of their sum has two sides, also if it is the only one."""
+    system = gl.compile(Measured(), outputs=["x"])
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        system.linearize([], at={"x": 3.0 + beside}, sparse=True)
+    assert ["a corner in the equations of Measured (" in str(one.message) for one in said] == [True] * told
+
+
 def test_a_corner_without_an_event_leaves_the_events_of_others_alone() -> None:
     class Row(gl.Component):
         def assemble(self) -> list[Any]:

@@ -220,6 +220,22 @@ def test_chains_on_the_axis_are_found_at_any_frequency(w: float) -> None:
     assert both.verdict == "drifting"
 
 
+@pytest.mark.parametrize(("apart", "chained"), [(5e-10, (1.0,)), (5e-9, ())])
+def test_frequencies_that_agree_to_nine_digits_are_one(apart: float, chained: tuple[float, ...]) -> None:
+    """A swing that drives another one, which is as fast: the second grows for thousands of turns."""
+    matrix = np.block([[swing(1.0), 1e-6 * np.eye(2)], [np.zeros((2, 2)), swing(1.0 + apart)]])
+    found = poles(matrix)
+    assert found.chained == pytest.approx(chained, rel=1e-8)
+    assert found.verdict == ("drifting" if chained else "marginal")
+
+
+def test_two_decays_that_rounding_hides_are_no_chain_off_zero() -> None:
+    """A chain at 0 is found by the staircase alone."""
+    turned = np.array([[0.6, 0.8], [-0.8, 0.6]])
+    found = poles(turned @ [[-1e-7, 1.0], [0.0, -1e-7]] @ turned.T)
+    assert (found.values.tolist(), found.chains, found.chained) == ([0, 0], (), ())
+
+
 def test_conjugates_stand_side_by_side_and_the_slower_first() -> None:
     values = poles(similar([swing(5.0, 1.0), swing(2.0, 1.0), np.array([[-3.0]])])).values
     assert values.imag == pytest.approx([-np.sqrt(3.75), np.sqrt(3.75), 0.0, -np.sqrt(24.75), np.sqrt(24.75)])
@@ -231,6 +247,8 @@ def test_matrices_without_poles_or_with_zeros_only() -> None:
     assert poles(np.empty((0, 0))).verdict == "stable"
     nothing = poles(np.zeros((3, 3)))
     assert (nothing.chains, nothing.values.tolist(), nothing.tolerances.tolist()) == ((3,), [0, 0, 0], [0, 0, 0])
+    still = eigen(np.zeros((3, 3)))
+    assert (still.others @ still.vectors).shape == (3, 0)
     assert poles(sparse.csr_matrix(np.diag([-1.0, -2.0]))).values.real.tolist() == [-1, -2]
     for wrong, said in ((np.ones((2, 3)), r"shape \(2, 3\) has no eigenvalues"), (np.ones(3), r"shape \(3,\)"),
                         (np.ones((0, 3)), r"shape \(0, 3\)"),

@@ -34,7 +34,7 @@ class Blocks(gl.Component):
             gl.Eq(self.p * self.a0 + self.a1, self.x), gl.Eq(self.a0 - self.q * self.a1, 0),
             gl.Eq(self.b0 + self.q * self.b1 + self.b2, self.a0), gl.Eq(self.s * self.b0 - self.b1, self.y - 3 * self.u),
             gl.Eq(self.b1 + self.p * self.b2, self.a0 - self.a1),
-            gl.Eq(self.c0 + self.p * self.c1, self.b2), gl.Eq(self.s * self.c0 - self.c1, self.v + self.b1),
+            gl.Eq(self.c0 + self.p * self.q * self.c1, self.b2), gl.Eq(self.s * self.c0 - self.c1, self.v + self.b1),
         ]  # fmt: skip
 
 
@@ -50,7 +50,7 @@ def by_hand(p: float, q: float, s: float) -> tuple[Any, Any]:
     rows: list[tuple[dict[str, float], list[float]]] = [
         ({"v": 1}, [p, -1, 0]), ({"w": 1}, [0, 0, -1]), ({"a0": p, "a1": 1}, [1, 0, 0]), ({"a0": 1, "a1": -q}, [0, 0, 0]),
         ({"b0": 1, "b1": q, "b2": 1, "a0": -1}, [0, 0, 0]), ({"b0": s, "b1": -1}, [0, 1, -3]),
-        ({"b1": 1, "b2": p, "a0": -1, "a1": 1}, [0, 0, 0]), ({"c0": 1, "c1": p, "b2": -1}, [0, 0, 0]),
+        ({"b1": 1, "b2": p, "a0": -1, "a1": 1}, [0, 0, 0]), ({"c0": 1, "c1": p * q, "b2": -1}, [0, 0, 0]),
         ({"c0": s, "c1": -1, "v": -1, "b1": -1}, [0, 0, 0]),
     ]  # fmt: skip
     for i, (entries_, known) in enumerate(rows):

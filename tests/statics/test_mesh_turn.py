@@ -16,6 +16,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ModelError
 from gearlib.statics.mesh_turn import PARTS, nonlinear_columns, periodic_columns
+from gearlib.statics.steady_motion import Given, solve
 from tests.statics.test_mesh_turn_course import driven
 
 Law = Callable[[Any, Any, Any], Any]  # of y = sin(phase), z = 1 + 2 w y and w
@@ -339,6 +340,7 @@ COURSES: dict[str, tuple[Callable[[Any, Any], Any], bool | None]] = {  # whether
     "falls": (lambda x, r: r * (gl.cos(x) - 4 * x), True),
     "half as fast": (lambda x, r: gl.sin(x / 2), None),
     "square": (lambda x, r: x**2 / 10, None),
+    "square beside a condition": (lambda x, r: x**2 / 10 + gl.Piecewise((1, gl.sin(x) > 0), (0, True)), None),
     "product": (lambda x, r: r * x * gl.sin(x), None),
     "linear": (lambda x, r: 3 * x, None),
     "beside a magnitude": (lambda x, r: gl.sin(x) + abs(r), False),  # far from zero that grows evenly, too
@@ -449,24 +451,25 @@ class TwoPhases(gl.Component):
 
     flange, p, q = gp.Flange("shaft"), gl.Variable("rad", start=0.0), gl.Variable("rad")
     rates, law, n = gl.Structural((1, 1)), gl.Structural(None), gl.Parameter("N.m", default=1.0)
-    w, u, v = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+    w, u, v, z = gl.Variable("1"), gl.Variable("1"), gl.Variable("1"), gl.Variable("1", "a wave beside the speed")
     s = gl.Parameter("s", default=1.0)
 
     def equations(self) -> list[gl.Eq]:
         turned = [gl.Eq(gl.der(x), r * gl.der(self.flange.phi)) for x, r in zip((self.p, self.q), self.rates, strict=True)]
-        loop = [gl.Eq(self.u + 2 * self.v, 3 + gl.sin(self.p)), gl.Eq(self.u - self.v, 0)]
-        speed = gl.Eq(self.w, self.s * gl.der(self.flange.phi))
-        return [*turned, *loop, speed, gl.Eq(self.flange.tau, self.n * self.law(self.p, self.q, self.u, self.w))]
+        loop = [gl.Eq(self.u + 2 * self.v, 3 + gl.sin(self.p)), gl.Eq(self.u - 4 * self.v, 0)]
+        speed = [gl.Eq(x, y + self.s * gl.der(self.flange.phi)) for x, y in ((self.w, 0.0), (self.z, gl.sin(self.p)))]
+        return [*turned, *loop, *speed, gl.Eq(self.flange.tau, self.n * self.law(self.p, self.q, self.u, self.w, self.z))]
 
 
 BEGIN = 0.7
 TOGETHER = {  # rates, law, mean over time at 5 rad/s
-    "of one rate": ((1, 1), lambda p, q, u, w: gl.cos(p) * gl.cos(q), math.cos(BEGIN) / 2),
-    "against each other": ((3, -3), lambda p, q, u, w: gl.cos(p) * gl.cos(q), math.cos(BEGIN) / 2),
-    "of other rates": ((1, 2), lambda p, q, u, w: gl.cos(p) * gl.cos(q), 0.0),
-    "the square with twice the angle": ((1, 2), lambda p, q, u, w: gl.cos(p) ** 2 * gl.cos(q), math.cos(BEGIN) / 4),
-    "2 to 3": ((2, 3), lambda p, q, u, w: gl.cos(3 * p) * gl.cos(2 * q), math.cos(2 * BEGIN) / 2),
-    "a loop times a speed": ((1, 1), lambda p, q, u, w: w * u, 5.0),
+    "of one rate": ((1, 1), lambda p, q, u, w, z: gl.cos(p) * gl.cos(q), math.cos(BEGIN) / 2),
+    "against each other": ((3, -3), lambda p, q, u, w, z: gl.cos(p) * gl.cos(q), math.cos(BEGIN) / 2),
+    "of other rates": ((1, 2), lambda p, q, u, w, z: gl.cos(p) * gl.cos(q), 0.0),
+    "the square with twice the angle": ((1, 2), lambda p, q, u, w, z: gl.cos(p) ** 2 * gl.cos(q), math.cos(BEGIN) / 4),
+    "2 to 3": ((2, 3), lambda p, q, u, w, z: gl.cos(3 * p) * gl.cos(2 * q), math.cos(2 * BEGIN) / 2),
+    "a loop times a speed": ((1, 1), lambda p, q, u, w, z: w * u, 10.0),
+    "a wave beside a steady rate": ((1, 1), lambda p, q, u, w, z: z**2, 25.5),
 }
 
 
@@ -482,8 +485,17 @@ def test_two_phases_meet_as_their_rates_and_beginnings_are(law: str, way: float)
             self.load = TwoPhases(rates=rates, law=torque, start={"q": BEGIN})
             return [gl.connect(self.drive.flange, self.body.flange_a, self.load.flange)]
 
-    flow = gl.power_flow(gl.compile(Driven()), speeds={"body.w": way * 5.0})
-    assert flow["load.flange"].torque == pytest.approx(mean * (way if "speed" in law else 1.0), abs=1e-9)
+    system, mean = gl.compile(Driven()), mean * (way if "speed" in law else 1.0)
+    flow = gl.power_flow(system, speeds={"body.w": way * 5.0})
+    assert flow["load.flange"].torque == pytest.approx(mean, abs=1e-9)
+    model, numbers = (
+        system.translation.structure.complete,
+        system.translation.parameter_values({}),
+    )  # also without a point to begin
+    speed, tau = (model.variable(name) for name in ("body.w", "load.flange.tau"))
+    given = Given("w", int(model.representative[speed]), 0, way * 5.0 * int(model.sign[speed]))
+    motion = solve(model, numbers, [given])
+    assert motion.constants[model.representative[tau]] * model.sign[tau] == pytest.approx(mean, abs=1e-9)
 
 
 @pytest.mark.parametrize("speed", [1 / 3, -1 / 3])

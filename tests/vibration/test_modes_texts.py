@@ -176,6 +176,31 @@ def test_a_model_of_one_component_is_named_by_its_class() -> None:
     assert negative.not_given == dict.fromkeys(range(2), "the kinetic energy of Alone is negative")
 
 
+class Lift(gl.Component):
+    """Pushes as its flange accelerates: a negative inertia."""
+
+    flange, J, w = gp.Flange("outside"), gl.Parameter("kg.m2", default=0.5), gl.Variable("rad/s")
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(self.w, gl.der(self.flange.phi)), gl.Eq(self.flange.tau, -self.J * gl.der(self.w))]
+
+
+def test_the_component_whose_kinetic_energy_is_negative_is_named() -> None:
+    """Bodies of 1 and 2 - 0.5 kg.m2 on a spring: omega**2 = 100 (1 + 1 / 1.5)."""
+
+    class Lifted(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.shaft, self.lift = gp.Inertia(J=1.0), gp.Inertia(J=2.0), gp.Spring(c=100.0), Lift()
+            return [
+                gl.connect(self.a.flange_b, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.b.flange_a, self.lift.flange),
+            ]
+
+    found = gl.modes(gl.compile(Lifted()))
+    assert found.omega == pytest.approx([0.0, np.sqrt(500 / 3)], rel=1e-12)
+    assert found.not_given == dict.fromkeys(range(2), "the kinetic energy of lift is negative")
+
+
 def test_modes_at_a_moment_of_a_run_are_those_of_its_parameters(system: gl.System) -> None:
     """Without inertia at one end the train has fewer states; nothing has to be given twice."""
     given = {"b.J": 0.0, "shaft.c": 300.0, "brake.d": 0.5}
