@@ -198,11 +198,7 @@ class MeasuredHistories(Measured):
         result = self._run(system, free, TIGHT)
         columns: list[list[Floats]] = [[] for _ in self.columns]
         for name, value in free.items():
-            low, high = self.bounds.get(name, (-np.inf, np.inf))
-            step = STEP * (
-                value if low > 0.0 else max(abs(value), min(high - low, 1.0))
-            )  # near zero, a value has no size of its own
-            ends = max(value - step, low), min(value + step, high)
+            ends = self.ends(name, value)
             back, ahead = (self._run(system, {**free, name: end}, TIGHT) for end in ends)
             for column, n in zip(columns, self.columns, strict=True):
                 column.append((ahead[n] - back[n]) / (ends[1] - ends[0]))
