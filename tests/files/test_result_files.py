@@ -99,6 +99,8 @@ def test_aliases_cost_a_name_in_dymolas_format(saved: Path) -> None:
 
     found = loadmat(saved / "r.mat", chars_as_strings=False)
     block, column = found["dataInfo"][:2]
+    assert block[0] == 0  # the time is in both
+    assert set(block[1:].tolist()) == {1, 2}
     assert (block == 2).sum() > 1.5 * len(found["data_2"])
     assert (column < 0).any()
     assert set(map(len, found["data_1"])) == {2}
