@@ -228,8 +228,7 @@ class ExportedModel:
         found = self.start_constraints
         if found is None:
             return None
-        rules = [] if found.relations is None else [*found.relations.batches, *found.relations.discretes]
-        used = [used_parameters(p) for p in found.programs] + [set(b.parameters.ravel().tolist()) for b in rules]
+        used = [used_parameters(p) for p in found.programs] + [set(b.parameters.ravel().tolist()) for b in found.rules]
         return frozenset().union(self.model.start_slots.tolist(), *used)
 
     @cached_property

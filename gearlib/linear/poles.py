@@ -193,12 +193,11 @@ def _reach(matrix: Floats, value: complex, perturbation: float, first_order: flo
 
 def warn_of_rounding(name: str, states: Sequence[str], A: Any, found: Poles | Eigen) -> None:
     """Warn where rounding in a system's fastest poles exceeds what the slow ones are taken for."""
-    sizes, rows = np.abs(found.values[found.values != 0]), np.linalg.norm(balance(full(A))[0], axis=1)
+    sizes = np.abs(found.values[found.values != 0])
     on_axis = bool(found.chains) or bool((np.abs(found.values.real) <= found.tolerances).any())
-    hidden = bool(found.chains) and bool(
-        (rows[rows > 0] < found.resolution).any()
-    )  # motions that may have been taken for some at 0
-    if not hidden and found.resolution <= (HIDING if on_axis else BLURRING) * sizes.min(initial=np.inf):
+    known = found.resolution <= (HIDING if on_axis else BLURRING) * sizes.min(initial=np.inf)
+    rows = np.empty(0) if known and not found.chains else np.linalg.norm(balance(full(A))[0], axis=1)
+    if known and not (rows[rows > 0] < found.resolution).any():  # else motions as slow may have been taken for some at 0
         return
     fastest = int(np.argmax(rows))
     warn(

@@ -15,7 +15,7 @@ from gearlib.program.derivative_plan import DerivativePlan, derivative_plan
 from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import evaluate, prepare
 from gearlib.program.newton import Correction, newton
-from gearlib.program.program import Program
+from gearlib.program.program import Batch, Program
 from gearlib.program.relations import Relations, relations_of
 from gearlib.reduce.coefficients import start_guess
 from gearlib.reduce.reduction import Structure
@@ -250,20 +250,21 @@ class StartConstraints:
         return (self.program,) if self.relations is None else (self.program, self.relations.program)
 
     @property
+    def rules(self) -> tuple[Batch, ...]:
+        """What determines the discrete state."""
+        return () if self.relations is None else (*self.relations.batches, *self.relations.discretes)
+
+    @property
     def inputs(self) -> NDArray[np.bool_]:
         """Which of the inputs they depend on."""
         read = np.any([p.inputs_read for p in self.programs], axis=0)
-        if self.relations is not None:
-            r, first = self.relations, len(self.program.states)
-            used = [b.arguments.ravel() for b in (*r.batches, *r.discretes)]
-            read |= np.isin(first + np.arange(len(read)), np.concatenate([np.empty(0, np.int64), *used]))
-        return np.asarray(read)
+        used = np.concatenate([np.empty(0, np.int64), *(b.arguments.ravel() for b in self.rules)])
+        return np.asarray(read | np.isin(len(self.program.states) + np.arange(len(read)), used))
 
     @property
     def on_time(self) -> bool:
         """Whether they depend on time explicitly."""
-        rules = () if self.relations is None else (*self.relations.batches, *self.relations.discretes)
-        return any(p.on_time for p in self.programs) or any(b.kernel.on_time for b in rules)
+        return any(p.on_time for p in self.programs) or any(b.kernel.on_time for b in self.rules)
 
     @classmethod
     def of(cls, structure: Structure, others: Sequence[Node]) -> StartConstraints:

@@ -271,16 +271,30 @@ def test_memory_is_restored_in_model_exchange(slave: Callable[..., FmuInstance],
     one.fmu.freeFMUState(memory)
 
 
+def instantiated(path: Path, folder: Path, kind: str) -> tuple[Any, Any, list[str]]:
+    """An FMU of either version, its description, and the list of its messages."""
+    description, content = fmpy.read_model_description(str(path)), fmpy.extract(str(path), str(folder))
+    told: list[str] = []
+    fmu = fmpy.instantiate_fmu(content, description, kind, logger=lambda *a: told.append(a[-1].decode()))
+    return fmu, description, told
+
+
+def initialised(path: Path, folder: Path, kind: str, start: float = 0.0) -> tuple[Any, Any, list[str]]:
+    """The same, ready to begin at a time."""
+    fmu, description, told = instantiated(path, folder, kind)
+    if description.fmiVersion == "2.0":
+        fmu.setupExperiment(startTime=start)
+        fmu.enterInitializationMode()
+    else:
+        fmu.enterInitializationMode(startTime=start)
+    fmu.exitInitializationMode()
+    return fmu, description, told
+
+
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_arrays_of_another_length_are_refused_by_number(version: str, export: Callable[..., Exported], tmp_path: Path) -> None:
     path = export("clutch_shift", version).path
-    description, folder = fmpy.read_model_description(str(path)), fmpy.extract(str(path), str(tmp_path))
-    told: list[str] = []
-    fmu = fmpy.instantiate_fmu(folder, description, "ModelExchange", logger=lambda *a: told.append(a[-1].decode()))
-    if version == "2.0":
-        fmu.setupExperiment()
-    fmu.enterInitializationMode()
-    fmu.exitInitializationMode()
+    fmu, description, told = initialised(path, tmp_path, "ModelExchange")
     first = version[0]
     state, derivatives, des = {"2": ("FMUstate", "Derivatives", "DeS"), "3": ("FMUState", "ContinuousStateDerivatives", "Des")}[
         first
@@ -371,14 +385,8 @@ def test_derivatives_are_those_by_states_and_inputs(version: str, tmp_path: Path
             ]  # fmt: skip
 
     path = gl.compile(Lag(), outputs=["x", "y", "z"]).export_fmu(tmp_path / "lag.fmu", version=version)
-    description, folder = fmpy.read_model_description(str(path)), fmpy.extract(str(path), str(tmp_path / "content"))
+    fmu, description, told = initialised(path, tmp_path / "content", "CoSimulation")
     at = {v.name: v.valueReference for v in description.modelVariables}
-    told: list[str] = []
-    fmu = fmpy.instantiate_fmu(folder, description, "CoSimulation", logger=lambda *a: told.append(a[-1].decode()))
-    if version == "2.0":
-        fmu.setupExperiment()
-    fmu.enterInitializationMode()
-    fmu.exitInitializationMode()
     unknown, known = [at[n] for n in ("x", "der(x)", "y", "z")], [at["x"], at["u"]]
     by_hand = np.array([[1.0, 0.0], [-4.0, 4.0], [-1.0, 0.0], [1.0, 3.0]])
     for seed in ([1.0, 0.0], [0.0, 1.0], [2.0, -3.0]):
@@ -409,24 +417,16 @@ def test_a_step_begins_where_the_last_one_ended(version: str, tmp_path: Path) ->
         def equations(self) -> list[Any]:
             return [gl.Eq(gl.der(self.x), 1.0 if self.forth else -1.0)]
 
-    def log(*arguments: Any) -> None:
-        told.append(arguments[-1].decode())
-
-    made, told = [], list[str]()
-    for name, forth in (("one", True), ("other", False)):
-        path = gl.compile(Clock(forth=forth)).export_fmu(tmp_path / f"{name}.fmu", version=version)
-        description, folder = fmpy.read_model_description(str(path)), fmpy.extract(str(path), str(tmp_path / name))
-        logged = fmpy.instantiate_fmu(folder, description, "CoSimulation", logger=log)
-        made.append((logged, description.modelVariables))
-    (fmu, variables), (other, _) = made
-    x = [next(v.valueReference for v in variables if v.name == "x")]
+    one, another = (
+        gl.compile(Clock(forth=forth)).export_fmu(tmp_path / f"{name}.fmu", version=version)
+        for name, forth in (("one", True), ("other", False))
+    )
+    other = instantiated(another, tmp_path / "other", "CoSimulation")[0]
+    fmu, description, told = initialised(
+        one, tmp_path / "one", "CoSimulation", start=1.0
+    )  # FMPy keeps the last logger of FMI 2
+    x = [next(v.valueReference for v in description.modelVariables if v.name == "x")]
     get, suffix = (fmu.getReal, "state") if version == "2.0" else (fmu.getFloat64, "State")
-    if version == "2.0":
-        fmu.setupExperiment(startTime=1.0)
-        fmu.enterInitializationMode()
-    else:
-        fmu.enterInitializationMode(startTime=1.0)
-    fmu.exitInitializationMode()
     memory = getattr(fmu, f"getFMU{suffix}")()
     fmu.doStep(1.0, 0.25)
     for t in (1.0, 1.5, 0.0):
