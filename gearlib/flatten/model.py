@@ -384,6 +384,15 @@ class FlatModel:
         return list(dict.fromkeys((variables[i][j], order) for j, order in columns if signs[i][j]))
 
     @cached_property
+    def assignments(self) -> list[list[tuple[EquationGroup, int]]]:
+        """Per discrete variable: the equations that give it its value at events, each as a group and a row."""
+        found: list[list[tuple[EquationGroup, int]]] = [[] for _ in self.discretes]
+        for update in self.updates:
+            for i, d in enumerate([] if update.reinit else update.targets.tolist()):
+                found[d].append((update.equations, i))
+        return found
+
+    @cached_property
     def _firsts(self) -> list[int]:
         return [i.first_variable for i in self.instances]
 

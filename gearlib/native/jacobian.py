@@ -291,4 +291,4 @@ def _eliminated(body: Body, step: Solved, n_ones: int) -> None:
 def elimination_size(block: Linear | Newton) -> int:
     """Numbers that the elimination of a block takes besides its right-hand sides."""
     n, order = len(block.unknowns), None if isinstance(block, Linear) else block.order
-    return 2 * n * n + n + 1 if order is None else len(order.places) + factors_size(order)
+    return 2 * n * n + 2 * n + 1 if order is None else len(order.places) + factors_size(order)

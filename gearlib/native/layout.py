@@ -155,8 +155,8 @@ def lay_out(program: Program, shared: Shared, base: int, also: Integers | None =
             kept.append(matrix)
             if order is not None:  # right-hand side, entries, factors
                 scratch = max(scratch, n + len(order.places) + factors_size(order))
-            else:  # right-hand sides, matrix, column order, determinant, magnitudes
-                scratch = max(scratch, 2 * n * n + (2 if matrix is None else 2 + len(matrix.known)) * n + 1)
+            else:  # right-hand sides, matrix, column order, determinant, magnitudes, columns of compliances
+                scratch = max(scratch, 2 * n * n + (3 if matrix is None else 3 + len(matrix.known)) * n + 1)
     end = at + program.n_slots
     memory = end + scratch
     guards = memory + len(program.watched)

@@ -5,16 +5,19 @@ def solve(data: floats, a: int, b: int, n: int, sides: int, agreeing: int, lead:
     """Gaussian elimination with complete pivoting, in place: the matrix at ``a``, right-hand sides and then solutions at ``b``.
 
     The ``sides`` right-hand sides are stored one after the other. Linearly dependent equations (two stuck clutches on one rigid path)
-    are left out if the first ``agreeing`` right-hand sides are consistent, else the function returns 1; undetermined unknowns are set
-    to zero. The first ``lead`` columns are lower triangular: their diagonal entries are the pivots, up to the first that is too small.
-    The column order is stored behind the matrix, followed by the logarithm of the determinant and the largest magnitudes from which
-    entries were computed: what is below their rounding is zero, however large or small the units make an entry.
+    are left out if the first ``agreeing`` right-hand sides are consistent, else the function returns 1. Of the unknowns that they leave
+    open, those with artificial compliances are made as small as can be (the sum of their squares), and the others zero. The first
+    ``lead`` columns are lower triangular: their diagonal entries are the pivots, up to the first that is too small. The column order
+    is stored behind the matrix, followed by the logarithm of the determinant, the largest magnitudes from which entries were computed
+    (what is below their rounding is zero, however large or small the units make an entry), and which columns hold compliances.
     """
     p = a + n * n
     e = p + n + 1
-    size = 0.0
+    flags = e + n * n
+    size, shared = 0.0, 0.0
     for i in range(n):
-        data[p + i] = i
+        data[p + i], data[flags + i] = i, 0.0
+    for i in range(n):
         s = 0.0
         for j in range(n):
             s = max(s, abs(data[a + i * n + j]))
@@ -22,6 +25,8 @@ def solve(data: floats, a: int, b: int, n: int, sides: int, agreeing: int, lead:
             for j in range(n):
                 data[a + i * n + j] /= s
                 data[e + i * n + j] = abs(data[a + i * n + j])
+                if 0.0 < abs(data[a + i * n + j]) <= 1e-20:
+                    data[flags + j] = 1.0
             for side in range(sides):
                 data[b + n * side + i] /= s
             size += log(s)
@@ -39,6 +44,8 @@ def solve(data: floats, a: int, b: int, n: int, sides: int, agreeing: int, lead:
         if best <= 1e-20:  # zeros, and artificial compliances
             rank = k
             size = -1e300
+            for j in range(n):
+                shared += data[flags + j]
             break
         size += log(abs(data[a + r * n + c]))
         if r != k:
@@ -64,6 +71,32 @@ def solve(data: floats, a: int, b: int, n: int, sides: int, agreeing: int, lead:
                     h = b + n * side
                     data[h + i] -= f * data[h + k]
     data[p + n] = size
+    r = rank
+    if shared > 0.0:  # the solutions without right-hand side, one for each column without pivot, and how they multiply each other
+        for c in range(r, n):
+            for k in range(r - 1, -1, -1):
+                s = -data[a + k * n + c]
+                for j in range(k + 1, r):
+                    s -= data[a + k * n + j] * data[e + c * n + j]
+                data[e + c * n + k] = s / data[a + k * n + k]
+            for k in range(r, n):
+                data[e + c * n + k] = 1.0 if k == c else 0.0
+        for c in range(r, n):
+            for i in range(r, n):
+                s = 0.0
+                for k in range(n):
+                    s += data[flags + int(data[p + k])] * data[e + c * n + k] * data[e + i * n + k]
+                data[a + c * n + i] = s
+        for c in range(r, n):
+            data[a + c * n] = 1e-13 * data[a + c * n + c]
+        for c in range(r, n):
+            if data[a + c * n + c] <= data[a + c * n]:
+                data[a + c * n + c] = 0.0
+            else:
+                for i in range(c + 1, n):
+                    f = data[a + i * n + c] / data[a + c * n + c]
+                    for j in range(c + 1, n):
+                        data[a + i * n + j] -= f * data[a + c * n + j]
     for side in range(sides):
         h = b + n * side
         largest = 1e-300
@@ -78,6 +111,23 @@ def solve(data: floats, a: int, b: int, n: int, sides: int, agreeing: int, lead:
             for j in range(k + 1, rank):
                 s -= data[a + k * n + j] * data[h + j]
             data[h + k] = s / data[a + k * n + k]
+        if shared > 0.0:
+            for c in range(r, n):
+                s = 0.0
+                for k in range(r):
+                    s -= data[flags + int(data[p + k])] * data[e + c * n + k] * data[h + k]
+                for i in range(r, c):
+                    if data[a + i * n + i] > 0.0:
+                        s -= data[a + c * n + i] / data[a + i * n + i] * data[h + i]
+                data[h + c] = s
+            for c in range(n - 1, r - 1, -1):
+                s = data[h + c]
+                for i in range(c + 1, n):
+                    s -= data[a + c * n + i] * data[h + i]
+                data[h + c] = s / data[a + c * n + c] if data[a + c * n + c] > 0.0 else 0.0
+            for c in range(r, n):
+                for k in range(r):
+                    data[h + k] += data[e + c * n + k] * data[h + c]
     for side in range(sides):
         h = b + n * side
         for i in range(n):

@@ -44,8 +44,9 @@ SPARSE_SOLVE = '''
 def sparse_factorise(data: floats, index: ints, s: int, a: int, m: int) -> None:
     """LU factors, stored from ``m`` on, of the matrix with the entries at ``a`` and the pattern at ``index[s]``.
 
-    Rows are scaled by their largest entries. A column without a usable pivot leaves its unknown undetermined. The logarithm of the
-    determinant (-1e300 if it vanishes) and the rank (-1 if the factors exceed their storage) come first.
+    Rows are scaled by their largest entries. A column without a usable pivot leaves its unknown undetermined: it comes last among the
+    pivots' columns, and its upper part from the end of their storage backwards. The logarithm of the determinant (-1e300 if it
+    vanishes) and the rank (-1 if the factors exceed their storage) come first. ``mark``: which columns hold artificial compliances.
     """
     n, room, order, ranks = index[s], index[s + 1], s + 2, s + 2 + index[s]
     starts, rows = ranks + n, ranks + 2 * n + 1
@@ -65,7 +66,7 @@ def sparse_factorise(data: floats, index: ints, s: int, a: int, m: int) -> None:
         if data[scale + i] > 0.0:
             size += log(data[scale + i])
             data[scale + i] = 1.0 / data[scale + i]
-    rank, n_lower, n_upper = 0, 0, 0
+    rank, n_lower, n_upper, n_open = 0, 0, 0, 0
     data[lower_starts], data[upper_starts] = 0.0, 0.0
     for k in range(n):
         column = index[order + k]
@@ -102,14 +103,19 @@ def sparse_factorise(data: floats, index: ints, s: int, a: int, m: int) -> None:
             data[x + i] += data[a + e] * data[scale + i]
         for h in range(top, n):
             j = int(data[reached + h])
+            data[ahead + j] = abs(data[x + j])
+        for h in range(top, n):
+            j = int(data[reached + h])
             p = int(data[place + j])
+            if abs(data[x + j]) <= 1e-13 * data[ahead + j]:  # rounding of what it is computed from
+                data[x + j] = 0.0
             y = data[x + j]
             if p >= 0 and y != 0.0:
                 for q in range(int(data[lower_starts + p]), int(data[lower_starts + p + 1])):
                     i = int(data[lower + 2 * q])
                     term = data[lower + 2 * q + 1] * y
-                    old = data[x + i]
-                    data[x + i] = old - term if abs(old - term) > 1e-15 * max(abs(old), abs(term)) else 0.0
+                    data[x + i] -= term
+                    data[ahead + i] = max(data[ahead + i], abs(term))
         largest = 0.0
         for h in range(top, n):
             j = int(data[reached + h])
@@ -122,7 +128,7 @@ def sparse_factorise(data: floats, index: ints, s: int, a: int, m: int) -> None:
                 if data[place + j] < 0.0 and abs(data[x + j]) >= 1e-3 * largest:
                     if chosen < 0 or data[turn + j] < data[turn + max(chosen, 0)]:
                         chosen = j
-        if max(n_lower, n_upper) + n - top > room:
+        if max(n_lower, n_upper + n_open) + n - top > room:
             data[m], data[m + 1] = -1e300, -1.0
             return
         if chosen >= 0:
@@ -143,16 +149,77 @@ def sparse_factorise(data: floats, index: ints, s: int, a: int, m: int) -> None:
                         data[turn + j] = max(data[turn + j], data[turn + chosen])  # it has the entries of both now
             rank += 1
             data[lower_starts + rank], data[upper_starts + rank] = n_lower, n_upper
+        else:
+            for h in range(top, n):
+                j = int(data[reached + h])
+                if data[place + j] >= 0.0 and data[x + j] != 0.0:
+                    n_open += 1
+                    data[upper + 2 * (room - n_open)], data[upper + 2 * (room - n_open) + 1] = data[place + j], data[x + j]
+            data[pivot_columns + rank + n - 1 - k] = column
+            data[upper_starts + rank + n - k] = n_open
         for h in range(top, n):
             data[x + int(data[reached + h])] = 0.0
     data[m], data[m + 1] = size if rank == n else -1e300, rank
+    for i in range(n):
+        data[mark + i] = 0.0
+        for e in range(index[starts + i], index[starts + i + 1]):
+            if 0.0 < abs(data[a + e]) * data[scale + index[rows + e]] <= 1e-20:
+                data[mark + i] = 1.0
+
+
+def sparse_open(data: floats, index: ints, s: int, m: int, b: int) -> None:
+    """The solution without right-hand side whose undetermined unknowns stand in the vector at ``b``; replaces the others there."""
+    n, room, rank = index[s], index[s + 1], int(data[m + 1])
+    pivot_columns, pivots, x, upper_starts = m + 2 + 3 * n, m + 2 + 4 * n, m + 2 + 5 * n, m + 3 + 11 * n
+    upper = m + 4 + 13 * n + 2 * room
+    for k in range(rank):
+        data[x + k] = 0.0
+    done = 0
+    for k in range(n - 1, rank - 1, -1):
+        y = data[b + int(data[pivot_columns + k])]
+        for q in range(done, int(data[upper_starts + k + 1])):
+            e = upper + 2 * (room - 1 - q)
+            data[x + int(data[e])] -= data[e + 1] * y
+        done = int(data[upper_starts + k + 1])
+    for k in range(rank - 1, -1, -1):
+        y = data[x + k] / data[pivots + k]
+        data[b + int(data[pivot_columns + k])] = y
+        for q in range(int(data[upper_starts + k]), int(data[upper_starts + k + 1])):
+            data[x + int(data[upper + 2 * q])] -= data[upper + 2 * q + 1] * y
+
+
+def sparse_slope(data: floats, index: ints, s: int, m: int, b: int, g: int) -> float:
+    """How half the sum of squares of the unknowns at ``b`` that hold compliances falls with each undetermined one, stored at ``g``.
+
+    Returns the square of this slope.
+    """
+    n, room, rank = index[s], index[s + 1], int(data[m + 1])
+    pivot_columns, pivots, x, mark = m + 2 + 3 * n, m + 2 + 4 * n, m + 2 + 5 * n, m + 2 + 6 * n
+    upper_starts, upper = m + 3 + 11 * n, m + 4 + 13 * n + 2 * room
+    for k in range(rank):
+        c = int(data[pivot_columns + k])
+        y = data[mark + c] * data[b + c]
+        for q in range(int(data[upper_starts + k]), int(data[upper_starts + k + 1])):
+            y -= data[upper + 2 * q + 1] * data[x + int(data[upper + 2 * q])]
+        data[x + k] = y / data[pivots + k]
+    done, square = 0, 0.0
+    for k in range(n - 1, rank - 1, -1):
+        c = int(data[pivot_columns + k])
+        y = -data[mark + c] * data[b + c]
+        for q in range(done, int(data[upper_starts + k + 1])):
+            e = upper + 2 * (room - 1 - q)
+            y += data[e + 1] * data[x + int(data[e])]
+        done = int(data[upper_starts + k + 1])
+        data[g + c] = y
+        square += y * y
+    return square
 
 
 def sparse_apply(data: floats, index: ints, s: int, m: int, b: int, agreeing: int) -> int:
     """Solve for the right-hand side at ``b``, in place, with the factors at ``m``; returns 1 on failure.
 
-    Linearly dependent equations are left out, and undetermined unknowns set to zero; if ``agreeing`` is not zero, it is a failure if
-    these equations are inconsistent.
+    Linearly dependent equations are left out; if ``agreeing`` is not zero, it is a failure if they are inconsistent. Of the unknowns
+    that they leave open, those with artificial compliances are made as small as can be (by conjugate gradients), the others zero.
     """
     n, room = index[s], index[s + 1]
     scale, place, pivot_rows, pivot_columns = m + 2, m + 2 + n, m + 2 + 2 * n, m + 2 + 3 * n
@@ -187,6 +254,34 @@ def sparse_apply(data: floats, index: ints, s: int, m: int, b: int, agreeing: in
             for q in range(int(data[upper_starts + k]), int(data[upper_starts + k + 1])):
                 i = int(data[upper + 2 * q])
                 data[x + i] -= data[upper + 2 * q + 1] * y
+    if rank == n:
+        return 0
+    mark, p, v, g = m + 2 + 6 * n, m + 2 + 7 * n, m + 2 + 8 * n, m + 2 + 9 * n
+    for i in range(n):
+        data[p + i] = 0.0
+    square, before = sparse_slope(data, index, s, m, b, g), 1.0
+    for turn in range(10 * (n - rank) + 20):
+        for k in range(rank, n):
+            i = int(data[pivot_columns + k])
+            data[p + i] = data[g + i] + square / before * data[p + i]
+            data[v + i] = data[p + i]
+        sparse_open(data, index, s, m, v)
+        size, curvature = 0.0, 0.0
+        for i in range(n):
+            size += data[mark + i] * data[b + i] * data[b + i]
+            curvature += data[mark + i] * data[v + i] * data[v + i]
+        if square * square <= 1e-28 * size * curvature:
+            return 0
+        smaller = 0.0
+        for i in range(n):
+            y = data[b + i] + square / curvature * data[v + i]
+            smaller += data[mark + i] * y * y
+        if smaller >= size:  # by rounding
+            return 0
+        for i in range(n):
+            data[b + i] += square / curvature * data[v + i]
+        before = square
+        square = sparse_slope(data, index, s, m, b, g)
     return 0
 
 

@@ -423,7 +423,7 @@ def _singular_step(step: Newton, structure: Structure, matrix: Any, residual: Fl
     finite = bool(np.isfinite(matrix if dense else matrix.data).all() and np.isfinite(residual).all())
     change: Floats = np.zeros(len(z))
     if finite:
-        change = _least(matrix, residual) if dense else factorise(matrix).solve(residual)
+        change = _least(matrix, residual) if dense else _least_sparse(matrix, residual)
     largest = np.abs(matrix).max(axis=1) if dense else np.abs(matrix).max(axis=1).toarray().ravel()
     units = np.where(largest > 0.0, largest, 1.0)  # of each equation
     if not finite or np.abs((residual - matrix @ change) / units).max() > 1e-9 * np.abs(residual / units).max():
@@ -457,6 +457,17 @@ def _least(matrix: Floats, right: Floats) -> Floats:
         return np.asarray(np.linalg.solve(matrix, right), float)
     except np.linalg.LinAlgError:
         return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], float)
+
+
+def _least_sparse(matrix: Any, right: Floats) -> Floats:
+    """The same for a large block: what no compliance tells is zero."""
+    import scipy.sparse as sparse
+
+    factors = factorise(matrix)
+    found, entries, size = factors.solve(right), abs(matrix).tocoo(), abs(matrix).max(axis=1).toarray().ravel()
+    counted = np.unique(entries.col[(entries.data > 0.0) & (entries.data <= COMPLIANCE * size[entries.row])])
+    free = sparse.diags(factors.column) @ factors.continued(np.eye(len(factors.open)))
+    return np.asarray(found - free @ np.linalg.lstsq(free[counted], found[counted], rcond=SINGULAR)[0], float)
 
 
 def _labels(step: Newton, structure: Structure) -> str:

@@ -273,13 +273,9 @@ def discrete_nodes(model: FlatModel, discrete: int) -> list[Node]:
         if d in seen:
             continue
         seen.add(d)
-        for update in model.updates:
-            if update.reinit:
-                continue
-            group = update.equations
-            for i in np.flatnonzero(update.targets == d).tolist():
-                found |= _read(group, i, (*group.template.columns, *group.template.relation_columns))
-                stack += [p % n for p in group.discretes[i].tolist() if p < 2 * n]
+        for group, i in model.assignments[d]:
+            found |= _read(group, i, (*group.template.columns, *group.template.relation_columns))
+            stack += [p % n for p in group.discretes[i].tolist() if p < 2 * n]
     return sorted(found)
 
 

@@ -488,9 +488,8 @@ def needed_discretes(structure: Structure, targets: Iterable[Node]) -> tuple[int
         if place >= 2 * known or place % known in found:  # the last entry is the flag of the start of a run
             continue
         found.add(place % known)
-        for update in model.updates:
-            if not update.reinit:
-                waiting += update.equations.discretes[update.targets == place % known].ravel().tolist()
+        for group, i in model.assignments[place % known]:
+            waiting += group.discretes[i].tolist()
     return tuple(sorted(found))
 
 

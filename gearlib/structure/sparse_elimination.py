@@ -92,8 +92,12 @@ class Factors:
 
     def directions(self, how_many: int) -> Floats:
         """Random null-space directions in scaled unknowns, shape (unknowns, how_many)."""
-        found = np.zeros((self.matrix.shape[1], how_many))
-        found[self.open] = np.random.default_rng(len(self.open)).uniform(0.5, 1.5, (len(self.open), how_many))
+        return self.continued(np.random.default_rng(len(self.open)).uniform(0.5, 1.5, (len(self.open), how_many)))
+
+    def continued(self, free: Floats) -> Floats:
+        """Null-space directions in scaled unknowns with given values of the free ones, shape (unknowns, directions)."""
+        found = np.zeros((self.matrix.shape[1], free.shape[1]))
+        found[self.open] = free
         if self.rank:
             found[self.columns] = -self._square.solve(np.ascontiguousarray(self._scaled[self.rows] @ found))
         return found

@@ -386,9 +386,9 @@ SOLVER = SOLVE + module("return solve(data, 1, 0 + index[0], index[1], index[3],
 def solved(matrix: Floats, right: Floats, lead: int = 0) -> tuple[int, Floats, Floats]:
     """Code, solutions and all data; ``right`` has the right-hand sides one after the other."""
     n = len(matrix)
-    data = np.concatenate([[0.0], matrix.ravel(), np.zeros(n + 1 + n * n), right])
+    data = np.concatenate([[0.0], matrix.ravel(), np.zeros(2 * n + 1 + n * n), right])
     others = data.copy()
-    index = np.array([1 + 2 * n * n + n + 1, n, lead, len(right) // n])
+    index = np.array([1 + 2 * n * n + 2 * n + 1, n, lead, len(right) // n])
     code = by_machine(SOLVER, "f", 0.0, data, index)
     assert by_python(SOLVER, "f", 0.0, others, index) == code
     assert same(data, others)
@@ -420,6 +420,34 @@ def test_elimination_of_dependent_equations() -> None:
     assert code == 0
     assert matrix @ x == pytest.approx([2.0, 4.0, 6.0])
     assert solved(matrix, np.array([2.0, 5.0, 6.0]))[0] == 1
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_elimination_shares_what_is_open_as_compliances_would(seed: int) -> None:
+    """Several locked elements hold the same few motions: of all torques that do, the smallest by their squares; in each right-hand side."""
+    rng = np.random.default_rng(seed)
+    motions = int(rng.integers(1, 4))
+    locked = motions + int(rng.integers(1, 5))
+    ratios = rng.choice([-1, 1], (locked, motions)) * 10 ** rng.uniform(-0.5, 0.5, (locked, motions))
+    matrix = np.block([[np.diag(rng.uniform(0.5, 2.0, motions)), ratios.T], [ratios, -1e-25 * np.eye(locked)]])
+    right = np.zeros((2, motions + locked))
+    right[:, :motions] = rng.normal(size=(2, motions))
+    rows, columns = rng.permutation(motions + locked), rng.permutation(motions + locked)
+    code, x, _ = solved(matrix[rows][:, columns], right[:, rows].ravel())
+    assert code == 0
+    found = np.empty_like(right)
+    found[:, columns] = x.reshape(right.shape)
+    assert found[:, :motions] == pytest.approx(np.zeros((2, motions)), abs=1e-12)
+    assert found[:, motions:] == pytest.approx((np.linalg.pinv(ratios.T) @ right[:, :motions].T).T, rel=1e-9, abs=1e-12)
+
+
+def test_elimination_leaves_at_zero_what_no_compliance_tells() -> None:
+    matrix = np.array([[1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0], [1.0, 1.0, 1e-25, 0.0], [0.0, 0.0, 2.0, 2.0]])
+    code, x, _ = solved(matrix, np.array([3.0, 5.0, 3.0, 10.0]))
+    assert code == 0
+    assert x[0] + x[1] == pytest.approx(3.0)
+    assert 0.0 in x[:2]
+    assert x[2:] == pytest.approx([0.0, 5.0], abs=1e-12)
 
 
 @pytest.mark.parametrize("exponent", [15, 30])

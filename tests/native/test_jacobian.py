@@ -62,13 +62,13 @@ def test_blocks_whose_matrix_is_differentiated_are_inverted() -> None:
 
 
 def test_an_elimination_has_room_for_its_matrix_and_what_solves_it() -> None:
-    """Entries and their largest magnitudes, the order of the columns and the determinant; of a sparse one, entries and factors."""
+    """Entries, their largest magnitudes, columns' order and compliances, determinant; of a sparse one, entries and factors."""
     blocks = [step for kind in KINDS for step in point(kind).program.steps if isinstance(step, Linear | Newton)]
     assert {type(block) for block in blocks} == {Linear, Newton}
     for block in blocks:
         n = len(block.unknowns)
         order = None if isinstance(block, Linear) else block.order
-        dense_room = n * n + n * n + n + 1
+        dense_room = n * n + n * n + n + n + 1
         assert elimination_size(block) == (dense_room if order is None else len(order.places) + factors_size(order))
     newton = next(block for block in blocks if isinstance(block, Newton))
     n, every = len(newton.unknowns), np.arange(len(newton.unknowns))

@@ -75,6 +75,33 @@ def test_dependent_equations_are_left_out_where_they_agree(seed: int) -> None:
     assert solved(order, matrix, right)[0] == 1
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_what_is_open_is_shared_as_compliances_would(seed: int) -> None:
+    """Locked elements hold the same motions: of all torques that do, the smallest by their squares."""
+    rng = np.random.default_rng(seed)
+    motions, locked = int(rng.integers(2, 10)), int(rng.integers(2, 30))
+    ratios = rng.choice([-1, 1], (locked, motions)) * 10 ** rng.uniform(-0.5, 0.5, (locked, motions))
+    ratios = np.where(rng.random((locked, motions)) < 0.5, ratios, 0.0)
+    ratios[np.arange(locked), rng.integers(0, motions, locked)] = 1.0
+    inertias = 10 ** rng.uniform(-1, 1, motions)
+    matrix = np.block([[np.diag(inertias), ratios.T], [ratios, -1e-25 * np.eye(locked)]])
+    torque = rng.normal(size=motions)
+    rows, columns = rng.permutation(motions + locked), rng.permutation(motions + locked)
+    mixed = matrix[rows][:, columns]
+    status, found, _, _ = solved(
+        elimination_order(len(mixed), np.flatnonzero(mixed)), mixed, np.concatenate([torque, np.zeros(locked)])[rows]
+    )
+    assert status == 0
+    x = np.empty(motions + locked)
+    x[columns] = found
+    _, sizes, back = np.linalg.svd(ratios)
+    free = back[int((sizes > 1e-12 * sizes[0]).sum()) :].T  # how they can still move
+    acceleration = free @ np.linalg.solve(free.T @ (inertias[:, None] * free), free.T @ torque)
+    assert x[:motions] == pytest.approx(acceleration, abs=1e-9)
+    least = np.linalg.lstsq(ratios.T, torque - inertias * acceleration, rcond=1e-12)[0]
+    assert x[motions:] == pytest.approx(least, rel=1e-6, abs=1e-6 * np.abs(least).max())
+
+
 def test_factors_of_a_star_grow_with_its_branches() -> None:
     """Whichever of its equations each branch is solved by: modes chosen at random."""
     rng, fills = np.random.default_rng(1), []

@@ -906,6 +906,70 @@ def test_friction_that_broke_away_and_is_held_by_other_friction_never_drives(dri
     assert (np.abs(tau[~moves]) < 1.3 * 4.1 + 4.9 + 1e-2).all()
 
 
+class Stages(gl.Component):
+    """Rigid stages with two bearings each, made in an order of the seed; the torque grows, and turns."""
+
+    limits, peaks, ratios = gl.Structural(()), gl.Structural(()), gl.Structural(())
+    seed = gl.Structural(0)
+
+    def assemble(self) -> list[gl.Connection]:
+        n, rng = len(self.ratios) + 1, np.random.default_rng(self.seed)
+        self.torque = gp.Torque(tau=gl.Table(range(4), TURNING)(gl.time))
+        parts = {f"body{i}": (gp.Inertia, {"J": 1.0 / (1 + i)}) for i in range(n)}
+        parts |= {f"gear{i}": (gp.IdealGear, {"ratio": ratio}) for i, ratio in enumerate(self.ratios)}
+        for i, (limit, peak) in enumerate(zip(self.limits, self.peaks, strict=True)):
+            parts[f"f{i}"] = (BearingFriction, {"tau_pos": ((0.0, limit),), "peak": peak})
+        for name in rng.permutation(sorted(parts)) if self.seed else parts:
+            setattr(self, name, parts[name][0](**parts[name][1]))
+        sets = []
+        for i in range(n):
+            ends = [self.torque.flange if i == 0 else getattr(self, f"gear{i - 1}").flange_b, getattr(self, f"body{i}").flange_a]
+            ends += [getattr(self, f"f{k}").flange_a for k in (2 * i, 2 * i + 1)]
+            ends += [getattr(self, f"gear{i}").flange_a] if i < n - 1 else []
+            sets.append(gl.connect(*[ends[k] for k in rng.permutation(len(ends))]))
+        return sets
+
+
+TURNING = (0.0, 40.0, -60.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("limits", "peaks", "ratios"),
+    [
+        ((1.0, 5.0), (1.0, 1.0), ()),
+        ((4.1, 4.9), (1.3, 1.0), ()),
+        ((1.0, 3.0, 0.7, 2.0), (1.0, 1.5, 1.2, 1.0), (10 / 3,)),
+        ((1.0, 2.0, 0.5, 0.7, 0.3, 1.1), (2.0, 1.0, 1.4, 1.0, 1.0, 1.2), (-0.7, 1.7)),
+        ((0.4, 0.5, 0.5, 0.3, 0.3, 0.6, 0.2, 0.1, 0.3, 0.2), (1.4, 1.0) * 5, (-0.7, 1.7, 10 / 3, -1.5)),  # a sparse block
+    ],
+)
+def test_stuck_elements_on_one_rigid_path_share_a_torque_in_any_order_of_declaration(
+    limits: tuple[float, ...], peaks: tuple[float, ...], ratios: tuple[float, ...]
+) -> None:
+    """Each bears what the smallest squares give it; beyond its break-away torque it slides, and the others take the rest."""
+    turns = np.repeat(1.0 / np.cumprod([1.0, *ratios]), 2)  # speed of each bearing for that of the first
+    stuck, slid, moves = list(range(len(limits))), 0.0, 0.0
+    all_stuck = min(limits[k] * peaks[k] * (turns**2).sum() / abs(turns[k]) for k in stuck)
+    while stuck:  # the first whose limit is reached as the torque grows
+        loads = [slid + limits[k] * peaks[k] * (turns[stuck] ** 2).sum() / abs(turns[k]) for k in stuck]
+        moves = max(moves, min(loads))
+        gone = stuck.pop(int(np.argmin(loads)))
+        slid += limits[gone] * abs(turns[gone])
+    times = np.linspace(0.0, 3.0, 121)
+    runs = [
+        gl.simulate(Stages(limits=limits, peaks=peaks, ratios=ratios, seed=seed), 3.0, times=times, method=method, rtol=1e-9)
+        for seed, method in ((0, "rk"), (1, "ida"), (2, "rk"))
+    ]
+    w, taus = runs[0]["body0.w"], np.array([runs[0][f"f{k}.tau"] for k in range(len(limits))])
+    torque = np.interp(times, range(4), TURNING)
+    assert max(time for time, _ in runs[0].events if time < 1.0) == pytest.approx(moves / 40.0, abs=2e-6)  # and 1e-11 rad/s later
+    early = (torque < all_stuck) & (times < 1.0)
+    assert taus[:, early] == pytest.approx(np.outer(turns / (turns**2).sum(), torque[early]), rel=1e-7, abs=1e-9)
+    for other in runs[1:]:
+        assert other["body0.w"] == pytest.approx(w, abs=1e-6 * np.abs(w).max())
+        assert np.array([other[f"f{k}.tau"] for k in range(len(limits))]) == pytest.approx(taus, abs=1e-6 * np.abs(taus).max())
+
+
 class TwoClutches(gl.Component):
     """Clutches side by side and two bearings; torques and inertias are multiplied by ``large``, times by ``long``."""
 
