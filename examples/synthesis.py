@@ -335,7 +335,7 @@ for ahead, back, kind, from_w, train, *_ in designs:
     by_hand = float(train.speeds()[train.w] if from_w else 1 / train.speeds()[train.w])
     title = f"{kind}, {train.v} - {train.gear} - {train.u}"
     print(
-        f"{title:26} gearlib {ratio:11.6f} {around:11.6f} {steady.efficiency:12.8f} {accelerated:13.4f}     {backwards:.3f} rad/s"
+        f"{title:26} gearlib {ratio:11.6f} {around:11.6f} {steady.efficiency:12.8f} {accelerated:13.4f}     {backwards + 0.0:.3f} rad/s"
     )
     print(f"{'':26} by hand {by_hand:11.6f} {macmillan:11.6f} {ahead:12.8f} {expected:13.4f}     efficiency {back:.4f}")
 

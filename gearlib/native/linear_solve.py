@@ -6,30 +6,33 @@ def solve(data: floats, a: int, b: int, n: int, sides: int, agreeing: int, lead:
 
     The ``sides`` right-hand sides are stored one after the other. Linearly dependent equations (two stuck clutches on one rigid path)
     are left out if the first ``agreeing`` right-hand sides are consistent, else the function returns 1. Of the unknowns that they leave
-    open, those with artificial compliances are made as small as can be (the sum of their squares), and the others zero. The first
-    ``lead`` columns are lower triangular: their diagonal entries are the pivots, up to the first that is too small. The column order
-    is stored behind the matrix, followed by the logarithm of the determinant, the largest magnitudes from which entries were computed
-    (what is below their rounding is zero, however large or small the units make an entry), and which columns hold compliances.
+    open, those with artificial compliances are made as small as can be (the sum of their squares times these), and the others zero.
+    The first ``lead`` columns are lower triangular: their diagonal entries are the pivots, up to the first that is too small. The
+    column order is stored behind the matrix, followed by the logarithm of the determinant, the largest magnitudes from which entries
+    were computed (what is below their rounding is zero, however large or small the units make an entry), and the compliances.
     """
     p = a + n * n
     e = p + n + 1
-    flags = e + n * n
+    soft = e + n * n
     size, shared = 0.0, 0.0
     for i in range(n):
-        data[p + i], data[flags + i] = i, 0.0
+        data[p + i], data[soft + i] = 0.0, 0.0
     for i in range(n):
         s = 0.0
         for j in range(n):
             s = max(s, abs(data[a + i * n + j]))
+            data[p + j] = max(data[p + j], abs(data[a + i * n + j]))
         if s > 0.0:
             for j in range(n):
                 data[a + i * n + j] /= s
                 data[e + i * n + j] = abs(data[a + i * n + j])
                 if 0.0 < abs(data[a + i * n + j]) <= 1e-20:
-                    data[flags + j] = 1.0
+                    data[soft + j] = abs(data[a + i * n + j])
             for side in range(sides):
                 data[b + n * side + i] /= s
             size += log(s)
+    for j in range(n):  # torque by the acceleration: in the balance, 1 of it may hold more than 1
+        data[p + j], data[soft + j] = j, data[soft + j] * data[p + j]
     rank = n
     for k in range(n):
         best, r, c = 0.0, k, k
@@ -45,7 +48,7 @@ def solve(data: floats, a: int, b: int, n: int, sides: int, agreeing: int, lead:
             rank = k
             size = -1e300
             for j in range(n):
-                shared += data[flags + j]
+                shared += data[soft + j]
             break
         size += log(abs(data[a + r * n + c]))
         if r != k:
@@ -85,7 +88,7 @@ def solve(data: floats, a: int, b: int, n: int, sides: int, agreeing: int, lead:
             for i in range(r, n):
                 s = 0.0
                 for k in range(n):
-                    s += data[flags + int(data[p + k])] * data[e + c * n + k] * data[e + i * n + k]
+                    s += data[soft + int(data[p + k])] * data[e + c * n + k] * data[e + i * n + k]
                 data[a + c * n + i] = s
         for c in range(r, n):
             data[a + c * n] = 1e-13 * data[a + c * n + c]
@@ -115,7 +118,7 @@ def solve(data: floats, a: int, b: int, n: int, sides: int, agreeing: int, lead:
             for c in range(r, n):
                 s = 0.0
                 for k in range(r):
-                    s -= data[flags + int(data[p + k])] * data[e + c * n + k] * data[h + k]
+                    s -= data[soft + int(data[p + k])] * data[e + c * n + k] * data[h + k]
                 for i in range(r, c):
                     if data[a + i * n + i] > 0.0:
                         s -= data[a + c * n + i] / data[a + i * n + i] * data[h + i]

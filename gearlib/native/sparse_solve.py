@@ -46,7 +46,7 @@ def sparse_factorise(data: floats, index: ints, s: int, a: int, m: int) -> None:
 
     Rows are scaled by their largest entries. A column without a usable pivot leaves its unknown undetermined: it comes last among the
     pivots' columns, and its upper part from the end of their storage backwards. The logarithm of the determinant (-1e300 if it
-    vanishes) and the rank (-1 if the factors exceed their storage) come first. ``mark``: which columns hold artificial compliances.
+    vanishes) and the rank (-1 if the factors exceed their storage) come first. ``mark``: the artificial compliances of the columns.
     """
     n, room, order, ranks = index[s], index[s + 1], s + 2, s + 2 + index[s]
     starts, rows = ranks + n, ranks + 2 * n + 1
@@ -161,10 +161,12 @@ def sparse_factorise(data: floats, index: ints, s: int, a: int, m: int) -> None:
             data[x + int(data[reached + h])] = 0.0
     data[m], data[m + 1] = size if rank == n else -1e300, rank
     for i in range(n):
-        data[mark + i] = 0.0
+        data[mark + i], largest = 0.0, 0.0
         for e in range(index[starts + i], index[starts + i + 1]):
+            largest = max(largest, abs(data[a + e]))
             if 0.0 < abs(data[a + e]) * data[scale + index[rows + e]] <= 1e-20:
-                data[mark + i] = 1.0
+                data[mark + i] = abs(data[a + e]) * data[scale + index[rows + e]]
+        data[mark + i] *= largest
 
 
 def sparse_open(data: floats, index: ints, s: int, m: int, b: int) -> None:
@@ -189,7 +191,7 @@ def sparse_open(data: floats, index: ints, s: int, m: int, b: int) -> None:
 
 
 def sparse_slope(data: floats, index: ints, s: int, m: int, b: int, g: int) -> float:
-    """How half the sum of squares of the unknowns at ``b`` that hold compliances falls with each undetermined one, stored at ``g``.
+    """How half the sum of squares of the unknowns at ``b``, times compliances, falls with each undetermined one, stored at ``g``.
 
     Returns the square of this slope.
     """

@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 MOST_INVERSES = 4  # matrices of linear blocks whose inverses a structure keeps
 # Relative to the largest coefficient of an equation: smaller ones are artificial compliances (`gearparts.rotational.friction.YIELD` is
-# 1e-25), which determine reactions that would be undetermined otherwise.
+# 1e-27), which determine reactions that would be undetermined otherwise.
 COMPLIANCE = 1e-20
 SINGULAR = 1e-13  # reciprocal condition number below which a matrix counts as singular
 MOST_DENSE = 400  # unknowns up to which a block's matrix is treated as dense
@@ -439,18 +439,20 @@ def _singular_step(step: Newton, structure: Structure, matrix: Any, residual: Fl
 def _least(matrix: Floats, right: Floats) -> Floats:
     """The smallest solution of equations that depend on each other up to rounding.
 
-    Where artificial compliances tell the unknowns that shall be small, these are made as small as can be, so that locked elements share
-    what is open as the compliances would have it.
+    Where artificial compliances tell the unknowns that shall be small, the sum of their squares times these is made as small as can be,
+    so that locked elements share what is open as the compliances would have it.
     """
     scale = np.ldexp(1.0, -np.frexp(np.abs(matrix).max(axis=1))[1])
     size = np.abs(matrix)
-    compliant = (size > 0.0) & (size <= COMPLIANCE * size.max(axis=1)[:, None])
+    relative = size / np.maximum(size.max(axis=1), np.finfo(float).tiny)[:, None]
+    compliant = (relative > 0.0) & (relative <= COMPLIANCE)
     stiff = np.where(compliant, 0.0, matrix) * scale[:, None]
     left, sizes, back = np.linalg.svd(stiff)
     rank = int((sizes > SINGULAR * sizes[0]).sum())
     found = back[:rank].T @ (left[:, :rank].T @ (right * scale) / sizes[:rank])
-    counted, free = compliant.any(axis=0), back[rank:].T
-    found = found - free @ np.linalg.lstsq(free[counted], found[counted], rcond=SINGULAR)[0]
+    free = back[rank:].T
+    weights = np.sqrt(relative.max(axis=0, initial=0.0, where=compliant) * size.max(axis=0))
+    found = found - free @ np.linalg.lstsq(weights[:, None] * free, weights * found, rcond=SINGULAR)[0]
     if np.abs(right * scale - stiff @ found).max() <= 1e-12 * np.abs(right * scale).max():
         return np.asarray(found, float)
     try:
@@ -463,11 +465,14 @@ def _least_sparse(matrix: Any, right: Floats) -> Floats:
     """The same for a large block: what no compliance tells is zero."""
     import scipy.sparse as sparse
 
-    factors = factorise(matrix)
-    found, entries, size = factors.solve(right), abs(matrix).tocoo(), abs(matrix).max(axis=1).toarray().ravel()
-    counted = np.unique(entries.col[(entries.data > 0.0) & (entries.data <= COMPLIANCE * size[entries.row])])
+    factors, sizes = factorise(matrix), abs(matrix)
+    found, entries, of_row, of_column = factors.solve(right), sizes.tocoo(), *(sizes.max(axis=k).toarray().ravel() for k in (1, 0))
+    relative = entries.data / of_row[entries.row]
+    compliant = (relative > 0.0) & (relative <= COMPLIANCE)
+    weights = np.zeros(len(found))
+    weights[entries.col[compliant]] = np.sqrt(relative[compliant] * of_column[entries.col[compliant]])
     free = sparse.diags(factors.column) @ factors.continued(np.eye(len(factors.open)))
-    return np.asarray(found - free @ np.linalg.lstsq(free[counted], found[counted], rcond=SINGULAR)[0], float)
+    return np.asarray(found - free @ np.linalg.lstsq(weights[:, None] * free, weights * found, rcond=SINGULAR)[0], float)
 
 
 def _labels(step: Newton, structure: Structure) -> str:

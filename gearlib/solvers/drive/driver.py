@@ -291,9 +291,10 @@ class Driver:
         if code == drive_loop.UPDATE_FAILED:
             return SolverError(f"an event could not be handled {where}{problem.not_settled(self.t, self.x, self.data)}")
         if code == drive_loop.UNSETTLED:
+            names = "; ".join(dict.fromkeys(problem.root_name(int(k)) for k in np.flatnonzero(np.abs(self.fired) == 1)))
             return SolverError(
-                f"the event iteration does not settle {where}: the algebraic unknowns carry event functions to and fro; take "
-                "form='ode', which solves for them in each iteration"
+                f"the event iteration does not settle {where}: what it changes carries {names} to and fro. With form='torn' or 'dae' "
+                "take form='ode', which solves for the algebraic unknowns in each iteration"
             )
         if code == drive_loop.STEP_LIMIT:
             return SolverError(f"gave up {where} towards t = {self.t_end:.9g} s: max_steps is {problem.max_steps}")

@@ -11,12 +11,15 @@ import gearlib as gl
 from gearlib.errors import BindingError
 from gearparts.interfaces import Dissipative, Flange, MaybeHeated, TwoFlanges, TwoFlangesAndSupport
 from gearparts.rotational.backlash import ElastoBacklash
-from gearparts.rotational.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, YIELD, excess, sign_while
+from gearparts.rotational.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, excess, sign_while
 from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, extremes, interpolated, piecewise_without_events, reaches
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection
 
+# Like `gearparts.rotational.friction.YIELD`, but a million times as large: other locked elements hold first. A gear's break-away torque
+# changes with the torque that the others leave, and where it slid before them, neither side of its mesh might drive.
+LAST = 1e-21
 SMALLEST = 1e-15  # keeps a quotient finite that is not used where both efficiencies are 1
 IDEAL: Rows = ((0.0, 1.0, 1.0, 0.0, 0.0),)
 LIMITS = {1: (0.0, 1.0), 2: (1e-9, 1.0), 3: (0.0, math.inf), 4: (0.0, math.inf)}  # of the columns beyond the last row
@@ -129,7 +132,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
                 torque + gl.Piecewise((0, gl.holds(self.locked)), (-side_forward, ahead), (side_backward, True)),
             ),
             gl.Eq(self.tau_loss, gl.Piecewise((self.sa, gl.holds(self.locked)), (forward, ahead), (backward, True))),
-            gl.Eq(gl.der(self.w_a), gl.Piecewise((YIELD * self.sa, gl.holds(self.locked)), (self.sa, True))),
+            gl.Eq(gl.der(self.w_a), gl.Piecewise((LAST * self.sa, gl.holds(self.locked)), (self.sa, True))),
             gl.Eq(
                 self.loss_forward,
                 piecewise_without_events(
@@ -149,7 +152,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
         ahead = gl.Or(gl.equals(was, FORWARD), gl.holds(self.start_forward))
         back = gl.Or(gl.equals(was, BACKWARD), gl.holds(self.start_backward))
         return [
-            gl.Eq(self.moving, sign_while(1 - gl.pre(self.locked), self.w_a, gl.pre(self.moving))),
+            gl.Eq(self.moving, sign_while(1 - gl.pre(self.locked), self.w_a, gl.pre(self.moving), self.sa)),
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
             gl.Eq(self.start_forward, self._starts(1, self.sa, self.loss_forward, self.start_forward, self.start_backward)),
             gl.Eq(

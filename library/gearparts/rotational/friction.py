@@ -23,10 +23,11 @@ NO_ACCELERATION = 1e-7  # rad/s2: rounding of that of an element that could slid
 # While locked, the curve parameter is the torque and does not affect the acceleration. Under prescribed motion that would leave the
 # torque undetermined, and a motion that starts or passes through zero would have no solution. With this compliance (rad/s2 per N.m) the
 # torque of a locked element is zero on a prescribed motion at rest, and beyond any limit on one that moves, so that the element slides.
-# Everywhere else it is below the rounding of the acceleration.
-YIELD = 1e-25
-BEYOND = 1e13  # N.m: beyond any real shaft; only prescribed motions require it
+# Everywhere else it is below the rounding of the acceleration. Several locked elements on one rigid path share the torque by it.
+YIELD = 1e-27
+BEYOND = 1e15  # N.m: beyond any real shaft; only prescribed motions require it
 AT_REST = 1e-11  # rad/s: below it, an element at rest has not begun to move; a solver's rounding has no meaningful sign
+LEFT = 1e-12  # rad/s and rad/s2: what rounding leaves of the speed and acceleration of an element that another one has stopped
 
 
 def words(part: str) -> dict[float, str]:
@@ -83,7 +84,7 @@ class Friction(SlidingSurfaces, Dissipative):
                 gl.Piecewise((self.sa, locked), (0, is_free), (self.level(self.v), forward), (-self.level(-self.v), True)),
             ),
             gl.Eq(self.loss_power, self.tau * self.v),
-            gl.Eq(self.moving, sign_while((1 - gl.pre(self.locked)) * (1 - self.free), self.v, gl.pre(self.moving))),
+            gl.Eq(self.moving, sign_while((1 - gl.pre(self.locked)) * (1 - self.free), self.v, gl.pre(self.moving), self.sa)),
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
             gl.Eq(self.was_forward, gl.equals(was, FORWARD)),
             gl.Eq(self.was_backward, gl.equals(was, BACKWARD)),
@@ -133,16 +134,22 @@ def excess(curve: Any, limit: Any, starts: Any) -> Any:
     return curve - limit * (1 - starts) + NO_ACCELERATION * starts
 
 
-def sign_while(flag: Any, speed: Any, was: Any) -> Any:
+def sign_while(flag: Any, speed: Any, was: Any, acceleration: Any) -> Any:
     """Sign of a speed while a flag is 1; zero while it is 0, since the speed may then be rounding.
 
-    ``was`` is the previous sign: from rest the speed must exceed `AT_REST`; in motion the sign lasts until the speed crosses zero.
+    ``was`` is the previous sign: from rest the speed must exceed `AT_REST`; in motion the sign lasts until the speed crosses zero, or
+    rounding is left of it where another element has stopped both. An element at rest that counted as moving would push for ever.
     """
     return gl.Piecewise(
-        (1, flag * speed > AT_REST * (1 - was * (was + 1) / 2)),
-        (-1, flag * speed < -AT_REST * (1 - was * (was - 1) / 2)),
+        (1, flag * speed > least_speed(was * (was + 1) / 2, acceleration)),
+        (-1, flag * speed < -least_speed(was * (was - 1) / 2, acceleration)),
         (0, True),
     )
+
+
+def least_speed(moved: Any, acceleration: Any) -> Any:
+    """Speed above which an element moves, if it did or did not move before: without any acceleration less than `LEFT` is rounding."""
+    return AT_REST * (1 - moved) + moved * gl.no_event(gl.Max(0, LEFT - abs(acceleration)))
 
 
 def _checked(owner: str, rows: Any, smoothness: str) -> Rows:
@@ -300,7 +307,9 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
                 gl.Piecewise((0, gl.holds(self.forced)), (YIELD * self.sa, locked), (self.sa, True)),
             ),
             gl.Eq(self.tau, gl.Piecewise((self.sa, locked), (0, is_free), (self.level(self.w_rel), True))),
-            gl.Eq(self.moving, (1 - gl.pre(self.locked)) * self.w_rel > AT_REST * (1 - gl.pre(self.moving))),
+            gl.Eq(
+                self.moving, (1 - gl.pre(self.locked)) * self.w_rel > least_speed(gl.pre(self.moving), self.sa)
+            ),
             gl.Eq(self.was_stuck, was_stuck),
             gl.Eq(
                 self.start_forward,

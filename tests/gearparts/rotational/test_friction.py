@@ -784,9 +784,20 @@ def test_modes_after_an_event(brake: gl.Component, free: int, was: int, starts: 
 def test_a_sign_begins_beyond_rounding_and_lasts_until_the_speed_is_zero(
     brake: gl.Component, was: int, speed: float, sign: int
 ) -> None:
-    assert right_side(brake, "moving", v=speed, pre_moving=was) == sign
-    for held in ({"pre_locked": 1.0}, {"free": 1.0}):
-        assert right_side(brake, "moving", v=speed, pre_moving=was, **held) == 0
+    for acceleration in (-2.0, 2.0, 1e-9):
+        assert right_side(brake, "moving", v=speed, pre_moving=was, sa=acceleration) == sign
+        for held in ({"pre_locked": 1.0}, {"free": 1.0}):
+            assert right_side(brake, "moving", v=speed, pre_moving=was, sa=acceleration, **held) == 0
+
+
+@pytest.mark.parametrize("was", [-1, 1])
+def test_what_another_element_has_stopped_is_at_rest_whatever_rounding_leaves_of_its_speed(
+    brake: gl.Component, freewheel: gl.Component, was: int
+) -> None:
+    for speed, acceleration, moves in ((1e-15, 0.0, False), (9e-13, 1e-25, False), (2e-12, 0.0, True), (1e-15, 1e-11, True)):
+        for sense in (-1, 1):
+            assert right_side(brake, "moving", v=was * speed, pre_moving=was, sa=sense * acceleration) == was * moves
+            assert right_side(freewheel, "moving", w_rel=speed, pre_moving=1, sa=sense * acceleration) == moves
 
 
 @pytest.fixture(scope="module")
@@ -829,10 +840,10 @@ def test_when_a_freewheel_lets_go(freewheel: gl.Component) -> None:
         assert right_side(freewheel, "locked", **state) == (pre_stuck and not started)
     for moving, locked in ((0, 0), (0, 1), (1, 0), (1, 1)):
         assert right_side(freewheel, "stuck", moving=moving, locked=locked) == (locked or not moving)
-    assert [right_side(freewheel, "moving", w_rel=w, pre_moving=m, pre_locked=held) for w, m, held in (
+    assert [right_side(freewheel, "moving", w_rel=w, pre_moving=m, pre_locked=held, sa=1.0) for w, m, held in (
         (2e-11, 0, 0), (0.5e-11, 0, 0), (1e-30, 1, 0), (0.0, 1, 0), (3.0, 0, 1), (-3.0, 1, 0)
     )] == [1, 0, 1, 0, 0, 0]  # fmt: skip
-    assert [right_side(freewheel, "forced", locked=1, sa=sa) for sa in (-1e12, -1e14, 1e14)] == [0, 1, 0]
+    assert [right_side(freewheel, "forced", locked=1, sa=sa) for sa in (-1e14, -1e16, 1e16)] == [0, 1, 0]
     peak = {**BRAKE, "f_normalized": 1.0}
     assert right_side(freewheel, "tau0_max", **peak) == pytest.approx(3.0, rel=1e-14)
     assert right_side(freewheel, "tau0_max", **{**peak, "peak": 1.0}) == pytest.approx(2.0, rel=1e-3)
