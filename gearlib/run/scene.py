@@ -316,17 +316,19 @@ class Scene:
 
     def discrete(
         self, numbers: Prepared, t: Floats, states: Floats, inputs: Floats, discretes: Floats | None = None,
-        start: Floats | None = None,
+        start: Floats | None = None, before: Floats | None = None,
     ) -> Floats:  # fmt: skip
         """Relations and discrete variables at some times, each time independently, shape (n_discrete, times).
 
-        Discrete variables are those of a run started at that time, from the given values or the model's. ``start``: values of variables
-        at which iterations start.
+        Discrete variables are those of a run started at that time, from the given values or the model's; or of one that goes on there
+        from the discrete state ``before``. ``start``: values of variables at which iterations start.
         """
         if self.relations is None or numbers.relations is None:
             return np.zeros((self.n_discrete, len(t)))
         guess = None if start is None else guess_of(self.relations.program, start)
-        return discrete_at_start(self.model, self.relations, numbers.relations, t, states, inputs, discretes, guess)
+        return discrete_at_start(
+            self.model, self.relations, numbers.relations, t, states, inputs, discretes, guess, before=before
+        )
 
     def discrete_of(
         self, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, start: Floats, before: Floats | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -237,17 +237,29 @@ def named_events(run: Run, solution: Solution) -> list[tuple[float, str]]:
 
 def _names_of_time_events(run: Run) -> dict[float, str]:
     """Component and equation of the switches at a time, all of them if there are several."""
-    found: dict[float, list[str]] = {}
+    found: dict[float, list[int]] = {}
     for t, number in _switches(run):
-        found.setdefault(t, []).append((run.handed or run.scene).relation_names[number])
-    return {t: "; ".join(dict.fromkeys(names)) for t, names in found.items()}
+        found.setdefault(t, []).append(number)
+    return {t: name_of_relations(run, numbers) for t, numbers in found.items()}
+
+
+def name_of_relations(run: Run, numbers: Iterable[int]) -> str:
+    """Component and equation of some relations."""
+    names = (run.handed or run.scene).relation_names
+    return "; ".join(dict.fromkeys(names[number] for number in numbers))
 
 
 def _switches(run: Run) -> list[tuple[float, int]]:
-    """Times at which conditions on time switch after the start, with their relations; snapped to the end within rounding."""
+    """Times at which conditions on time switch in a run, with their relations."""
+    inside, at_end = switches(run)
+    return inside if run.open_end else inside + at_end
+
+
+def switches(run: Run) -> tuple[list[tuple[float, int]], list[tuple[float, int]]]:
+    """Times at which conditions on time switch before the end, and those at the end within rounding, with their relations."""
     from gearlib.equations.switch_times import rounding
 
     t0, t1 = float(run.times[0]), float(run.times[-1])
-    integrated = run.handed or run.scene
-    found = integrated.time_switches(run.numbers.parameters, t0, t1 + 2.0 * rounding(t0, t1))
-    return [(min(t, t1), number) for t, number in found]
+    integrated, same = run.handed or run.scene, 2.0 * rounding(t0, t1)
+    found = [(min(t, t1), number) for t, number in integrated.time_switches(run.numbers.parameters, t0, t1 + same)]
+    return [s for s in found if s[0] <= t1 - same], [s for s in found if s[0] > t1 - same]
