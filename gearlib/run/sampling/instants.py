@@ -22,7 +22,7 @@ from gearlib.errors import ArgumentError, SolverError, StartError
 from gearlib.program.newton import Correction, newton
 from gearlib.run.methods.method import Integrates
 from gearlib.run.methods.method_table import BY_TURNS, METHODS
-from gearlib.run.methods.native_problem import name_of_relations, switches
+from gearlib.run.methods.native_problem import begun_at_instants, name_of_relations, switches
 from gearlib.run.methods.run import Run
 from gearlib.run.sampling.controllers import Controller
 from gearlib.run.sampling.delays import FEWEST, SHARE, Delay, DelayHistory, more_points, points, separate
@@ -99,11 +99,15 @@ def integrate_sampled(
     acting = _acting([c for c in controllers if isinstance(c, Controller)], t0, t1, others)
     if begun:
         acting.pop(t0, None)
+    first = begun_at_instants(first, acting)
     histories = {
         d.gives[0]: DelayHistory.going_on(float(first.numbers.parameters[d.parameter]), first.signals[d.gives[0]], t0)
         for d in controllers if isinstance(d, Delay)
     }  # fmt: skip
-    begins, longest = sorted({t0, *acting, *cut_times(histories, acting, t0, t1)}), first.longest_step
+    cuts = [_beside(t, others, rounding(t0, t1)) for t in cut_times(histories, acting, t0, t1)]
+    begins, longest = sorted({t0, *acting, *cuts}), first.longest_step
+    if histories and begins[-1] < t1 and switches(first)[1]:
+        begins.append(t1)  # what acts there takes delayed signals as they are from there on
     here = replace(first, signals=_at(first.signals, controllers, t0), max_step=longest if longest < math.inf else None)
     for controller in controllers:
         if known is None and isinstance(controller, Controller) and hasattr(controller.part.function, "begin_run"):
@@ -112,13 +116,13 @@ def integrate_sampled(
     open_events: list[tuple[float, str]] = []
     count = FEWEST
     for n, (t, end) in enumerate(zip(begins, [*begins[1:], t1], strict=True)):
-        here = replace(
-            here, signals=tuple(histories[k].window(t, end) if k in histories else s for k, s in enumerate(here.signals))
-        )
+        if histories:
+            windows = tuple(histories[k].window(t, end) if k in histories else s for k, s in enumerate(here.signals))
+            here = begun_at_instants(replace(here, signals=windows, times=np.array([t, end])), [t])
         signals = known.signals[n] if known is not None else _asked(here, t, acting.get(t, ()))
         inner = first.times[(first.times > t) & (first.times < end)]
         piece = replace(here, times=np.array([t, *inner, end] if end > t else [t]), signals=signals, open_end=False)
-        if n + 1 < len(begins) and end in acting and (left := switches(piece)[1]):
+        if n + 1 < len(begins) and (left := switches(piece)[1]):
             if piece.scene.structure.changing:
                 integrate_through(piece, method, switched)  # refuses what would need an impulse at the end
             piece = replace(piece, open_end=True)
@@ -134,10 +138,10 @@ def integrate_sampled(
             )
         done += parts
         here = _following(*parts[0], end)
-    after = tuple(
-        histories[k].window(t1, t1 + histories[k].delay) if k in histories else s for k, s in enumerate(done[-1][0].signals)
-    )
-    whole = {k: history.whole(t0) for k, history in histories.items()}
+    at, same = np.unique([*begins, *others, t1]), rounding(t0, t1)
+    following = {k: history.window(t1, t1 + history.delay).beginning_at(at, same) for k, history in histories.items()}
+    after = tuple(following.get(k, s) for k, s in enumerate(done[-1][0].signals))
+    whole = {k: history.whole(t0).beginning_at(at, same) for k, history in histories.items()}
     pieces = Pieces(tuple(begins), tuple(run.signals for run, _ in done), whole, after) if known is None else known
     return *_joined(first, done, pieces, controllers, open_events), pieces
 
@@ -297,10 +301,15 @@ def _acting(
     last, same = t0, rounding(t0, t1)
     for t, k in sorted((t, k) for k, controller in enumerate(controllers) for t in controller.instants(t0, t1)):
         if t - last > same:
-            earlier = others[np.searchsorted(others, t - same) :][:1]
-            last = t1 if t1 - t <= same else min([t, *earlier.tolist()])
+            last = t1 if t1 - t <= same else _beside(t, others, same)
         found[last] = (*found.get(last, ()), (t, controllers[k]))
     return found
+
+
+def _beside(t: float, others: Floats, same: float) -> float:
+    """A time, or the first one of ``others`` that it comes after by rounding only."""
+    earlier: list[float] = others[np.searchsorted(others, t - same) :][:1].tolist()
+    return min([t, *earlier])
 
 
 def _at(signals: Sequence[Any], controllers: Sequence[Controller | Delay], t: float) -> tuple[Any, ...]:

@@ -14,6 +14,7 @@ from gearlib.errors import ArgumentError, NameLookupError
 from gearlib.program.interpret import Prepared
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import BY_TURNS, method_of
+from gearlib.run.methods.native_problem import begun_at_instants
 from gearlib.run.methods.run import Run
 from gearlib.run.refusals.limits import refuse_too_small
 from gearlib.run.request import LONGEST, SHORTEST, absolute_tolerance
@@ -172,7 +173,8 @@ class SteppedRun:
         if longest is None and len(times) > 1:
             longest = max(float(times[-1] - times[0]), RESOLVED * max(abs(self._begin), *map(abs, times.tolist())))
         start, signals = Start(now.states, now.guess, ()), unrolled(self.inputs.signals, float(times[0]), float(times[-1]))
-        return Run(now.scene, now.numbers, start, signals, times, self._rtol, now.atol, now.discrete, longest)
+        run = Run(now.scene, now.numbers, start, signals, times, self._rtol, now.atol, now.discrete, longest)
+        return run if self._translation.controllers else begun_at_instants(run)
 
     def _lives_on(self, t: float) -> bool:
         """Continue with the method's state; returns whether that was possible."""
