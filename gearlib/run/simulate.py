@@ -162,7 +162,8 @@ def start_of(translation: Translation, request: Request, scene: Scene, signals: 
     """
     earlier = None if request.start is None else earlier_run(translation, request.start)
     if earlier:
-        return earlier[0].moment(scene, earlier[1])
+        begin, was = earlier[0].moment(scene, earlier[1]), (earlier[1], earlier[0].request.parameters)
+        return replace(begin, discrete=scene.going_on(begin.discrete, was, (request.t_start, request.parameters)))
     varied = request.directions
     seeds = None if varied is None else varied.seeds
     own_seeds = () if varied is None else varied.starts

@@ -218,3 +218,28 @@ def test_an_instant_at_which_a_table_jumps_takes_what_follows(method: str, perio
     for t, value in zip(times[1:], held[1:], strict=True):
         run.advance(t)
         assert run["held"] == pytest.approx(value, abs=1e-6)
+
+
+@pytest.mark.parametrize("end", [1.0, 1.03])
+@pytest.mark.parametrize("offset", [0.0, 0.02])
+@pytest.mark.parametrize("period", [0.03, 0.05, 0.13, 0.2, 0.3])
+def test_a_run_that_goes_on_with_other_instants_counts_those(
+    counter: gl.System, period: float, offset: float, end: float
+) -> None:
+    """And none where it begins, unless one is there that the earlier run did not have."""
+    first, given = counter.simulate(end, samples=2), {"period": period, "offset": offset}
+    instants = offset + period * np.arange(100)
+    last = end + 1e-9 if end == 1.0 else end - 1e-9  # of the earlier run
+    expected = np.count_nonzero((instants > last) & (instants < end + 1.0 + 1e-9))
+    rest = counter.simulate(end + 1.0, samples=2, start=first, parameters=given)
+    assert rest["n"][-1] - first["n"][-1] == expected
+    run = counter.stepper(start=first, parameters=given)
+    run.advance(end + 1.0)
+    assert run["n"] - first["n"][-1] == expected
+
+
+@pytest.mark.parametrize(("t_start", "count"), [(0.0, 11), (0.05, 10), (3.0, 11), (7.31, 10)])
+def test_a_run_that_goes_on_at_another_time_has_the_instants_there(counter: gl.System, t_start: float, count: int) -> None:
+    first = counter.simulate(1.0, samples=2)
+    rest = counter.simulate(t_start + 1.0, t_start=t_start, samples=2, start=first)
+    assert rest["n"][-1] - first["n"][-1] == count

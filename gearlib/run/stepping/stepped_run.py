@@ -116,7 +116,8 @@ class SteppedRun:
         earlier = earlier_run(translation, start)
         self._begun = earlier is not None  # the earlier run has handled an instant at its end
         if earlier:
-            begin = earlier[0].moment(scene, earlier[1])
+            begin, was = earlier[0].moment(scene, earlier[1]), (earlier[1], earlier[0].request.parameters)
+            begin = replace(begin, discrete=scene.going_on(begin.discrete, was, (t_start, parameters)))
             self.inputs.signals = given_before(
                 translation.controllers, earlier[0], self.inputs.signals, scene.model, parameters
             )
