@@ -105,6 +105,7 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
                 translation.controllers,
                 request.pieces,
                 begun=earlier is not None,
+                acted=earlier is not None and earlier[1] == request.t_start,
             )
             parts, request = [(joined, solution)], replace(request, pieces=pieces, signals=joined.signals)
         else:

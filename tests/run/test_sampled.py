@@ -94,6 +94,19 @@ def test_a_run_that_goes_on_counts_an_instant_once(system: gl.System) -> None:
     assert third["load.w"][-1] == pytest.approx(by_hand(16)[-1])
 
 
+@pytest.mark.parametrize(("t_start", "count"), [(0.0, 11), (0.05, 10), (3.0, 11)])
+def test_a_run_that_goes_on_at_another_time_calls_it_at_the_instants_there(
+    system: gl.System, t_start: float, count: int
+) -> None:
+    first = system.simulate(1.0, samples=2)
+    LAW.calls.clear()
+    system.simulate(t_start + 1.0, t_start=t_start, start=first, samples=2)
+    assert len(LAW.calls) == count
+    LAW.calls.clear()
+    system.stepper(start=first, t_start=t_start).advance(t_start + 1.0)
+    assert len(LAW.calls) == count
+
+
 def test_stepped_runs_call_it_too_and_come_back(system: gl.System) -> None:
     run = system.stepper()
     for k in range(1, 21):

@@ -67,7 +67,7 @@ class Pieces:
 
 def integrate_sampled(
     first: Run, method: Integrates, switched: Switched, controllers: Sequence[Controller | Delay], known: Pieces | None = None,
-    begun: bool = False,
+    begun: bool = False, acted: bool = False,
 ) -> tuple[Run, Solution, Pieces]:  # fmt: skip
     """Integrate a run with sampled controllers and delays, as one run in which the inputs they set are tables.
 
@@ -80,8 +80,8 @@ def integrate_sampled(
     controllers : sequence of Controller and Delay
     known : Pieces, optional
         Recorded controller outputs of this run: the functions are not called again.
-    begun : bool
-        Whether the run continues one that has already handled an instant at its start.
+    begun, acted : bool
+        Whether the run continues another one, and whether that one has already handled an instant at its start.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def integrate_sampled(
     t0, t1 = float(first.times[0]), float(first.times[-1])
     others = np.array(sorted([*first.times.tolist(), *(t for t, _ in switches(first)[0])]))
     acting = _acting([c for c in controllers if isinstance(c, Controller)], t0, t1, others)
-    if begun:
+    if acted:
         acting.pop(t0, None)
     first = begun_at_instants(first, acting)
     histories = {

@@ -114,7 +114,8 @@ class SteppedRun:
         scene = translation.scene if translation.outputs is not None else translation.with_states(structure.states)
         self.inputs = Inputs(translation, inputs)
         earlier = earlier_run(translation, start)
-        self._begun = earlier is not None  # the earlier run has handled an instant at its end
+        self._begun = earlier is not None
+        self._acted = earlier is not None and earlier[1] == t_start  # the earlier run has handled an instant at its end
         if earlier:
             begin, was = earlier[0].moment(scene, earlier[1]), (earlier[1], earlier[0].request.parameters)
             begin = replace(begin, discrete=scene.going_on(begin.discrete, was, (t_start, parameters)))
@@ -208,12 +209,14 @@ class SteppedRun:
     def _go_to(self, times: Floats) -> None:
         now, controllers, switched = self._now, self._translation.controllers, self._translation.switched
         if controllers:
-            whole, found, pieces = integrate_sampled(self._run(times), self._method, switched, controllers, begun=self._begun)
+            whole, found, pieces = integrate_sampled(
+                self._run(times), self._method, switched, controllers, begun=self._begun, acted=self._acted
+            )
             parts, self.inputs.signals = [(whole, found)], pieces.after
         else:
             parts = integrate_through(self._run(times), self._method, switched)
         refuse_too_small([Segment.of(part, found) for part, found in parts], self._rtol, goes_on=self._begun)
-        self._begun, signals = True, self.inputs.signals
+        self._begun, self._acted, signals = True, True, self.inputs.signals
         run, outcome = parts[-1]
         discrete = outcome.discrete[-1].copy() if run.scene.n_discrete else None
         here = replace(
