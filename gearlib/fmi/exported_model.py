@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gearlib.arguments import by_name, name_list, real, shown
 from gearlib.errors import ArgumentError, GearlibWarning, ModelError, NameLookupError, nearest, warn
 from gearlib.flatten.model import FlatModel
+from gearlib.language.expressions import JustBefore
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import DerivativePlan, derivative_plan
 from gearlib.program.program import Batch, Linear, Newton, Program
@@ -179,6 +180,13 @@ class ExportedModel:
         for p in self._closing():
             found.setdefault(p, "a rigid loop closes with it")
         return found
+
+    @cached_property
+    def fixed(self) -> frozenset[int]:
+        """Parameters that cannot change during a run: instants that repeat (`gl.sample`) would be counted from another one."""
+        batches = () if self.all_relations is None else self.all_relations.discretes
+        given = [b.parameters.ravel().tolist() for b in batches if b.kernel.template.residual.has(JustBefore)]
+        return frozenset(self._leading_to(frozenset().union(*given)))
 
     def _leading_to(self, slots: frozenset[int]) -> set[int]:
         """The parameters from which some entries of the table are computed, including these."""

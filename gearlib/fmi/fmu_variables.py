@@ -123,6 +123,8 @@ def _parameters(exported: ExportedModel) -> Iterator[FmuVariable]:
             kinds, description = ("local", "constant", "exact"), f"{description} (constant: {exported.constants[p]})".strip()
         elif p in exported.dependent:
             kinds = ("calculatedParameter", "tunable", "calculated")
+        if kinds[1] == "tunable" and p in exported.fixed:
+            kinds = (kinds[0], "fixed", kinds[2])
         yield FmuVariable(
             table.names[p], reference, *kinds, known.unit, description, None if kinds[2] == "calculated" else start,
             float(table.lower[p]), float(table.upper[p]),

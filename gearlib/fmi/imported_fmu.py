@@ -16,6 +16,8 @@ from gearlib.language.units import BASE, INSTEAD, dimension
 from gearlib.optional import optional
 
 TYPES = ("Real", "Float64")
+AS_IT_IS = 1.0, 0.0  # factor and offset
+PER_SECOND = dimension("1/s")
 
 
 class ImportedFmu:
@@ -30,7 +32,7 @@ class ImportedFmu:
     values : mapping of str to float, optional
         Values of its parameters, and start values.
     units : mapping of str to str, optional
-        Units in which some of the variables are passed.
+        Units of some of the inputs and outputs. All are passed in SI units, and converted to those that the FMU defines.
 
     Raises
     ------
@@ -65,33 +67,52 @@ class ImportedFmu:
         self._taken = self._references(self.outputs, ("output", "local", "calculatedParameter"))
         self._set = self._references([*self.values], ("parameter", "structuralParameter", "local", "output", "input"))
         self.units = by_name("units", units, "a mapping of names to units", "w")
-        for name, unit in self.units.items():
-            self._check_unit(name, unit)
+        self._given_scales = [self._scale(name) for name in self.inputs]
+        self._taken_scales = [self._scale(name) for name in self.outputs]
+        if twice := [name for name in self.values if name in self.inputs]:
+            raise ArgumentError(
+                f"values has {twice[0]}, an input of {self.path.name} that the model gives at each instant; leave it out of one of them"
+            )
         self._fmu: Any = None
         self._t: float | None = None  # of the last call
         self._returned = [0.0] * len(self.outputs)
 
-    def _check_unit(self, name: str, expected: str) -> None:
-        """Refuse a variable in another unit than expected; one without a unit is taken as it is, one in an unknown unit with a warning."""
+    def _scale(self, name: str) -> tuple[float, float]:
+        """Factor and offset from the FMU's numbers of a variable to SI units.
+
+        A variable without a unit is taken as it is, one in an unknown unit with a warning; one that does not fit is refused.
+        """
         variable = next(v for v in self._description.modelVariables if v.name == name)
-        unit = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
+        declared, expected = variable.declaredType, self.units.get(name)
+        unit = variable.unit or (declared.unit if declared else None)
         if unit is None:
-            return
+            return AS_IT_IS
         defined = next((u.baseUnit for u in self._description.unitDefinitions if u.name == unit and u.baseUnit), None)
         said = f"{name} of {self.path.name} is in {unit}"
+        scale = AS_IT_IS
         if defined is not None:
+            relative = variable.relativeQuantity or (declared is not None and declared.relativeQuantity)
+            scale = float(defined.factor), 0.0 if relative else float(defined.offset)
             exponents = tuple(getattr(defined, base) for base in BASE)
-            same = exponents == dimension(expected) and (defined.factor, defined.offset) == (1.0, 0.0)
-        elif unit in INSTEAD:
+            if exponents == PER_SECOND and not defined.rad and scale != AS_IT_IS:
+                raise ArgumentError(
+                    f"{said}; expected {expected or 'rad/s or Hz'}: its definition does not tell turns from radians per second"
+                )
+            same = expected is None or exponents == dimension(expected)
+        elif expected is not None and unit in INSTEAD:
             same = INSTEAD[unit] == (expected, f"1 {expected}")
         else:
             try:
-                same = dimension(unit) == dimension(expected)
+                same = dimension(unit) == dimension(expected or unit)
             except DeclarationError:
-                warn(f"{said}, which the file does not define; it is taken as {expected}", GearlibWarning)
-                return
-        if not same or (unit == "Hz" and expected != unit):  # a turn has no dimension either
+                same = unit in INSTEAD and INSTEAD[unit][1] == f"1 {INSTEAD[unit][0]}"
+                if not same:
+                    how = f"as {expected}" if expected else "as it is"
+                    warn(f"{said}, which the file does not define; it is taken {how}", GearlibWarning)
+                return AS_IT_IS
+        if not same or (unit == "Hz" and expected not in (None, unit)):  # a turn has no dimension either
             raise ArgumentError(f"{said}; expected {expected}")
+        return scale
 
     def _references(self, names: Sequence[str], causalities: Sequence[str]) -> list[int]:
         """Value references of variables by name."""
@@ -124,9 +145,14 @@ class ImportedFmu:
             done = self._fmu.doStep(currentCommunicationPoint=self._t, communicationStepSize=t - self._t)
             if not self._is_fmi2 and done[1]:
                 raise ArgumentError(f"{self.path.name} ended the simulation at {t:g} s")
-            self._put(self._given, values)
-        self._t, self._returned = t, [float(v) for v in self._get(self._taken)]
+            self._give(values)
+        taken = zip(self._get(self._taken), self._taken_scales, strict=True)
+        self._t, self._returned = t, [factor * float(v) + offset for v, (factor, offset) in taken]
         return self._returned
+
+    def _give(self, values: Sequence[float]) -> None:
+        scaled = zip(values, self._given_scales, strict=True)
+        self._put(self._given, [(float(v) - offset) / factor for v, (factor, offset) in scaled])
 
     def _put(self, references: Sequence[int], values: Sequence[float]) -> None:
         if references:
@@ -146,7 +172,7 @@ class ImportedFmu:
         else:
             self._fmu.reset()
         self._put(self._set, [*self.values.values()])
-        self._put(self._given, values)
+        self._give(values)
         if self._is_fmi2:
             self._fmu.setupExperiment(startTime=t)
             self._fmu.enterInitializationMode()

@@ -40,7 +40,9 @@ def model_tables(exported: ExportedModel, source: ModelSource, token: str, toler
     scene, table, shared = exported.scene, exported.model.parameters, source.shared
     n = len(scene.states)
     parameters, outputs = exported.parameters, exported.outputs
-    settable = [p not in exported.constants and p not in exported.dependent for p in parameters]
+    settable = [
+        0 if p in exported.constants or p in exported.dependent else 2 if p in exported.fixed else 1 for p in parameters
+    ]
     names: Sequence[str] = ()
     if exported.relations is not None:
         labels = relation_names(scene.structure, exported.relations)

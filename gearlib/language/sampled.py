@@ -47,7 +47,8 @@ class Sampled(Component):
     The run stops exactly at each instant, calls ``function(t, values)`` with the time (s) and an array of the sampled signals, and
     continues with the return value: one number per output. Before the first instant the outputs are 0. The function may be stateful; it
     is called once per instant of a run, in order. Controllers that share an instant are called in the order in which they were made,
-    and all sample the signals before it.
+    and none of them sees what another sets there. A sampled block (`gl.sample`) that acts at the instant comes first where the function
+    reads it, and takes the new outputs where it reads these.
 
     Parameters
     ----------

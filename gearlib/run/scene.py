@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gearlib.equations.template import memoised
 from gearlib.errors import SingularError
 from gearlib.flatten.model import FlatModel
+from gearlib.language.expressions import JustBefore
 from gearlib.native.layout import Layout, Shared, fill, lay_out
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import DerivativePlan, state_plan
@@ -316,17 +317,44 @@ class Scene:
 
     def discrete(
         self, numbers: Prepared, t: Floats, states: Floats, inputs: Floats, discretes: Floats | None = None,
-        start: Floats | None = None,
+        start: Floats | None = None, before: Floats | None = None,
     ) -> Floats:  # fmt: skip
         """Relations and discrete variables at some times, each time independently, shape (n_discrete, times).
 
-        Discrete variables are those of a run started at that time, from the given values or the model's. ``start``: values of variables
-        at which iterations start.
+        Discrete variables are those of a run started at that time, from the given values or the model's; or of one that goes on there
+        from the discrete state ``before``. ``start``: values of variables at which iterations start.
         """
         if self.relations is None or numbers.relations is None:
             return np.zeros((self.n_discrete, len(t)))
         guess = None if start is None else guess_of(self.relations.program, start)
-        return discrete_at_start(self.model, self.relations, numbers.relations, t, states, inputs, discretes, guess)
+        return discrete_at_start(
+            self.model, self.relations, numbers.relations, t, states, inputs, discretes, guess, before=before
+        )
+
+    def going_on(self, discrete: Floats | None, was: tuple[float, Floats], now: tuple[float, Floats]) -> Floats | None:
+        """The discrete state of a run that goes on: where time or parameters changed, `gl.sample` is on its side of the new instants.
+
+        An instant at which it goes on counts, unless the run before had one there. ``was``, ``now``: times (s) and parameters.
+        """
+        if discrete is None or self.relations is None or (was[0] == now[0] and np.array_equal(was[1], now[1])):
+            return discrete
+        n, names, slots, found = (
+            self.model.n_relations, self.model.discretes, np.zeros((self.relations.program.n_slots, 1)), discrete.copy(),
+        )  # fmt: skip
+        started = np.append(discrete[:-1], 1.0)[:, None]  # the flag of the start of a run
+        for batch in self.relations.discretes:
+            if not batch.kernel.template.residual.has(JustBefore):
+                continue
+            sides = [  # before and after either time
+                batch_values(batch, np.array([at]), slots, parameters, started)[:, 0]
+                for t, parameters in (was, now)
+                for at in (t, t + 3e-12 * max(abs(t), 1e-3))
+            ]
+            had = (was[0] == now[0]) & (sides[0] != sides[1])
+            for before, side in zip(batch.targets.tolist(), np.where(had, sides[3], sides[2]).tolist(), strict=True):
+                own = n + names.index(names[before - n].removesuffix("_before"))
+                found[[before, before + len(names), own, own + len(names)]] = side
+        return found
 
     def discrete_of(
         self, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, start: Floats, before: Floats | None = None

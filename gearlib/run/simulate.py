@@ -19,6 +19,7 @@ from gearlib.records import altered
 from gearlib.reduce.coefficients import some
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import integrate, method_of
+from gearlib.run.methods.native_problem import begun_at_instants
 from gearlib.run.methods.run import Run
 from gearlib.run.refusals.accumulation import warn_of_accumulation
 from gearlib.run.refusals.limits import refuse_start, refuse_too_small, warn_of_unchecked
@@ -87,6 +88,8 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
         assert begin.changes is not None, "they were asked for"
         refuse_held(scene, parameters, float(grid[0]), values(signals, grid[:1])[:, 0], begin, request.directions)
         first = replace(first, tangents=Tangents(request.directions, begin.changes))
+    if not translation.controllers:
+        first = begun_at_instants(first)
     with nullcontext() if request.progress is False else reporting(request.progress, _label(translation, grid)) as tell:
         watch = None if tell is None else RunProgress(tell, float(grid[0]), float(grid[-1]))
         stops = request.on_interrupt == "stop" and not translation.controllers
@@ -102,6 +105,7 @@ def run(translation: Translation, request: Request, scene: Scene | None = None) 
                 translation.controllers,
                 request.pieces,
                 begun=earlier is not None,
+                acted=earlier is not None and earlier[1] == request.t_start,
             )
             parts, request = [(joined, solution)], replace(request, pieces=pieces, signals=joined.signals)
         else:
@@ -159,7 +163,8 @@ def start_of(translation: Translation, request: Request, scene: Scene, signals: 
     """
     earlier = None if request.start is None else earlier_run(translation, request.start)
     if earlier:
-        return earlier[0].moment(scene, earlier[1])
+        begin, was = earlier[0].moment(scene, earlier[1]), (earlier[1], earlier[0].request.parameters)
+        return replace(begin, discrete=scene.going_on(begin.discrete, was, (request.t_start, request.parameters)))
     varied = request.directions
     seeds = None if varied is None else varied.seeds
     own_seeds = () if varied is None else varied.starts

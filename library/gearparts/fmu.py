@@ -28,10 +28,10 @@ class FMU(gl.Component):
     path : path
         Path of the file, FMI 2.0 or 3.0.
     speed, torque : str
-        Names of the FMU's input in rad/s and of its output in N.m.
+        Names of the FMU's input and output; other units than rad/s and N.m are converted by the definitions in the file.
     inputs, outputs : sequence of str
-        Further inputs and outputs: input k is ``signals[k].u``, to be connected or given in ``simulate(inputs=...)``; output k is
-        ``taken[k].y``.
+        Further inputs and outputs, in SI units as well: input k is ``signals[k].u``, to be connected or given in
+        ``simulate(inputs=...)``; output k is ``taken[k].y``.
     values : mapping of str to float, optional
         Parameter and start values of the FMU, in its own units.
     period : float

@@ -290,3 +290,41 @@ def test_start_values_that_follow_from_inputs_and_time_hold_for_those_alone(tmp_
         one.fmu.enterInitializationMode(startTime=0.5)
     assert "start values were computed for a start at t = 0 s" in one.messages[-1]
     one.close()
+
+
+class Sampling(gl.Component):
+    """Counts the instants of a sampler; its period follows from its rate."""
+
+    rate = gl.Parameter("Hz", "instants per second", default=10.0)
+    count = gl.Parameter("1", "what an instant counts", default=1.0)
+    x = gl.Variable("1", "a clock", start=0.0)
+    n = gl.Discrete("instants so far")
+
+    def equations(self) -> Any:
+        return [
+            gl.Eq(gl.der(self.x), 1.0),
+            gl.When(gl.sample(1 / self.rate), gl.Eq(self.n, gl.pre(self.n) + self.count)),
+        ]
+
+
+def test_the_period_of_a_sampler_is_set_before_a_run_only(tmp_path: Path) -> None:
+    """Which instant is the last one would be another question with each period; what an instant does may change."""
+    path = gl.compile(Sampling(), outputs=["n"]).export_fmu(tmp_path / "sampling.fmu")
+    one = FmuInstance(path, tmp_path / "content")
+    kinds = {v.name: v.variability for v in one.description.modelVariables}
+    assert (kinds["rate"], kinds["count"]) == ("fixed", "tunable")
+    one.begin(rate=4.0)
+    one.go(1.1)
+    assert one.get("n") == [5.0]
+    with pytest.raises(FMICallException):
+        one.set({"rate": 7.0})
+    assert "rate cannot be set during a run: instants repeat with it; set it before the start" in one.messages[-1]
+    one.set({"rate": 4.0, "count": 10.0})
+    one.go(0.5)
+    assert one.get("n") == [25.0]
+    one.fmu.reset()
+    one.t = 0.0
+    one.begin(rate=7.0)
+    one.go(1.1)
+    assert one.get("n") == [8.0]
+    one.close()

@@ -13,6 +13,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError
+from gearlib.fmi.imported_fmu import ImportedFmu
 
 
 class Engine(gl.Component):
@@ -163,7 +164,8 @@ TURNS = '<Unit name="turns"><BaseUnit rad="1" s="-1" factor="{}"/></Unit>'
         ("turns", "", None),  # not defined: nobody can tell
         ("turns", '<Unit name="turns"/>', None),
         ("turns", TURNS.format("1"), True),
-        ("turns", TURNS.format("6.28"), False),
+        ("turns", TURNS.format("6.28"), True),  # converted
+        ("turns", '<Unit name="turns"><BaseUnit s="-1" factor="0.0167"/></Unit>', False),  # of which angle?
         ("turns", '<Unit name="turns"><BaseUnit s="-1" offset="1"/></Unit>', False),
         ("turns", '<Unit name="turns"><BaseUnit m="1" s="-1"/></Unit>', False),
         ("rpm", "", False),
@@ -176,7 +178,7 @@ TURNS = '<Unit name="turns"><BaseUnit rad="1" s="-1" factor="{}"/></Unit>'
         ("rad/s", '<Unit name="rad/s"><BaseUnit s="-1"/></Unit>', True),
     ],
 )
-def test_an_fmu_in_other_units_than_those_of_a_shaft_is_refused(
+def test_units_of_an_fmu_can_be_those_of_a_shaft_or_are_refused(
     unit: str, definitions: str, fits: bool | None, declared: str, tmp_path: Path
 ) -> None:
     with zipfile.ZipFile(tmp_path / "engine.fmu", "w") as file:
@@ -192,6 +194,69 @@ def test_an_fmu_in_other_units_than_those_of_a_shaft_is_refused(
     else:
         with pytest.raises(ArgumentError, match=rf"w of engine\.fmu is in {unit}; expected rad/s"):
             gp.FMU(tmp_path / "engine.fmu")
+
+
+IN_TURNS = """<UnitDefinitions>
+<Unit name="turns"><BaseUnit rad="1" s="-1" factor="0.5"/></Unit><Unit name="heat"><BaseUnit K="1" factor="4" offset="250"/></Unit>"""
+
+
+class Heated(gl.Component):
+    """Numbers without units in equations: they are what the description says."""
+
+    w = gl.Input("rad/s", "speed of the shaft")
+    other = gl.Input("rad/s", "speed of another shaft")
+    tau = gl.Variable("N.m", "torque on the shaft")
+    T = gl.Variable("K", "temperature")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.tau, 10.0 - 1.0 * self.w - 1.0 * self.other), gl.Eq(self.T, 2.0 * self.other)]
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+@pytest.mark.parametrize("relative", [False, True])
+def test_numbers_in_other_units_are_converted_by_the_definitions_in_the_file(
+    version: str, relative: bool, tmp_path: Path
+) -> None:
+    """At the start the FMU is told 3 rad/s as 6 turns, and 5 rad/s as 10; it answers with a torque of -6, and 20 of its degrees."""
+
+    class Train(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.unit = gp.FMU(tmp_path / "turns.fmu", inputs=["other"], outputs=["T"], period=1.0)
+            self.body, self.second = gp.Inertia(J=1.0, start={"w": 3.0}), gp.Inertia(J=1.0, start={"w": 5.0})
+            return [gl.connect(self.unit.flange, self.body.flange_a), gl.connect(self.second.w, self.unit.signals[0].u)]
+
+    plain = gl.compile(Heated(), outputs=["tau", "T"]).export_fmu(tmp_path / "plain.fmu", version=version, kind="cs")
+    with zipfile.ZipFile(plain) as old, zipfile.ZipFile(tmp_path / "turns.fmu", "w") as new:
+        for entry in old.infolist():
+            content = old.read(entry)
+            if entry.filename == "modelDescription.xml":
+                text = content.decode().replace("<UnitDefinitions>", IN_TURNS).replace('unit="rad/s"', 'unit="turns"')
+                given = f'unit="heat" relativeQuantity="{str(relative).lower()}"'
+                kind = f'<SimpleType name="Heat"><Real {given}/></SimpleType>'
+                kind = kind if version == "2.0" else f'<Float64Type name="Heat" {given}/>'
+                text = text.replace("<ModelVariables>", f"<TypeDefinitions>{kind}</TypeDefinitions><ModelVariables>")
+                text = text.replace(' unit="K"', ' declaredType="Heat"')
+                content = text.replace(' displayUnit="rev/min"', "").replace(' displayUnit="degC"', "").encode()
+            new.writestr(entry, content)
+    result = gl.simulate(Train(), 0.5, samples=2)
+    assert result["unit.source.tau"] == pytest.approx(10.0 - 6.0 - 10.0, rel=1e-12)
+    assert result["unit.taken[0].y"] == pytest.approx(4.0 * 20.0 + (0.0 if relative else 250.0), rel=1e-12)
+
+
+def test_a_further_signal_in_a_unit_that_nobody_knows_is_taken_as_it_is_with_a_warning(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "engine.fmu", "w") as file:
+        text = DESCRIBED.format(unit="knots", definitions="", declared='unit="knots"')
+        file.writestr("modelDescription.xml", text.replace('name="w"', 'name="v"'))
+    text = r"v of engine\.fmu is in knots, which the file does not define; it is taken as it is"
+    with pytest.warns(gl.GearlibWarning, match=text):
+        ImportedFmu(tmp_path / "engine.fmu", ["v"], [])
+
+
+def test_a_value_for_an_input_that_the_model_drives_is_refused(engines: dict[str, Path]) -> None:
+    """It would hold up to the first instant only, at which the model gives another."""
+    with pytest.raises(ArgumentError, match=r"values has throttle, an input of engine3\.fmu that the model gives"):
+        gp.FMU(engines["3.0"], inputs=["throttle"], values={"throttle": 0.5})
+    assert gp.FMU(engines["3.0"], values={"throttle": 0.5}).unit.values == {"throttle": 0.5}
 
 
 def test_an_fmu_that_ends_the_simulation_is_noticed(engines: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:

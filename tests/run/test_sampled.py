@@ -94,6 +94,19 @@ def test_a_run_that_goes_on_counts_an_instant_once(system: gl.System) -> None:
     assert third["load.w"][-1] == pytest.approx(by_hand(16)[-1])
 
 
+@pytest.mark.parametrize(("t_start", "count"), [(0.0, 11), (0.05, 10), (3.0, 11)])
+def test_a_run_that_goes_on_at_another_time_calls_it_at_the_instants_there(
+    system: gl.System, t_start: float, count: int
+) -> None:
+    first = system.simulate(1.0, samples=2)
+    LAW.calls.clear()
+    system.simulate(t_start + 1.0, t_start=t_start, start=first, samples=2)
+    assert len(LAW.calls) == count
+    LAW.calls.clear()
+    system.stepper(start=first, t_start=t_start).advance(t_start + 1.0)
+    assert len(LAW.calls) == count
+
+
 def test_stepped_runs_call_it_too_and_come_back(system: gl.System) -> None:
     run = system.stepper()
     for k in range(1, 21):
@@ -208,3 +221,71 @@ def test_arguments_that_are_refused(given: Any, message: str) -> None:
 
     with pytest.raises(BindingError, match=message):
         gl.compile(Wrong())
+
+
+class Chain(gl.Component):
+    """A ramp is sampled by a block, whose value a function reads; a block samples what that gives, another one delays it."""
+
+    period = gl.Structural(0.1, "s")
+    offset = gl.Structural(0.0, "s")
+    other_period = gl.Structural(0.1, "s")
+    other_offset = gl.Structural(0.0, "s")
+
+    def assemble(self) -> list[gl.Connection]:
+        of_blocks = {"sample_period": self.other_period, "start_time": self.other_offset}
+        self.ramp, self.gain = gp.blocks.Ramp(height=1.0, duration=1.0), gp.blocks.Gain(k=1.0)
+        self.first = gp.blocks.Sampler(**of_blocks, u=self.ramp.y)
+        self.law = gl.Sampled(
+            lambda t, v: 100.0 + v[0], self.period, inputs=[self.first.y], outputs=[self.gain.u], offset=self.offset
+        )
+        self.last, self.late = gp.blocks.Sampler(**of_blocks, u=self.gain.y), gp.blocks.UnitDelay(**of_blocks, u=self.gain.y)
+        self.torque, self.load = gp.Torque(tau=self.last.y), gp.Inertia(J=1.0)
+        return [gl.connect(self.torque.flange, self.load.flange_a)]
+
+
+NAMES = ["first.y", "gain.y", "last.y", "late.y"]
+
+
+@pytest.mark.parametrize("method", ["auto", "rk", "ida"])
+def test_blocks_and_functions_that_share_an_instant_follow_each_other(method: str) -> None:
+    """Each takes what the one before it gives at the same instant, at the start as later; before, the last lagged by a period."""
+    system = gl.compile(Chain(), outputs=[*NAMES, "load.w"])
+    r = system.simulate(0.4, samples=9, method=method, rtol=1e-9)
+    first = np.array([0.0, 0.0, 0.1, 0.1, 0.2, 0.2, 0.3, 0.3, 0.4])
+    assert r["first.y"] == pytest.approx(first, abs=1e-12)
+    assert r["gain.y"] == pytest.approx(100.0 + first, abs=1e-12)
+    assert r["last.y"] == pytest.approx(100.0 + first, abs=1e-12)
+    assert r["late.y"] == pytest.approx([0.0, 0.0, *(100.0 + first[:-2])], abs=1e-12)
+    speed = 0.05 * np.cumsum([0.0, *(100.0 + first[:-1])])
+    assert r["load.w"] == pytest.approx(speed, rel=1e-8)
+    assert r.at(0.25)["last.y"] == pytest.approx(100.2)
+    assert [t for t, where in r.events if "last" in where] == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    assert r.stats["events"] == len(r.events)
+    for half in (0.2, 0.25):
+        begun = system.simulate(half, samples=2, method=method, rtol=1e-9)
+        rest = system.simulate(0.4, times=r.time[r.time > half], start=begun, method=method, rtol=1e-9)
+        for name in NAMES:
+            assert rest[name] == pytest.approx(r[name][r.time > half], abs=1e-12)
+    run = system.stepper(method=method, rtol=1e-9)
+    for k, t in enumerate(r.time[1:].tolist(), 1):
+        run.advance(t)
+        assert [run[name] for name in NAMES] == pytest.approx([r[name][k] for name in NAMES], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"period": 0.07, "offset": -0.01, "other_period": 0.03},  # 0.9000000000000001 and 0.8999999999999999
+        {"period": 0.03, "other_period": 0.07, "other_offset": -0.01},
+    ],
+)
+def test_instants_that_differ_by_rounding_are_one(given: dict[str, float]) -> None:
+    r = gl.simulate(Chain(**given), 1.0, times=[0.0, 0.89, 0.9, 0.91, 1.0])
+    assert r["first.y"][2:4] == pytest.approx([0.9, 0.9])
+    assert r["gain.y"][2:4] == pytest.approx([100.9, 100.9])
+    assert r["last.y"][2:4] == pytest.approx([100.9, 100.9])
+
+
+def test_a_sample_just_before_an_instant_by_rounding_holds_what_follows() -> None:
+    r = gl.simulate(Governed(offset=0.1), 0.5, times=[0.1, 0.3, 0.5])  # the third instant is at 0.1 + 2 * 0.1 > 0.3
+    assert r["torque.tau"] == pytest.approx([30.0, 10.0 * (3.0 - by_hand(3)[2]), 10.0 * (3.0 - by_hand(5)[4])])

@@ -160,3 +160,86 @@ def test_an_output_brings_the_discrete_variables_that_it_depends_on() -> None:
 
     system = gl.compile(Held(), outputs=["double.y"])
     assert system.simulate(1.0, samples=6)["double.y"] == pytest.approx([0.0, 0.4, 0.8, 1.2, 1.6, 2.0])
+
+
+@pytest.mark.parametrize("method", ["auto", "rk8", "ida"])
+@pytest.mark.parametrize("t_start", [100.0, 12345.0])
+def test_samples_at_the_instants_of_a_late_run_hold_what_these_set(counter: gl.System, method: str, t_start: float) -> None:
+    """10003 * 0.1 is 1000.3000000000001: samples counted from the start are before an instant by the rounding of time."""
+    times = t_start + np.arange(11) / 10
+    r = counter.simulate(times[-1], t_start=t_start, times=times, method=method)
+    assert r["n"].tolist() == list(range(1, 12))
+    assert r["held"] == pytest.approx(np.arange(11) / 10, abs=1e-9)
+    early = counter.simulate(t_start, t_start=t_start - 0.5, samples=2, method=method)
+    later = counter.simulate(t_start + 1.0, start=early, samples=11, method=method)
+    assert later["n"].tolist() == list(range(6, 17))
+
+
+class Followed(gl.Component):
+    """Takes samples of an input; another condition on time switches next to one of the instants."""
+
+    period = gl.Parameter("s", "period", default=0.3)
+    u = gl.Input("1", "what is sampled")
+    x = gl.Variable("1", "integral of the samples", start=0.0)
+    held = gl.Discrete("the input at the last instant")
+
+    def equations(self) -> list[Any]:
+        step = gl.Piecewise((1.0, gl.time >= 0.9), (0.0, True))
+        return [
+            gl.Eq(gl.der(self.x), self.held + 0.0 * step),
+            gl.When(gl.sample(self.period), gl.Eq(self.held, self.u)),
+        ]
+
+
+@pytest.mark.parametrize("method", ["auto", "rk8", "ida"])
+@pytest.mark.parametrize(
+    ("period", "table"),
+    [
+        (0.3, gl.Table([0.0, 0.9], [0.0, 1.0], "previous")),  # 3 * 0.3 is 0.8999999999999999
+        (0.3, gl.Table([0.0, 0.9, 0.9, 2.0], [0.0, 0.0, 1.0, 1.0])),
+        (0.03, gl.Table([0.0, 0.1], [0.0, 1.0], outside="periodic")),
+    ],
+)
+def test_an_instant_at_which_a_table_jumps_takes_what_follows(method: str, period: float, table: gl.Table) -> None:
+    """Also where the jump comes after it by rounding only."""
+    times = [0.0, 0.3, 0.85, 0.9, 1.0, 1.2]
+    system = gl.compile(Followed(), outputs=["held", "x"])
+    r = system.simulate(1.2, times=times, inputs={"u": table}, parameters={"period": period}, method=method, rtol=1e-9)
+    exact = [k * period for k in range(round(1.2 / period) + 1)]
+    taken = [0.0 if k * period < 0.89 else 1.0 for k in range(len(exact))]
+    if table.outside == "periodic":  # 0.1 s, so that every tenth instant is at a jump, from 1 to 0
+        taken = [(3 * k % 10) / 10 for k in range(len(exact))]
+    held = [taken[int(t / period + 1e-9)] for t in times]
+    assert r["held"] == pytest.approx(held, abs=1e-6)
+    assert r["x"][-1] == pytest.approx(period * sum(taken[:-1]), abs=1e-6)
+    if method != "rk8":
+        return
+    run = system.stepper(inputs={"u": table}, parameters={"period": period}, rtol=1e-9)
+    for t, value in zip(times[1:], held[1:], strict=True):
+        run.advance(t)
+        assert run["held"] == pytest.approx(value, abs=1e-6)
+
+
+@pytest.mark.parametrize("end", [1.0, 1.03])
+@pytest.mark.parametrize("offset", [0.0, 0.02])
+@pytest.mark.parametrize("period", [0.03, 0.05, 0.13, 0.2, 0.3])
+def test_a_run_that_goes_on_with_other_instants_counts_those(
+    counter: gl.System, period: float, offset: float, end: float
+) -> None:
+    """And none where it begins, unless one is there that the earlier run did not have."""
+    first, given = counter.simulate(end, samples=2), {"period": period, "offset": offset}
+    instants = offset + period * np.arange(100)
+    last = end + 1e-9 if end == 1.0 else end - 1e-9  # of the earlier run
+    expected = np.count_nonzero((instants > last) & (instants < end + 1.0 + 1e-9))
+    rest = counter.simulate(end + 1.0, samples=2, start=first, parameters=given)
+    assert rest["n"][-1] - first["n"][-1] == expected
+    run = counter.stepper(start=first, parameters=given)
+    run.advance(end + 1.0)
+    assert run["n"] - first["n"][-1] == expected
+
+
+@pytest.mark.parametrize(("t_start", "count"), [(0.0, 11), (0.05, 10), (3.0, 11), (7.31, 10)])
+def test_a_run_that_goes_on_at_another_time_has_the_instants_there(counter: gl.System, t_start: float, count: int) -> None:
+    first = counter.simulate(1.0, samples=2)
+    rest = counter.simulate(t_start + 1.0, t_start=t_start, samples=2, start=first)
+    assert rest["n"][-1] - first["n"][-1] == count

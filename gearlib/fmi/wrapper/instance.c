@@ -364,6 +364,8 @@ static int set_value(Instance *m, uint32_t reference, double value) {
             if (value == *place) return FINE;
             return fail(m, FAILED, "%s cannot be set: it is constant, or follows from other parameters", name);
         }
+        if (model.settable[k] == 2 && has_started(m) && value != *place)
+            return fail(m, FAILED, "%s cannot be set during a run: instants repeat with it; set it before the start", name);
         if (!(value >= model.lower[k] && value <= model.upper[k]) || !isfinite(value))
             return fail(m, FAILED, "%s is %.9g; it must lie between %g and %g", name, value, model.lower[k], model.upper[k]);
         if (*place != value) {

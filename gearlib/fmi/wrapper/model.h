@@ -17,7 +17,7 @@ typedef struct {
     int64_t n_data, n_observed, n_entries;
     int has_events, has_derivatives;
     const int64_t *parameter_places; /* in data */
-    const uint8_t *settable;         /* 0: constant or computed, 1: a parameter */
+    const uint8_t *settable;         /* 0: constant or computed, 1: a parameter, 2: one that is fixed once the run has started */
     const double *lower, *upper;
     const char *const *parameter_names;
     const int64_t *input_places;

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -204,9 +205,24 @@ def time_events(run: Run) -> Floats:
         return NO_TIMES
     found, t0, t1 = breakpoints(run.signals), float(run.times[0]), float(run.times[-1])
     last = t1 if (run.handed or run.scene).relations is not None else math.nextafter(t1, t0)
-    found = found[(found > t0) & (found <= last)]
+    found = found[(found > t0) & (found <= (t1 - _at_end(run) if run.open_end else last))]
     switches = _switches(run)
     return np.unique(np.concatenate([found, [t for t, _ in switches]])) if switches else found
+
+
+def begun_at_instants(run: Run, instants: Iterable[float] = ()) -> Run:
+    """A run whose tables jump at an instant where they do so after it by rounding only: what acts there takes what follows.
+
+    Instants are the switches of conditions on time, and those given.
+    """
+    if not any(isinstance(s, Table) and s.decisive.size for s in run.signals):
+        return run
+    from gearlib.equations.switch_times import rounding
+
+    known = np.unique([*instants, *(t for found in switches(run) for t, _ in found)])
+    same = rounding(float(run.times[0]), float(run.times[-1]))
+    signals = tuple(s.beginning_at(known, same) if isinstance(s, Table) else s for s in run.signals)
+    return replace(run, signals=signals)
 
 
 def memory(run: Run, data: Floats) -> tuple[Floats, Floats]:
@@ -237,17 +253,34 @@ def named_events(run: Run, solution: Solution) -> list[tuple[float, str]]:
 
 def _names_of_time_events(run: Run) -> dict[float, str]:
     """Component and equation of the switches at a time, all of them if there are several."""
-    found: dict[float, list[str]] = {}
+    found: dict[float, list[int]] = {}
     for t, number in _switches(run):
-        found.setdefault(t, []).append((run.handed or run.scene).relation_names[number])
-    return {t: "; ".join(dict.fromkeys(names)) for t, names in found.items()}
+        found.setdefault(t, []).append(number)
+    return {t: name_of_relations(run, numbers) for t, numbers in found.items()}
+
+
+def name_of_relations(run: Run, numbers: Iterable[int]) -> str:
+    """Component and equation of some relations."""
+    names = (run.handed or run.scene).relation_names
+    return "; ".join(dict.fromkeys(names[number] for number in numbers))
 
 
 def _switches(run: Run) -> list[tuple[float, int]]:
-    """Times at which conditions on time switch after the start, with their relations; snapped to the end within rounding."""
+    """Times at which conditions on time switch in a run, with their relations."""
+    inside, at_end = switches(run)
+    return inside if run.open_end else inside + at_end
+
+
+def switches(run: Run) -> tuple[list[tuple[float, int]], list[tuple[float, int]]]:
+    """Times at which conditions on time switch before the end, and those at the end within rounding, with their relations."""
+    t0, t1 = float(run.times[0]), float(run.times[-1])
+    integrated, same = run.handed or run.scene, _at_end(run)
+    found = [(min(t, t1), number) for t, number in integrated.time_switches(run.numbers.parameters, t0, t1 + same)]
+    return [s for s in found if s[0] <= t1 - same], [s for s in found if s[0] > t1 - same]
+
+
+def _at_end(run: Run) -> float:
+    """How far (s) from the end of a run times count as at the end."""
     from gearlib.equations.switch_times import rounding
 
-    t0, t1 = float(run.times[0]), float(run.times[-1])
-    integrated = run.handed or run.scene
-    found = integrated.time_switches(run.numbers.parameters, t0, t1 + 2.0 * rounding(t0, t1))
-    return [(min(t, t1), number) for t, number in found]
+    return 2.0 * rounding(float(run.times[0]), float(run.times[-1]))

@@ -48,6 +48,7 @@ class Run:
     tell: Callable[[float], None] | None = None  # called now and then with the time reached
     may_stop: bool = False  # whether an interrupt ends the run at its present time, instead of being raised
     traced: bool = False  # whether the ends of its steps are stored, for states that are requested afterwards
+    open_end: bool = False  # whether known events at its end are left to the run that goes on from there
 
     @property
     def handed(self) -> SceneForm | None:

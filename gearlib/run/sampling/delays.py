@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.equations.switch_times import rounding
 from gearlib.errors import SolverError
 from gearlib.solvers.inputs.table import Table, concatenated
 
@@ -70,7 +71,8 @@ class DelayHistory:
         return cls(delay, [-math.inf], [known], [*ahead, t + delay], float(np.abs(known.y).max()))
 
     def window(self, t: float, end: float) -> Table:
-        """The signal from one time to another."""
+        """The signal from one time to another, and what begins after that by rounding only."""
+        end += rounding(end)
         first, last = (bisect_right(self.begins, at) - 1 for at in (t, end))
         parts = [
             self.tables[k].between(max(self.begins[k], t), self.begins[k + 1] if k < last else end)

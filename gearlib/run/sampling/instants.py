@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from types import NoneType
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ from gearlib.errors import ArgumentError, SolverError, StartError
 from gearlib.program.newton import Correction, newton
 from gearlib.run.methods.method import Integrates
 from gearlib.run.methods.method_table import BY_TURNS, METHODS
+from gearlib.run.methods.native_problem import begun_at_instants, name_of_relations, switches
 from gearlib.run.methods.run import Run
 from gearlib.run.sampling.controllers import Controller
 from gearlib.run.sampling.delays import FEWEST, SHARE, Delay, DelayHistory, more_points, points, separate
@@ -65,7 +67,7 @@ class Pieces:
 
 def integrate_sampled(
     first: Run, method: Integrates, switched: Switched, controllers: Sequence[Controller | Delay], known: Pieces | None = None,
-    begun: bool = False,
+    begun: bool = False, acted: bool = False,
 ) -> tuple[Run, Solution, Pieces]:  # fmt: skip
     """Integrate a run with sampled controllers and delays, as one run in which the inputs they set are tables.
 
@@ -78,8 +80,8 @@ def integrate_sampled(
     controllers : sequence of Controller and Delay
     known : Pieces, optional
         Recorded controller outputs of this run: the functions are not called again.
-    begun : bool
-        Whether the run continues one that has already handled an instant at its start.
+    begun, acted : bool
+        Whether the run continues another one, and whether that one has already handled an instant at its start.
 
     Raises
     ------
@@ -93,27 +95,38 @@ def integrate_sampled(
         raise ArgumentError(f"method='exact' does not {doing} of {controllers[0].path}; use method='auto', 'rk' or 'ida'")
     method = BY_TURNS if method is METHODS["auto"] else method
     t0, t1 = float(first.times[0]), float(first.times[-1])
-    acting = _acting([c for c in controllers if isinstance(c, Controller)], t0, t1)
-    if begun:
+    others = np.array(sorted([*first.times.tolist(), *(t for t, _ in switches(first)[0])]))
+    acting = _acting([c for c in controllers if isinstance(c, Controller)], t0, t1, others)
+    if acted:
         acting.pop(t0, None)
+    first = begun_at_instants(first, acting)
     histories = {
         d.gives[0]: DelayHistory.going_on(float(first.numbers.parameters[d.parameter]), first.signals[d.gives[0]], t0)
         for d in controllers if isinstance(d, Delay)
     }  # fmt: skip
-    begins, longest = sorted({t0, *acting, *cut_times(histories, acting, t0, t1)}), first.longest_step
+    cuts = [_beside(t, others, rounding(t0, t1)) for t in cut_times(histories, acting, t0, t1)]
+    begins, longest = sorted({t0, *acting, *cuts}), first.longest_step
+    if histories and begins[-1] < t1 and switches(first)[1]:
+        begins.append(t1)  # what acts there takes delayed signals as they are from there on
     here = replace(first, signals=_at(first.signals, controllers, t0), max_step=longest if longest < math.inf else None)
     for controller in controllers:
         if known is None and isinstance(controller, Controller) and hasattr(controller.part.function, "begin_run"):
             controller.part.function.begin_run(t0, [here.signals[k] for k in controller.gives] if begun else None)
     done: list[tuple[Run, Solution]] = []
+    open_events: list[tuple[float, str]] = []
     count = FEWEST
     for n, (t, end) in enumerate(zip(begins, [*begins[1:], t1], strict=True)):
-        here = replace(
-            here, signals=tuple(histories[k].window(t, end) if k in histories else s for k, s in enumerate(here.signals))
-        )
+        if histories:
+            windows = tuple(histories[k].window(t, end) if k in histories else s for k, s in enumerate(here.signals))
+            here = begun_at_instants(replace(here, signals=windows, times=np.array([t, end])), [t])
         signals = known.signals[n] if known is not None else _asked(here, t, acting.get(t, ()))
         inner = first.times[(first.times > t) & (first.times < end)]
-        piece = replace(here, times=np.array([t, *inner, end] if end > t else [t]), signals=signals)
+        piece = replace(here, times=np.array([t, *inner, end] if end > t else [t]), signals=signals, open_end=False)
+        if n + 1 < len(begins) and (left := switches(piece)[1]):
+            if piece.scene.structure.changing:
+                integrate_through(piece, method, switched)  # refuses what would need an impulse at the end
+            piece = replace(piece, open_end=True)
+            open_events.append((end, name_of_relations(piece, [number for _, number in left])))
         if histories and known is None and end > t:
             parts, count = _with_history(piece, method, switched, controllers, histories, count)
         else:
@@ -125,12 +138,12 @@ def integrate_sampled(
             )
         done += parts
         here = _following(*parts[0], end)
-    after = tuple(
-        histories[k].window(t1, t1 + histories[k].delay) if k in histories else s for k, s in enumerate(done[-1][0].signals)
-    )
-    whole = {k: history.whole(t0) for k, history in histories.items()}
+    at, same = np.unique([*begins, *others, t1]), rounding(t0, t1)
+    following = {k: history.window(t1, t1 + history.delay).beginning_at(at, same) for k, history in histories.items()}
+    after = tuple(following.get(k, s) for k, s in enumerate(done[-1][0].signals))
+    whole = {k: history.whole(t0).beginning_at(at, same) for k, history in histories.items()}
     pieces = Pieces(tuple(begins), tuple(run.signals for run, _ in done), whole, after) if known is None else known
-    return *_joined(first, done, pieces, controllers), pieces
+    return *_joined(first, done, pieces, controllers, open_events), pieces
 
 
 def cut_times(histories: Mapping[int, DelayHistory], acting: Collection[float], t0: float, t1: float) -> list[float]:
@@ -276,14 +289,27 @@ def given_before(
     return tuple(found)
 
 
-def _acting(controllers: Sequence[Controller], t0: float, t1: float) -> dict[float, tuple[Controller, ...]]:
-    """The controllers that act at each sample instant; instants that differ by rounding, also from an end of the run, are merged."""
-    found: dict[float, tuple[Controller, ...]] = {}
+def _acting(
+    controllers: Sequence[Controller], t0: float, t1: float, others: Floats
+) -> dict[float, tuple[tuple[float, Controller], ...]]:
+    """The controllers that act at each instant, with the times that they are told.
+
+    Instants that differ by rounding, also from an end of the run, are merged; so are those just behind ``others``, times at which
+    something else happens: samples, or what conditions on time switch.
+    """
+    found: dict[float, tuple[tuple[float, Controller], ...]] = {}
     last, same = t0, rounding(t0, t1)
     for t, k in sorted((t, k) for k, controller in enumerate(controllers) for t in controller.instants(t0, t1)):
-        last = last if t - last <= same else t1 if t1 - t <= same else t
-        found[last] = (*found.get(last, ()), controllers[k])
+        if t - last > same:
+            last = t1 if t1 - t <= same else _beside(t, others, same)
+        found[last] = (*found.get(last, ()), (t, controllers[k]))
     return found
+
+
+def _beside(t: float, others: Floats, same: float) -> float:
+    """A time, or the first one of ``others`` that it comes after by rounding only."""
+    earlier: list[float] = others[np.searchsorted(others, t - same) :][:1].tolist()
+    return min([t, *earlier])
 
 
 def _at(signals: Sequence[Any], controllers: Sequence[Controller | Delay], t: float) -> tuple[Any, ...]:
@@ -292,15 +318,15 @@ def _at(signals: Sequence[Any], controllers: Sequence[Controller | Delay], t: fl
     return tuple(float(s(t)) if k in given and isinstance(s, Table) else s for k, s in enumerate(signals))
 
 
-def _asked(run: Run, t: float, controllers: Sequence[Controller]) -> tuple[Any, ...]:
+def _asked(run: Run, t: float, acting: Sequence[tuple[float, Controller]]) -> tuple[Any, ...]:
     """The inputs from a time on, as set by controllers that act then."""
     signals = list(run.signals)
-    if controllers:
+    if acting:
         segment = _segment(run, t)
-        for controller in controllers:
+        for told, controller in acting:
             named = [run.scene.named(name) for name in controller.reads]
             read = np.array([sign * segment.history(node)[0] if sign else 0.0 for node, sign in named], float)
-            for k, number in zip(controller.gives, controller(t, read), strict=True):
+            for k, number in zip(controller.gives, controller(told, read), strict=True):
                 signals[k] = number
     return tuple(signals)
 
@@ -309,9 +335,9 @@ def _segment(run: Run, t: float) -> Segment:
     """A run at its start, from which other variables are computed."""
     times, states = np.array([t]), run.start.states[None, :]
     discrete = run.discrete
-    if discrete is None:
+    if discrete is None or run.open_end:  # the latter: of the run before, whose end is this start
         inputs = values(run.signals, times)
-        discrete = run.scene.discrete(run.numbers, times, states.T, inputs, start=run.start.guess)[:, 0]
+        discrete = run.scene.discrete(run.numbers, times, states.T, inputs, start=run.start.guess, before=discrete)[:, 0]
     return Segment(run.scene, times, states, discrete[None, :], run.numbers.parameters, run.signals, run.start.guess, t)
 
 
@@ -325,8 +351,9 @@ def _following(run: Run, solution: Solution, t: float) -> Run:
 
 
 def _joined(
-    first: Run, done: Sequence[tuple[Run, Solution]], pieces: Pieces, controllers: Sequence[Controller | Delay]
-) -> tuple[Run, Solution]:
+    first: Run, done: Sequence[tuple[Run, Solution]], pieces: Pieces, controllers: Sequence[Controller | Delay],
+    open_events: Sequence[tuple[float, str]],
+) -> tuple[Run, Solution]:  # fmt: skip
     """The pieces joined into one run with its own samples; a sample at an instant holds the right-hand limit."""
     chosen = np.searchsorted(np.concatenate([run.times for run, _ in done]), first.times, side="right") - 1
     states = np.concatenate([s.x for _, s in done])[chosen]
@@ -337,6 +364,8 @@ def _joined(
         counts = [s.stats.get(counted) for _, s in done]
         if counted in stats and None not in counts:
             stats[counted] = sum(counts)
+    if open_events:
+        stats["events"] += len(open_events)
     stats |= {"pieces": len(done), "why": f"{stats['why']}; cut at the instants of {', '.join(c.path for c in controllers)}"}
     signals = list(pieces.signals[-1])
     for k in (k for controller in controllers for k in controller.gives):
@@ -347,7 +376,7 @@ def _joined(
         )
 
     def events() -> list[tuple[float, str]]:
-        return [event for _, s in done for event in s.events()]
+        return sorted([*(event for _, s in done for event in s.events()), *open_events], key=itemgetter(0))
 
     return replace(first, signals=tuple(signals)), replace(
         last, t=first.times, x=states, discrete=discrete, events=events, stats=stats

@@ -14,6 +14,7 @@ from gearlib.errors import ArgumentError, NameLookupError
 from gearlib.program.interpret import Prepared
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import BY_TURNS, method_of
+from gearlib.run.methods.native_problem import begun_at_instants
 from gearlib.run.methods.run import Run
 from gearlib.run.refusals.limits import refuse_too_small
 from gearlib.run.request import LONGEST, SHORTEST, absolute_tolerance
@@ -113,9 +114,11 @@ class SteppedRun:
         scene = translation.scene if translation.outputs is not None else translation.with_states(structure.states)
         self.inputs = Inputs(translation, inputs)
         earlier = earlier_run(translation, start)
-        self._begun = earlier is not None  # the earlier run has handled an instant at its end
+        self._begun = earlier is not None
+        self._acted = earlier is not None and earlier[1] == t_start  # the earlier run has handled an instant at its end
         if earlier:
-            begin = earlier[0].moment(scene, earlier[1])
+            begin, was = earlier[0].moment(scene, earlier[1]), (earlier[1], earlier[0].request.parameters)
+            begin = replace(begin, discrete=scene.going_on(begin.discrete, was, (t_start, parameters)))
             self.inputs.signals = given_before(
                 translation.controllers, earlier[0], self.inputs.signals, scene.model, parameters
             )
@@ -172,7 +175,8 @@ class SteppedRun:
         if longest is None and len(times) > 1:
             longest = max(float(times[-1] - times[0]), RESOLVED * max(abs(self._begin), *map(abs, times.tolist())))
         start, signals = Start(now.states, now.guess, ()), unrolled(self.inputs.signals, float(times[0]), float(times[-1]))
-        return Run(now.scene, now.numbers, start, signals, times, self._rtol, now.atol, now.discrete, longest)
+        run = Run(now.scene, now.numbers, start, signals, times, self._rtol, now.atol, now.discrete, longest)
+        return run if self._translation.controllers else begun_at_instants(run)
 
     def _lives_on(self, t: float) -> bool:
         """Continue with the method's state; returns whether that was possible."""
@@ -205,12 +209,14 @@ class SteppedRun:
     def _go_to(self, times: Floats) -> None:
         now, controllers, switched = self._now, self._translation.controllers, self._translation.switched
         if controllers:
-            whole, found, pieces = integrate_sampled(self._run(times), self._method, switched, controllers, begun=self._begun)
+            whole, found, pieces = integrate_sampled(
+                self._run(times), self._method, switched, controllers, begun=self._begun, acted=self._acted
+            )
             parts, self.inputs.signals = [(whole, found)], pieces.after
         else:
             parts = integrate_through(self._run(times), self._method, switched)
         refuse_too_small([Segment.of(part, found) for part, found in parts], self._rtol, goes_on=self._begun)
-        self._begun, signals = True, self.inputs.signals
+        self._begun, self._acted, signals = True, True, self.inputs.signals
         run, outcome = parts[-1]
         discrete = outcome.discrete[-1].copy() if run.scene.n_discrete else None
         here = replace(

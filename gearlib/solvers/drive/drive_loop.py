@@ -50,9 +50,9 @@ def look_between_stops(s: DriveRecord, last: bool) -> None:
         if s.stop > 0:
             before = s.origin + stops[s.stop - 1]
             interval[0] = before + ROUNDING * abs(before)
-        if not last:
+        if not last and stops[s.stop] > s.t:  # not in a run without length
             after = s.origin + stops[s.stop]
-            interval[1] = after - ROUNDING * abs(after) - SMALLEST
+            interval[1] = max(after - ROUNDING * abs(after) - SMALLEST, interval[0])  # two stops may differ by rounding
 
 
 @native
@@ -135,6 +135,13 @@ def settle(s: DriveRecord, why: int) -> int:
 
 
 @native
+def on_event(s: DriveRecord, timed: bool) -> float:
+    """Time from which on a sample counts as on an event at ``t``; where its time is known, up to the rounding of absolute time."""
+    late = ROUNDING * abs(s.origin + s.reached) if timed else 0.0
+    return s.reached - max(s.slack, s.slack_share * abs(s.reached), late)
+
+
+@native
 def handle(s: DriveRecord, found: bool, timed: bool) -> int:
     """Log the events at ``t``, and restart there."""
     if s.t - s.burst_start > s.window:
@@ -159,7 +166,7 @@ def handle(s: DriveRecord, found: bool, timed: bool) -> int:
         s.events = logged
     s.from_zero = 0
     if s.events > before:
-        times, on = floats_at(s.times), s.t - max(s.slack, s.slack_share * abs(s.t))
+        times, on = floats_at(s.times), on_event(s, timed)
         while s.sample > 0 and times[s.sample - 1] >= on:  # a sample on an event holds the right-hand limit
             s.sample -= 1
     return 0
@@ -177,8 +184,7 @@ def one_step(s: DriveRecord) -> int:
         return 0
     times, found, reached = floats_at(s.times), code == FOUND, s.reached >= stop
     timed = reached and s.stop < s.n_timed
-    share = s.slack_share if found or timed else ROUNDING
-    before = s.reached - max(s.slack if found or timed else 0.0, share * abs(s.reached))
+    before = on_event(s, timed) if found or timed else s.reached - ROUNDING * abs(s.reached)
     while s.sample < s.n_times and times[s.sample] < before:
         code = store(s, times[s.sample], True)
         if code < 0:

@@ -187,6 +187,11 @@ class Table(Tabulated):
         found: Floats = self.t[1:][changes if self.interpolation == "previous" else changes & (np.diff(self.t) == 0)]
         return found
 
+    @property
+    def decisive(self) -> Floats:
+        """Times at which its value may jump; it does so without two equal times where it was joined of several tables."""
+        return self.jumps if self._corners is None else self.t
+
     def between(self, begin: float, end: float) -> Table:
         """The part between two times; its first and last piece extend beyond its ends."""
         first = max(int(np.searchsorted(self.t, begin, side="right")) - 1, 0)
@@ -210,6 +215,26 @@ class Table(Tabulated):
         found.t, found.origin, found._repeated = self.t + by, found, None
         if self._corners is not None:
             found._corners = self._corners + by
+        return found
+
+    def beginning_at(self, instants: Floats, same: float) -> Table:
+        """The table with the times that come after an instant by less than ``same`` (s) moved there, if it may jump at any.
+
+        >>> Table([0.0, 3 * 0.1], [1.0, 2.0], "previous").beginning_at(np.array([0.3]), 1e-15)(0.3).item()
+        2.0
+        """
+
+        def moved(times: Floats) -> Floats:
+            there = np.append(instants, math.inf)[np.searchsorted(instants, times - same)]
+            return np.asarray(np.minimum(times, there), float)
+
+        decisive = self.decisive
+        if not (moved(decisive) < decisive).any():
+            return self
+        found = copy(self)
+        found.t, found.origin, found._repeated = moved(self.t), found, None
+        if self._corners is not None:
+            found._corners = moved(self._corners)
         return found
 
     def over(self, t0: float, t1: float) -> Table:

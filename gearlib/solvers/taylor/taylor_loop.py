@@ -259,6 +259,8 @@ def taylor_step(address: int, stop: float) -> int32:
     found, theta = 0, 1.0
     move(s.ahead + 8 * s.size, s.k + 8 * s.size, s.size)
     if s.n_roots > 0:
+        if s.since == 0:  # those of the restart are over a time that rounding of large states may hide
+            slopes(r, t, h, s.x, s.c + 8 * s.size, OLD, SLOPE_OLD)
         found, theta = crossing(r, t, h, 0.0)
         if found < 0:
             return ROOTS_FAILED

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from functools import lru_cache
 from math import factorial
 from pathlib import Path
 from typing import Any
@@ -307,3 +308,51 @@ def test_jumps_stay_jumps_in_delays_in_series_and_in_loops() -> None:
     count = np.floor((echo.time - 0.05) / 0.2 + 1e-9).astype(int)
     assert echo["y"] == pytest.approx(np.where(count < 0, 0.0, heights[count]))
     assert echo["z"][-1] == pytest.approx(0.2 * heights[:19].sum() + 0.15 * heights[19], abs=1e-6)
+
+
+class Sequel(gl.Component):
+    """What a sampler takes goes through a delay of some of its periods to another one."""
+
+    h = gl.Parameter("s", "period", default=0.06)
+    delay = gl.Parameter("s", "a multiple of the period", default=0.06)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.first = B.Sampler(sample_period=self.h, u=1.0 + gl.time)
+        self.late, self.last = B.FixedDelay(delay_time=self.delay), B.Sampler(sample_period=self.h)
+        self.read = B.Gain(k=1.0)
+        self.law = gl.Sampled(lambda t, v: v[0], 0.06, inputs=[self.late.y], outputs=[self.read.u])
+        self.sum = B.Integrator()
+        return [
+            gl.connect(self.first.y, self.late.u),
+            gl.connect(self.late.y, self.last.u),
+            gl.connect(self.last.y, self.sum.u),
+        ]
+
+
+@lru_cache
+def sequel() -> gl.System:
+    return gl.compile(Sequel(), outputs=["first.y", "late.y", "last.y", "read.y", "sum.y"])
+
+
+@pytest.mark.parametrize("method", ["auto", "ida"])
+@pytest.mark.parametrize("periods", [1, 3])
+@pytest.mark.parametrize("h", [0.03, 0.06, 0.3])
+def test_a_delay_of_whole_periods_comes_in_time_for_the_next_sampler(h: float, periods: int, method: str) -> None:
+    """At an instant it gives what was taken that many periods before, whatever rounding makes of the times."""
+    n, system = 24, sequel()
+    given = {"h": h, "delay": round(h * periods, 9)}
+    times = [round(h * k, 9) for k in range(n)]
+    taken = 1.0 + h * np.arange(n)
+    late = np.concatenate([np.ones(periods), taken[:-periods]])
+    total = h * np.cumsum([0.0, *late[:-1]])
+    r = system.simulate(times[-1], times=times, method=method, rtol=1e-9, parameters=given)
+    for name, values in (("first.y", taken), ("late.y", late), ("last.y", late), ("sum.y", total)):
+        assert r[name] == pytest.approx(values, abs=1e-7), name
+    if h == 0.06:
+        assert r["read.y"] == pytest.approx(late, abs=1e-7)
+    half = system.simulate(times[10], times=times[:11], method=method, rtol=1e-9, parameters=given)
+    assert system.simulate(times[-1], times=times[10:], start=half, rtol=1e-9)["last.y"] == pytest.approx(late[10:], abs=1e-7)
+    run = system.stepper(method=method, rtol=1e-9, parameters=given)
+    for k, t in enumerate(times[1:], 1):
+        run.advance(t)
+        assert [run["late.y"], run["last.y"], run["sum.y"]] == pytest.approx([late[k], late[k], total[k]], abs=1e-7), t

@@ -333,3 +333,28 @@ def test_a_decay_of_any_rate_has_its_series() -> None:
 
     result = gl.simulate(Damped(), 1e-9, samples=5, method="taylor")
     np.testing.assert_allclose(result["x"][1:], 0.0, atol=1e-5)
+
+
+class Ceiling(gl.Component):
+    """A ball that is pressed against a ceiling, from which it bounces without loss."""
+
+    H = gl.Parameter("m", "height of the ceiling")
+    h = gl.Variable("m", "height")
+    v = gl.Variable("m/s", "speed", start=-0.02)
+    bounces = gl.Discrete("how often it touched the ceiling")
+
+    def equations(self) -> list[Any]:
+        touched = gl.When(self.h > self.H, gl.reinit(self.v, -self.v), gl.Eq(self.bounces, gl.pre(self.bounces) + 1))
+        return [gl.Eq(gl.der(self.h), self.v), gl.Eq(gl.der(self.v), 9.0), touched]
+
+
+@pytest.mark.parametrize("method", ["auto", "rk5", "ida"])
+@pytest.mark.parametrize("height", [10.0, 1000.0])
+def test_short_flights_far_from_zero_are_seen(height: float, method: str) -> None:
+    """A flight lasts 2 * 0.02 / 9 s, a fraction of the longest step; beside the height its first part is lost in rounding."""
+    r = gl.simulate(Ceiling(H=height, start={"h": height}), 1.0, times=[0.0, 0.25, 1.0], method=method, rtol=1e-9)
+    left = 0.25 - 56 * 0.04 / 9.0
+    assert r["bounces"][1] == 56.0
+    assert r["h"][1] - height == pytest.approx(-0.02 * left + 4.5 * left**2, abs=1e-9)
+    assert r["bounces"][2] in (224.0, 225.0)  # the last one is at the end
+    assert r["h"].max() - height < 1e-9
