@@ -81,6 +81,7 @@ def _beside(A: Any, B: Any) -> Any:
 def _vanishing(rows: Floats, A: Any) -> NDArray[np.bool_]:
     """Which combinations of rates are identically zero: a state's own rate by its equation; others may vanish at one point only.
 
+    What depends on no state there depends on no input: the equation ``der(v) = 0`` has none.
     A column in which everything is rounding, as that of the slip of what is locked on both sides, is judged by the largest entry of
     the matrix, in units in which each state acts upon the others as they act upon it.
     """

@@ -395,10 +395,10 @@ class HeldTwice(gl.Component):
         ]  # fmt: skip
         for name, part in zip(self.names, line, strict=True):
             setattr(self, name, part)
-        self.load = gp.LinearSpeedDependentTorque(tau_nominal=-10.0, w_nominal=20.0)
+        self.load, self.torque = gp.LinearSpeedDependentTorque(tau_nominal=-10.0, w_nominal=20.0), gp.Torque()
         return [
             *(gl.connect(a.flange_b, b.flange_a) for a, b in itertools.pairwise(line)),
-            gl.connect(line[-1].flange_b, self.load.flange),
+            gl.connect(line[-1].flange_b, self.load.flange, self.torque.flange),
         ]
 
 
@@ -406,5 +406,6 @@ class HeldTwice(gl.Component):
 def test_what_is_held_twice_is_held_whatever_its_name(seed: int) -> None:
     """800 N.m/rad on 0.15 kg.m2. The held body had a pole at 0 where elements in parallel left the equations singular."""
     names = tuple(f"part_{k}" for k in np.random.default_rng(seed).permutation(10))
-    report = gl.stability(gl.compile(HeldTwice(names=names)))
-    _same(report.eigenvalues, np.array([-1j, 1j]) * np.sqrt(800.0 / 0.15))
+    system, expected = gl.compile(HeldTwice(names=names)), np.array([-1j, 1j]) * np.sqrt(800.0 / 0.15)
+    _same(gl.stability(system).eigenvalues, expected)
+    _same(system.linearize().poles(), expected)
