@@ -221,9 +221,10 @@ def ranges_of(translation: Translation, free: Any, experiments: Sequence[Measure
             start_variable(translation.model, started)
         else:
             table.number(name, " (in free)")
-        fixed = next((e.parameters for e in experiments if name in e.parameters), None)
+        fixed = next((e.given for e in experiments if name in e.given), None)
         if fixed is not None:
-            raise ArgumentError(f"'{name}' is free, and given as {shown(fixed[name])} in parameters; leave one of the two out")
+            where = "parameters" if started is None else "the start values of an experiment"
+            raise ArgumentError(f"'{name}' is free, and given as {shown(fixed[name])} in {where}; leave one of the two out")
         pair = reals(f"free['{name}']", bounds, "(low, high)")
         if pair.shape != (2,) or not pair[0] < pair[1]:
             raise ArgumentError(f"free['{name}'] is {shown(bounds)}; expected (low, high), low below high")

@@ -88,6 +88,17 @@ class Measured(ABC):
         step = STEP * (value if low > 0.0 else max(abs(value), min(high - low, 1.0)))
         return max(value - step, low), min(value + step, high)
 
+    @property
+    @abstractmethod
+    def begins(self) -> Any:
+        """Start values by path, or what else the experiment begins with."""
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Values of this experiment alone: parameters, and start values as ``"start(load.w)"``."""
+        starts = self.begins if isinstance(self.begins, Mapping) else {}
+        return {**self.parameters, **{f"start({name})": value for name, value in starts.items()}}
+
     @abstractmethod
     def series(self, system: Compiled) -> list[MeasuredSeries]:
         """The measured series."""
@@ -178,6 +189,10 @@ class MeasuredHistories(Measured):
     def __repr__(self) -> str:
         return f"<MeasuredHistories of {', '.join(self.columns)}: {len(self.time)} times>"
 
+    @property
+    def begins(self) -> Any:
+        return self.start
+
     def series(self, system: Compiled) -> list[MeasuredSeries]:
         unit = system.translation.unit
         return [
@@ -226,6 +241,10 @@ class MeasuredAtPoint(Measured):
     """Measurements of a linear model at an operating point, which free start values move."""
 
     at: Any
+
+    @property
+    def begins(self) -> Any:
+        return self.at
 
     @abstractmethod
     def _at_point(self, system: Compiled, at: Any, parameters: Mapping[str, float], free: Sequence[str]) -> Prediction:

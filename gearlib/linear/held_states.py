@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.linear.balancing import balance, similarity
 from gearlib.linear.linear_model import full
 from gearlib.program.held_speeds import held_speeds
 from gearlib.program.interpret import Prepared
@@ -23,6 +24,7 @@ from gearlib.structure.incidence import Node
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 CONSTANT = 1e-9  # relative to its terms: a smaller rate is zero
+ROUNDED = 1e-13  # relative to the largest entry of a balanced matrix
 RANK = 1e-11  # of rows scaled to 1
 
 
@@ -56,7 +58,7 @@ def remaining(
     n = A.shape[0]
     A = A.tocsr() if hasattr(A, "tocsr") else np.asarray(A)
     rates = A if B is None else _beside(A, B)
-    held = held[[_vanishes(row, rates) for row in held]]
+    held = held[_vanishing(held, A)]
     if not len(held):
         return None
     pivots, reduced = _echelon(held)
@@ -76,13 +78,22 @@ def _beside(A: Any, B: Any) -> Any:
     return np.hstack([A, np.asarray(B)])
 
 
-def _vanishes(row: Floats, rates: Any) -> bool:
-    """Whether a combination of rates is identically zero: a state's own rate by its equation; others may vanish at one point only."""
-    if (row != 0).sum() == 1:
-        return True
-    largest = abs(rates).max(axis=0)
-    largest = full(largest).ravel()
-    return bool((np.abs(rates.T @ row) <= CONSTANT * largest * np.abs(row).sum()).all())
+def _vanishing(rows: Floats, A: Any) -> NDArray[np.bool_]:
+    """Which combinations of rates are identically zero: a state's own rate by its equation; others may vanish at one point only.
+
+    What depends on no state there depends on no input: the equation ``der(v) = 0`` has none.
+    A column in which everything is rounding, as that of the slip of what is locked on both sides, is judged by the largest entry of
+    the matrix, in units in which each state acts upon the others as they act upon it.
+    """
+    scale = similarity(A) if hasattr(A, "tocsr") else balance(A)[1]
+    size = abs(A)
+    largest = full(size.max(axis=0)).ravel() if A.shape[0] else np.empty(0)
+    natural = float((size.T @ (1 / scale) * scale).max(initial=0.0)) * np.abs(rows * scale).max(axis=1)
+    found = np.abs((A.T @ rows.T).T)
+    least = CONSTANT * largest * np.abs(rows).sum(axis=1)[:, None]
+    by_rounding = found * scale <= ROUNDED * natural[:, None]
+    result: NDArray[np.bool_] = ((rows != 0).sum(axis=1) == 1) | ((found <= least) | by_rounding).all(axis=1)
+    return result
 
 
 def _echelon(rows: Floats) -> tuple[list[int], Floats]:

@@ -179,6 +179,9 @@ def sweep_runs(
     starts = {start_named(name) or name: value for name, value in samples.fixed.items() if kinds[name] == "start"}
     if starts and not (start is None or isinstance(start, Mapping)):
         raise ArgumentError(f"parameters give {next(iter(starts))} a start value, and start={start!r:.60} gives all of them")
+    varied = {start_named(name) or name for name, kind in kinds.items() if kind == "start"}
+    if isinstance(start, Mapping) and (twice := varied & {*start}):
+        raise ArgumentError(f"the start value of {min(twice)} is given in parameters and in start; give it once")
     if inputs is not None:
         inputs = by_name("inputs", inputs, "a mapping of paths to numbers, functions of time or tables", "torque.tau")
     if twice := {*given, *first} & {*(inputs or {})}:

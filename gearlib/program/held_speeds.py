@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.program.build import build
-from gearlib.program.derivatives import At, derivatives, newton_matrix, slopes
+from gearlib.program.derivatives import SINGULAR, At, derivatives, equilibrating, newton_matrix, slopes
 from gearlib.program.interpret import COMPLIANCE, Prepared, evaluate, prepare
 from gearlib.program.program import Newton
 from gearlib.reduce.reduction import Structure
@@ -94,8 +94,10 @@ def _held_in(
 
 def _response(matrix: Floats) -> tuple[Floats, Floats]:
     """Response of each unknown of a block to a perturbation of each equation, with its terms; elements in parallel share it."""
-    try:
+    rows, columns = equilibrating(matrix)
+    scaled = matrix * rows[:, None] * columns
+    if np.linalg.cond(scaled) < SINGULAR:
         answers: Floats = np.abs(np.linalg.inv(matrix))
-    except np.linalg.LinAlgError:
-        answers = np.abs(np.linalg.pinv(matrix))
+    else:  # an inverse would be that of rounding errors
+        answers = np.abs(np.linalg.pinv(scaled, rcond=1 / SINGULAR)) * columns[:, None] * rows
     return answers, answers @ np.abs(matrix) @ answers

@@ -158,8 +158,8 @@ def _reached(translation: Translation, numbers: Floats, given: list[Given]) -> t
         _warn_of_instability(translation, numbers, point)
         return motion, given
     reached, twisted = ([], []) if point is None else speeds_and_deflections(model, point)
-    if reached:
-        found = solve(model, numbers, given, [*reached, *twisted])
+    # from rest, too: where friction holds everything, rounding may set a motion near the point in motion
+    for found in (solve(model, numbers, given, [*reached, *twisted]), motion) if reached else ():
         sticking = held(model, numbers, found)
         if sticking:
             found = solve(model, numbers, [*given, *sticking], [*reached, *twisted])

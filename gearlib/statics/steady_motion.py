@@ -292,7 +292,7 @@ def _settled(
 ) -> tuple[Motion, NDArray[np.bool_]]:
     """The motion in which some variables stand ``still``, and those over whose turn its equations are averaged."""
     n = model.n_variables
-    discrete = settled_discrete(model, parameters, x[:n], x[n:]) if x.any() else model.initial_discrete()
+    discrete = settled_discrete(model, parameters, x[:n], x[n:])
     last: Factors | None = None
 
     def equations(x: Floats) -> tuple[Floats, Correction]:

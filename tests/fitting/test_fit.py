@@ -288,6 +288,17 @@ def test_evaluations_that_run_out() -> None:
         ({"free": {"shaft.c": 3.0}}, r"expected \(low, high\)"),
         ({"free": {"start(nothing)": (0, 1)}}, "nothing"),
         ({"parameters": {"shaft.c": 4.0}}, r"'shaft\.c' is free, and given as 4\.0 in parameters"),
+        (
+            {
+                "data": gl.MeasuredHistories({"time": [0.0, 1.0], "load.w": [0.0, 1.0]}, start={"motor.w": 3.0}),
+                "free": {"start(motor.w)": (0, 1)},
+            },
+            r"^'start\(motor\.w\)' is free, and given as 3\.0 in the start values of an experiment; leave one of the two out$",
+        ),
+        (
+            {"data": gl.MeasuredModes([1.0], at={"motor.w": 3.0}), "free": {"start(motor.w)": (0, 1)}},
+            r"'start\(motor\.w\)' is free, and given as 3\.0",
+        ),
         ({"data": []}, "data is empty"),
         ({"data": 3.0}, r"data is 3\.0; expected a pandas\.DataFrame, or a mapping"),
         ({"data": {"load.w": [1.0, 2.0]}}, "data has no column 'time'"),

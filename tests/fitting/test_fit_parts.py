@@ -48,7 +48,7 @@ def test_a_first_guess_is_the_models_value_between_the_bounds(bounds: Range, beg
 def ranges(free: Any, *experiments: dict[str, float]) -> list[Range]:
     """Of a model that has any parameter."""
     model: Any = SimpleNamespace(model=SimpleNamespace(parameters=SimpleNamespace(number=lambda *_: 0)))
-    return parts.ranges_of(model, free, [SimpleNamespace(parameters=own) for own in experiments])  # type: ignore[misc]
+    return parts.ranges_of(model, free, [SimpleNamespace(given=own) for own in experiments])  # type: ignore[misc]
 
 
 def test_ranges_are_logarithmic_where_both_bounds_are_positive() -> None:

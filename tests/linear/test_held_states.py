@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -379,3 +380,32 @@ def test_what_is_no_position_stays() -> None:
     model = gl.compile(Worn()).linearize([], ["wear.worn", "body.w"], sparse=True)
     assert (model.states, np.asarray(model.A).tolist()) == (("wear.worn",), [[0.0]])
     assert np.asarray(model.C).tolist() == [[1.0], [0.0]]
+
+
+class HeldTwice(gl.Component):
+    """A spring on a shaft that two bearings hold, one behind gears, and a loaded body that a clutch holds on it."""
+
+    names = gl.Structural(())
+
+    def assemble(self) -> list[Any]:
+        line: list[Any] = [
+            gp.Inertia(J=0.15), gp.Spring(c=800.0), gp.Inertia(J=0.19), gp.BearingFriction(tau_pos=[[0, 5.0]]), gp.IdealGear(ratio=0.3),
+            gp.Inertia(J=0.93), gp.IdealGear(ratio=-1.7), gp.BearingFriction(tau_pos=[[0, 2.7]]),
+            gp.Clutch(mu_pos=[[0, 0.5]], fn_max=10.8, f_normalized=1.0), gp.Inertia(J=0.62),
+        ]  # fmt: skip
+        for name, part in zip(self.names, line, strict=True):
+            setattr(self, name, part)
+        self.load, self.torque = gp.LinearSpeedDependentTorque(tau_nominal=-10.0, w_nominal=20.0), gp.Torque()
+        return [
+            *(gl.connect(a.flange_b, b.flange_a) for a, b in itertools.pairwise(line)),
+            gl.connect(line[-1].flange_b, self.load.flange, self.torque.flange),
+        ]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_what_is_held_twice_is_held_whatever_its_name(seed: int) -> None:
+    """800 N.m/rad on 0.15 kg.m2. The held body had a pole at 0 where elements in parallel left the equations singular."""
+    names = tuple(f"part_{k}" for k in np.random.default_rng(seed).permutation(10))
+    system, expected = gl.compile(HeldTwice(names=names)), np.array([-1j, 1j]) * np.sqrt(800.0 / 0.15)
+    _same(gl.stability(system).eigenvalues, expected)
+    _same(system.linearize().poles(), expected)

@@ -104,6 +104,10 @@ def test_start_values_that_all_runs_share(drive: gl.System) -> None:
     with pytest.raises(ArgumentError) as said:
         drive.sweep({"J": [1.0, 2.0], "start(load.w)": 3.0}, 1.0, start="steady", inputs=TORQUE)
     assert str(said.value) == "parameters give load.w a start value, and start='steady' gives all of them"
+    for values in ([3.0, 4.0], 3.0):
+        with pytest.raises(ArgumentError) as said:
+            drive.sweep({"J": [1.0, 2.0], "start(load.w)": values}, 1.0, start={"load.w": 2.0}, inputs=TORQUE)
+        assert str(said.value) == "the start value of load.w is given in parameters and in start; give it once"
 
 
 def test_runs_go_on_from_another_run(drive: gl.System) -> None:

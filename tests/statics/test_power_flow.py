@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from typing import Any
@@ -409,3 +410,36 @@ def test_power_goes_from_givers_to_takers_however_little_it_is(size: float) -> N
     pairs = {("motor", "gear"): 5.0, ("gear", "shaft 1"): 4.5, ("shaft 1", "a"): 2.0, ("shaft 1", "b"): 2.5}
     assert {(a, b): power for a, b, power in flows} == pytest.approx({pair: size * power for pair, power in pairs.items()})
     assert joints == ["shaft 1"]
+
+
+class HeldTwice(gl.Component):
+    """A torque without a mean on a train with two bearings, gears and a loaded body behind a clutch."""
+
+    backwards = gl.Structural(False)
+
+    def assemble(self) -> list[Any]:
+        line: list[Any] = [
+            gp.Inertia(J=0.1485376321434908), gp.Spring(c=797.5693175317606), gp.Inertia(J=0.18602286841464583),
+            gp.BearingFriction(tau_pos=[[0, 4.9962925177928215], [50, 6.0]]), gp.IdealGear(ratio=0.5),
+            gp.Inertia(J=0.9264003492277698), gp.IdealGear(ratio=-1.5),
+            gp.BearingFriction(tau_pos=[[0, 2.7186035842928415], [50, 6.0]]),
+            gp.Clutch(mu_pos=[[0, 0.5], [10, 0.4]], fn_max=10.776257731015326, f_normalized=1.0),
+            gp.Inertia(J=0.6157580486071929),
+        ]  # fmt: skip
+        first = gp.Torque(tau=33.2779276407773 * gl.sin(5.71541794114584 * gl.time))
+        last = gp.LinearSpeedDependentTorque(tau_nominal=-10.0, w_nominal=20.0)
+        parts = list(enumerate([first, *line, last]))
+        for k, part in reversed(parts) if self.backwards else parts:
+            setattr(self, f"part_{k:02d}", part)
+        return [
+            gl.connect(first.flange, line[0].flange_a),
+            *(gl.connect(a.flange_b, b.flange_a) for a, b in itertools.pairwise(line)),
+            gl.connect(line[-1].flange_b, last.flange),
+        ]
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_what_friction_holds_at_rest_rests_in_any_order_of_declaration(backwards: bool) -> None:
+    """Nothing drives it. Where friction slid before the first look at it, it was refused after a long search."""
+    flanges = gl.compile(HeldTwice(backwards=backwards)).power_flow().flanges
+    assert max(abs(value) for f in flanges for value in (f.speed, f.torque)) < 1e-12
