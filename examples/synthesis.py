@@ -330,12 +330,13 @@ for ahead, back, kind, from_w, train, *_ in designs:
     accelerated = run[f"body_{begin}.w"][-1]
     inertia = 0.01 + 0.01 / ratio**2 / ahead  # of both bodies, at the input
     expected = (10.0 + load / ratio / ahead) / inertia
-    backwards = system.simulate(1.0, samples=3, inputs={f"at_{begin}.tau": 0.0, f"at_{end}.tau": 10.0})[f"body_{end}.w"][-1]
+    driven = system.simulate(1.0, samples=3, inputs={f"at_{begin}.tau": 0.0, f"at_{end}.tau": 10.0})
+    backwards = round(driven[f"body_{end}.w"][-1], 3) + 0.0  # not -0.0
 
     by_hand = float(train.speeds()[train.w] if from_w else 1 / train.speeds()[train.w])
     title = f"{kind}, {train.v} - {train.gear} - {train.u}"
     print(
-        f"{title:26} gearlib {ratio:11.6f} {around:11.6f} {steady.efficiency:12.8f} {accelerated:13.4f}     {backwards + 0.0:.3f} rad/s"
+        f"{title:26} gearlib {ratio:11.6f} {around:11.6f} {steady.efficiency:12.8f} {accelerated:13.4f}     {backwards:.3f} rad/s"
     )
     print(f"{'':26} by hand {by_hand:11.6f} {macmillan:11.6f} {ahead:12.8f} {expected:13.4f}     efficiency {back:.4f}")
 

@@ -397,7 +397,10 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool, kept: KeptMa
             _factors(body, kept, step)
             return
     if step.linear:  # what the equations leave open must not depend on an earlier solution
-        body.lines += [f"for k in range({'0 if data[p] == 1.0 else q' if kept is not None else 'q'}):", "    data[v + index[z + k]] = 0.0"]
+        body.lines += [
+            f"for k in range({'0 if data[p] == 1.0 else q' if kept is not None else 'q'}):",
+            "    data[v + index[z + k]] = 0.0",
+        ]
     body.lines += [
         f"for iteration in range({turns}):",
         f"    for k in range({'factors - w' if sparse else 'a + q * q - w'}):",

@@ -466,7 +466,11 @@ def _least_sparse(matrix: Any, right: Floats) -> Floats:
     import scipy.sparse as sparse
 
     factors, sizes = factorise(matrix), abs(matrix)
-    found, entries, of_row, of_column = factors.solve(right), sizes.tocoo(), *(sizes.max(axis=k).toarray().ravel() for k in (1, 0))
+    found, entries, of_row, of_column = (
+        factors.solve(right),
+        sizes.tocoo(),
+        *(sizes.max(axis=k).toarray().ravel() for k in (1, 0)),
+    )
     relative = entries.data / of_row[entries.row]
     compliant = (relative > 0.0) & (relative <= COMPLIANCE)
     weights = np.zeros(len(found))

@@ -126,7 +126,10 @@ def test_parameters_discrete_state_and_inputs_come_first() -> None:
     "model", [Bound(), Held(), Divided(), Slipping(), Gearbox(parallel=True)], ids=lambda m: type(m).__name__
 )
 def test_sections_follow_each_other(model: gl.Component, keep: bool) -> None:
-    """Solution matrices, kept matrices, slots, scratch space (a dense block's: right-hand sides, matrix, magnitudes, order and compliances of the columns), determinants, divisors: each as long as what it holds."""
+    """Solution matrices, kept matrices, slots, scratch space, determinants, divisors: each as long as what it holds.
+
+    The scratch space of a dense block: right-hand sides, matrix, order of the columns, determinant, magnitudes, compliances.
+    """
     program, base = gl.compile(model).translation.scene.program, 100
     found = lay_out(program, Shared(50, 40, 10), base, keep=keep)
     assert (found.relations, found.inputs) == (50, 90)
@@ -153,7 +156,10 @@ def test_sections_follow_each_other(model: gl.Component, keep: bool) -> None:
                 assert matrix.size == 1 + len(step.discrete) + stored
                 at += matrix.size
             sides = 1 if matrix is None else 1 + len(matrix.known)
-            dense, sparse = 2 * n * n + sides * n + 2 * n + 1, 0 if order is None else n + len(order.places) + factors_size(order)
+            dense, sparse = (
+                2 * n * n + sides * n + 2 * n + 1,
+                0 if order is None else n + len(order.places) + factors_size(order),
+            )
             scratch = max(scratch, sparse or dense)
     assert found.slots == at
     assert found.scratch == at + program.n_slots

@@ -307,9 +307,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
                 gl.Piecewise((0, gl.holds(self.forced)), (YIELD * self.sa, locked), (self.sa, True)),
             ),
             gl.Eq(self.tau, gl.Piecewise((self.sa, locked), (0, is_free), (self.level(self.w_rel), True))),
-            gl.Eq(
-                self.moving, (1 - gl.pre(self.locked)) * self.w_rel > least_speed(gl.pre(self.moving), self.sa)
-            ),
+            gl.Eq(self.moving, (1 - gl.pre(self.locked)) * self.w_rel > least_speed(gl.pre(self.moving), self.sa)),
             gl.Eq(self.was_stuck, was_stuck),
             gl.Eq(
                 self.start_forward,

@@ -934,7 +934,10 @@ class Stages(gl.Component):
             setattr(self, name, parts[name][0](**parts[name][1]))
         sets = []
         for i in range(n):
-            ends = [self.torque.flange if i == 0 else getattr(self, f"gear{i - 1}").flange_b, getattr(self, f"body{i}").flange_a]
+            ends = [
+                self.torque.flange if i == 0 else getattr(self, f"gear{i - 1}").flange_b,
+                getattr(self, f"body{i}").flange_a,
+            ]
             ends += [getattr(self, f"f{k}").flange_a for k in (2 * i, 2 * i + 1)]
             ends += [getattr(self, f"gear{i}").flange_a] if i < n - 1 else []
             sets.append(gl.connect(*[ends[k] for k in rng.permutation(len(ends))]))
@@ -973,7 +976,9 @@ def test_stuck_elements_on_one_rigid_path_share_a_torque_in_any_order_of_declara
     ]
     w, taus = runs[0]["body0.w"], np.array([runs[0][f"f{k}.tau"] for k in range(len(limits))])
     torque = np.interp(times, range(4), TURNING)
-    assert max(time for time, _ in runs[0].events if time < 1.0) == pytest.approx(moves / 40.0, abs=2e-6)  # and 1e-11 rad/s later
+    assert max(time for time, _ in runs[0].events if time < 1.0) == pytest.approx(
+        moves / 40.0, abs=2e-6
+    )  # and 1e-11 rad/s later
     early = (torque < all_stuck) & (times < 1.0)
     assert taus[:, early] == pytest.approx(np.outer(turns / (turns**2).sum(), torque[early]), rel=1e-7, abs=1e-9)
     for other in runs[1:]:
