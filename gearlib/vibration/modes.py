@@ -631,11 +631,10 @@ def _amplitude_nodes(structure: Structure, states: tuple[Node, ...]) -> dict[int
     unknown = _dependent(structure, set(structure.states) - set(states))
     known = {node for node in ({*structure.solved_by, *states} - {*structure.angles}) - unknown if structure.computes(node)}
     result: dict[int, int] = {}
-    top = 1 + max([0, *(k for _, k in structure.solved_by)])
     absolute = {v for v, _ in structure.angles}
     for v in sorted({int(r) for r in np.unique(model.representative[model.sign != 0])}):
         preferred = (1, 0) if model.potential[v] or v in absolute else (0, 1)
-        for k in (*preferred, *range(2, top)):
+        for k in preferred:
             if (v, k) in known:
                 result[v] = k
                 break

@@ -264,6 +264,26 @@ def test_a_diagram_shows_how_shafts_between_springs_without_bodies_turn(n: int, 
     assert sorted(np.abs(list(scheme.results.turns.values()))) == pytest.approx(np.arange(n + 1) / n)
 
 
+@pytest.mark.parametrize("exact", [False, True])
+def test_a_carrier_turns_with_the_ring_where_the_speed_of_the_sun_is_given(exact: bool) -> None:
+    """phi_sun + 3 phi_ring = 4 phi_carrier, of which a change of the given speed knows nothing; the ring hangs on a spring."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.gear, self.ring = gp.Speed(exact=exact), gp.IdealPlanetary(ratio=3.0), gp.Inertia(J=2.0)
+            self.shaft, self.ground = gp.Spring(c=50.0), gp.Fixed()
+            return [
+                gl.connect(self.drive.flange, self.gear.sun),
+                gl.connect(self.gear.ring, self.ring.flange_a, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.ground.flange),
+            ]
+
+    found = gl.modes(gl.compile(Driven()))
+    assert found.omega == pytest.approx([5.0])
+    sun, carrier, ring, w = found.shape(0, "gear.sun.phi", "gear.carrier.phi", "ring.phi", "ring.w")
+    assert (sun, carrier / ring, w / ring) == pytest.approx((0.0, 0.75, 5j), rel=1e-9, abs=1e-12)
+
+
 class Warm(gl.Connector):
     """Thermal."""
 
