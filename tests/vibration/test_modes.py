@@ -284,6 +284,40 @@ def test_a_carrier_turns_with_the_ring_where_the_speed_of_the_sun_is_given(exact
     assert (sun, carrier / ring, w / ring) == pytest.approx((0.0, 0.75, 5j), rel=1e-9, abs=1e-12)
 
 
+class Marked(TwoFlanges):
+    """A spring whose twist is a number."""
+
+    c, twist = gl.Parameter("N.m/rad"), gl.Variable("1", state="prefer")
+
+    def equations(self) -> list[gl.Eq]:
+        torque = self.c * self.twist
+        return [
+            gl.Eq(self.twist, self.flange_b.phi - self.flange_a.phi),
+            gl.Eq(self.flange_b.tau, torque),
+            gl.Eq(self.flange_a.tau, -torque),
+        ]
+
+
+@pytest.mark.parametrize("spring", [gp.Spring, Marked])
+def test_energies_are_not_given_where_the_amplitude_of_a_flange_is_not_known(spring: Any) -> None:
+    """On the free end of a spring a torque is given: it stores nothing, and is not taken for one whose end stands still."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.shaft, self.body = gp.Torque(), spring(c=50.0), gp.Inertia(J=2.0)
+            self.coupling, self.load = gp.Spring(c=600.0), gp.Inertia(J=6.0)
+            row = [self.torque.flange, self.shaft.flange_a, self.shaft.flange_b, self.body.flange_a]
+            row += [self.body.flange_b, self.coupling.flange_a, self.coupling.flange_b, self.load.flange_a]
+            return [gl.connect(*row[i : i + 2]) for i in range(0, len(row), 2)]
+
+    found = gl.modes(gl.compile(Driven()))
+    assert found.omega == pytest.approx([0.0, 20.0])
+    assert found.not_given == {1: "shaft stores energy as a flange moves whose amplitude needs the derivative of an input"}
+    assert np.isnan(found.potential[1]).all()
+    assert np.isnan(found.kinetic[1]).all()
+    assert dict(zip(found.components, found.kinetic[0], strict=True))["load"] == pytest.approx(75.0)
+
+
 class Warm(gl.Connector):
     """Thermal."""
 
