@@ -190,7 +190,7 @@ class Modes:
     @cached_property
     def _energies(self) -> _Shares:
         numbers = [i for family in self._families for i in family.instances]
-        kinetic, potential, off, alone = (np.zeros((len(self), len(numbers))) for _ in range(4))
+        kinetic, potential, off, alone, untold = (np.zeros((len(self), len(numbers))) for _ in range(5))
         for mode, value in enumerate(self.eigenvalues):
             amplitude, s = self.amplitudes(mode), self._s(mode)
             omega = abs(s) * (1.0 if value else SLOW)
@@ -201,7 +201,10 @@ class Modes:
             if parts and value:
                 sizes = self._sizes(amplitude)
                 alone[mode] = np.concatenate([moving_alone(family, amplitude, s, sizes) for family in self._families])
-        unknown = self._unknown_shares(numbers, kinetic, potential, off, alone)
+                if self._untold.any():
+                    moved = [sum(map(abs, energies(family, self._untold, omega, s))) for family in self._families]
+                    untold[mode] = np.concatenate(moved)
+        unknown = self._unknown_shares(numbers, kinetic, potential, off, alone, untold)
         for shares in (kinetic, potential):
             np.maximum(shares, 0.0, out=shares)  # smaller values are rounding, or are not reported
             total = shares.sum(axis=1, keepdims=True)
@@ -213,6 +216,13 @@ class Modes:
         for shares in (kinetic, potential):
             shares[list(unknown)] = np.nan
         return _Shares([numbers[k] for k in order], kinetic, potential, bodies, unknown)
+
+    @cached_property
+    def _untold(self) -> Complexes:
+        """1 for each potential whose amplitude is not known, 0 for others, and for what is given from outside, which is held."""
+        found = np.where(self._model.potential & (self._orders < 0), 1.0 + 0j, 0.0)
+        found[self._model.representative[self._model.inputs]] = 0.0
+        return found
 
     def _sizes(self, amplitude: Complexes) -> Floats:
         """Of each variable that moves the largest amplitude in its unit; of others it is infinite."""
@@ -228,7 +238,7 @@ class Modes:
         return [np.flatnonzero((units == unit) & (self._orders >= 0)) for unit in ("rad", "rad/s", "m", "m/s")]
 
     def _unknown_shares(
-        self, numbers: list[int], kinetic: Floats, potential: Floats, off: Floats, alone: Floats
+        self, numbers: list[int], kinetic: Floats, potential: Floats, off: Floats, alone: Floats, untold: Floats
     ) -> dict[int, str]:
         """Modes without energy shares, with the reasons."""
         unknown: dict[int, str] = {}
@@ -240,7 +250,10 @@ class Modes:
                 self._model.instances[numbers[int(k)]].name
                 for k in (off[mode].argmax(), kinetic[mode].argmin(), potential[mode].argmin())
             ]
-            if alone[mode].max() > ALONE:
+            if untold[mode].any():
+                stores = self._model.instances[numbers[int(untold[mode].argmax())]].name
+                unknown[mode] = f"{stores} stores energy as a flange moves whose amplitude needs the derivative of an input"
+            elif alone[mode].max() > ALONE:
                 inside = self._model.instances[numbers[int(alone[mode].argmax())]].name
                 unknown[mode] = f"inside of {inside} something moves that its flanges do not"
             elif off[mode].sum() > UNSURE * total:
@@ -631,11 +644,10 @@ def _amplitude_nodes(structure: Structure, states: tuple[Node, ...]) -> dict[int
     unknown = _dependent(structure, set(structure.states) - set(states))
     known = {node for node in ({*structure.solved_by, *states} - {*structure.angles}) - unknown if structure.computes(node)}
     result: dict[int, int] = {}
-    top = 1 + max([0, *(k for _, k in structure.solved_by)])
     absolute = {v for v, _ in structure.angles}
     for v in sorted({int(r) for r in np.unique(model.representative[model.sign != 0])}):
         preferred = (1, 0) if model.potential[v] or v in absolute else (0, 1)
-        for k in (*preferred, *range(2, top)):
+        for k in preferred:
             if (v, k) in known:
                 result[v] = k
                 break

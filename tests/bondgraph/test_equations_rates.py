@@ -40,6 +40,12 @@ def test_what_depends_on_time_has_a_rate_of_its_own() -> None:
     assert found == {1: pytest.approx((e, f + e / 5)), 2: pytest.approx((e, f)), 3: pytest.approx((e, e / 5))}
 
 
+def test_the_magnitude_of_what_depends_on_time_has_a_rate_since_time_is_real() -> None:
+    z, q = Zero("z"), energy_symbol("q", 2)
+    equations = state_equations(BondGraph((1, MSe(sp.Abs(sp.sin(3 * time))), z), (2, z, C()), (3, z, R())))
+    assert equations.elimination[rate_of(q)] == 3 * symbol("C_2") * sp.cos(3 * time) * sp.sign(sp.sin(3 * time))
+
+
 def test_a_modulus_that_moves_with_a_state_enters_the_rate_of_what_depends_on_it() -> None:
     """An inertia behind a transformer of modulus 1 + q: ``p_4 = I_4 (1 + q) p_2 / I_2``."""
     v, w, q = One("v"), One("w"), energy_symbol("q", 5)

@@ -236,6 +236,26 @@ def test_signals_that_are_joined_have_the_unit_of_the_first() -> None:
     assert found("one", "other", "angle") == ["Joined: one.tau is in kg.m2.s-2, angle.phi is in 1"]
 
 
+def test_powers_without_a_dimension_hide_no_other_mismatch() -> None:
+    """Of a number with a unit that is not known, and with an exponent that is none."""
+
+    class Raised(gl.Component):
+        x, y = gl.Variable("m"), gl.Variable("m")
+        factor, exponent = gl.Structural(1.0), gl.Structural(None)
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), self.x), gl.Eq(self.y, sympy.Pow(self.factor * (self.x + 0.5), self.exponent))]
+
+    for factor in (1.0, 2.5):
+        with pytest.raises(DeclarationError, match=r"units do not match .*: Raised: der\(x\) is in m\.s-1, x is in m"):
+            gl.compile(Raised(factor=factor, exponent=2))
+        for endless in (sympy.oo, -sympy.oo):
+            with pytest.raises(
+                DeclarationError, match=r"^Raised: y = .*; expected a real expression of variables and parameters"
+            ):
+                gl.compile(Raised(factor=factor, exponent=endless))
+
+
 def test_only_components_have_units_to_check() -> None:
     with pytest.raises(ModelError, match=r"expected a component, got <class .*Leaf'>; make an instance: Leaf\(\)"):
         gl.check_units(Leaf)  # type: ignore[arg-type]

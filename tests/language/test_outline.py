@@ -129,6 +129,7 @@ def test_domains_are_those_of_the_potentials_units() -> None:
 
 def test_nets_that_share_a_pin_are_one_in_order_of_their_first_pins() -> None:
     a, b, c, d, e = (Pin("x", name) for name in "abcde")
+    assert joined([Net((a, b), "rotation"), Net((b, c), "heat")]) == [Net((a, b, c), "rotation")]  # that of the first pin
     found = joined([Net((d, e), "heat"), Net((b, a), "rotation"), Net((c,), "signal"), Net((b, e), "heat")])
     assert [(set(n.pins), n.domain) for n in found] == [({d, e, a, b}, "heat"), ({c}, "signal")]
 

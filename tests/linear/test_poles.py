@@ -334,6 +334,23 @@ def test_bounds_of_rounding_grow_where_eigenvectors_are_nearly_parallel(coupling
         assert free @ shape == pytest.approx(shape * split.values, abs=1e-12 * size)
 
 
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("coupling", 10.0 ** np.linspace(-2, 2, 13))
+def test_bounds_of_a_double_swing_end_where_rounding_makes_nothing_singular(coupling: float, size: float) -> None:
+    """Two equal swings, one of which drives the other: at the bound the matrix is regular, at a quarter of it rounding hides it."""
+    swing = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    matrix = size * np.block([[swing, coupling * np.eye(2)], [np.zeros((2, 2)), swing]])
+    found, rounding = eigen(matrix), 40 * 2.0**-52 * np.linalg.norm(matrix)
+    assert np.abs(found.values / size) == pytest.approx([1.0] * 4, rel=1e-6)
+    for value, bound in zip(found.values, found.tolerances, strict=True):
+
+        def regular(distance: float, value: complex = value) -> float:
+            sides = [matrix - (value + distance * way) * np.eye(4) for way in (1, 1j, -1, -1j)]
+            return float(min(np.linalg.svd(side, compute_uv=False)[-1] for side in sides))
+
+        assert regular(bound / 4) <= rounding < regular(bound)
+
+
 def test_frequencies_within_rounding_are_one_on_the_axis() -> None:
     """The bound of the one that is met counts; frequencies farther apart are two, and what is damped is none."""
 

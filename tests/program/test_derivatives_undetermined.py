@@ -66,6 +66,24 @@ def test_as_many_directions_as_equations_are_missing(rank: int) -> None:
     assert np.abs(matrix @ found).max(initial=0.0) <= 1e-12
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_told_beside_an_open_direction_does_not_move_at_all(seed: int) -> None:
+    """Two unknowns are told by their difference only, two in full, in any units; and the equations are mixed: rounding is no motion."""
+    rng = np.random.default_rng(seed)
+    units, matrix = 10.0 ** rng.uniform(-4, 4, N), np.zeros((N, N))
+    matrix[:2, :2] = np.outer(rng.uniform(1, 2, 2), [1.0, -1.0])
+    matrix[2:, 2:] = rng.normal(size=(2, 2))
+    matrix = rng.normal(size=(N, N)) @ matrix / units
+    scene = varying().scene
+    slots, none = np.zeros(scene.program.n_slots), np.zeros(0)
+    slots[0] = 0.6
+    places = [scene.program.slots[scene.model.variable(f"z{j}"), 0] for j in range(N)]
+    found = undetermined(numbers(matrix, np.zeros(N)), 0.0, slots, none, places)
+    assert found.shape == (N, 1)
+    assert found[2:, 0].tolist() == [0.0, 0.0]
+    assert found[0, 0] / units[0] == pytest.approx(found[1, 0] / units[1], rel=1e-9)
+
+
 def test_equations_of_which_the_number_is_told_have_no_derivatives_where_they_disagree() -> None:
     """Two that are the same in their unknowns: what shifts one of them alone has no answer, what shifts both alike has."""
     matrix = np.diag([1.0, 1.0, 2.0, 4.0])

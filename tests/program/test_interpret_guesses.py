@@ -132,3 +132,19 @@ def test_equations_that_rounding_keeps_from_being_more_exact_are_solved(offset: 
     rest = y**2 - size**2 * (1 + 0.1 * np.arange(n)) - 0.1 * size * np.roll(y, -1)
     assert np.abs(rest).max() <= 1e-14 * offset**2
     assert (y > 0).all()
+
+
+@pytest.mark.parametrize("size", [1e-4, 1e-1, 1e2])
+def test_roots_that_take_many_steps_are_exact_whatever_their_size(size: float) -> None:
+    """Far from it, a step towards a cube root takes off a third."""
+
+    class Cubed(gl.Component):
+        x, y, rate = gl.Variable("1"), gl.Variable("1"), gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), self.rate * self.y), gl.Eq(self.y**3, self.x)]
+
+    scene = gl.compile(Cubed()).translation.scene
+    none, guess = np.empty((0, 1)), np.full(scene.program.n_slots, 1e3 * size)
+    slots = evaluate(scene.numbers(scene.model.parameters.values), np.zeros(1), np.array([[size**3]]), none, none, guess)
+    assert slots[scene.program.slots[scene.model.variable("y"), 0], 0] == pytest.approx(size, rel=1e-10)

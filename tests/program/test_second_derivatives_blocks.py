@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import gearlib as gl
 from gearlib.program.derivative_plan import derivative_plan
 from gearlib.program.derivatives import At
 from gearlib.program.interpret import evaluate
@@ -57,3 +58,40 @@ def test_rates_of_constant_blocks_change_with_their_entries(
                     v = dict(zip("pqs", np.array([*GIVEN.values()]) + other * h * way + one * h * np.eye(3)[0], strict=True))
                     total += one * other * (by_hand(**v)[0] @ x)[order] / (4 * h**2)
             np.testing.assert_allclose(found[:, 3, k], total, rtol=1e-4, atol=1e-5)
+
+
+class Lopsided(gl.Component):
+    """Two equations for two unknowns; both of what they are given stands in the second."""
+
+    x, y, a, b = (gl.Variable("1") for _ in range(4))
+    p, q, rate = gl.Parameter("1", default=3.0), gl.Parameter("1", default=-0.5), gl.Parameter("1/s", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.rate * self.a), gl.Eq(gl.der(self.y), self.rate * self.b),
+            gl.Eq(self.p * self.a + self.b, 0), gl.Eq(self.a - self.q * self.b, self.x + 2 * self.q * self.y),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("most", [400, 1], ids=["dense", "sparse"])
+def test_each_row_of_a_block_gets_the_changes_of_its_own_terms(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """``M^-1 N`` changes by ``M^-1 (dN - dM M^-1 N)``."""
+    monkeypatch.setattr("gearlib.program.interpret.MOST_DENSE", most)
+    translation = gl.compile(Lopsided()).translation
+    scene, program = translation.scene, translation.scene.program
+    numbers, index = scene.numbers(translation.parameter_values({})), translation.model.parameters.index
+    names = scene.state_names
+    way = np.array([1.3, -0.7])  # of p and q
+    moves = np.zeros((len(translation.model.parameters.names), 1))
+    moves[[index["p"], index["q"]], 0] = way
+    at = At(numbers, np.zeros(1), np.zeros((program.n_slots, 1)), np.zeros((0, 1)))  # the equations are linear
+
+    def solution(p: float, q: float) -> np.ndarray:
+        return np.linalg.solve([[p, 1.0], [1.0, -q]], [[0.0, 0.0], [1.0, 2 * q]])
+
+    moved = np.array([[0.0, 0.0], [0.0, 2 * way[1]]]) - np.diag([way[0], -way[1]]) @ solution(3.0, -0.5)
+    plan = derivative_plan(program, [(i, i) for i in range(2)], program.output_slots)
+    found = np.zeros((2, 2))
+    found[plan.rows, plan.seeds] = entry_changes(plan, at, Direction(np.zeros((program.n_slots, 1)), moves))[:, 0]
+    order = ["xy".index(name) for name in names]
+    assert found == pytest.approx(np.linalg.solve([[3.0, 1.0], [1.0, 0.5]], moved)[np.ix_(order, order)], rel=1e-12)

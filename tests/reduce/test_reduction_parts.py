@@ -284,6 +284,25 @@ def test_where_all_coefficients_vary_preferences_hold() -> None:
         assert named(found, found.states) == states
 
 
+def test_states_are_those_at_the_start_where_coefficients_change_with_time() -> None:
+    """At 1 s the constraint cannot be solved for a."""
+
+    class Fading(gl.Component):
+        a, b, f = (gl.Variable("1") for _ in range(3))
+
+        def equations(self) -> list[gl.Eq]:
+            fades, grows = 1 - gl.time, 1 + gl.time
+            rates = [gl.Eq(gl.der(self.a), fades * self.f - self.a), gl.Eq(gl.der(self.b), grows * self.f + 0.5)]
+            return [*rates, gl.Eq(fades * self.a + grows * self.b, 1)]
+
+    for preferred, other in ("ab", "ba"):
+        found = structure_of(Fading(state={preferred: "prefer"}))
+        assert named(found, found.states) == {preferred}
+        parameters, unknown = found.model.parameters.defaults, np.zeros((3, found.model.n_variables))
+        later = choose_again(found, parameters, 1.0, unknown)  # the larger coefficient is solved for
+        assert named(found, (found if later is None else later).states) == {"a"}, other
+
+
 def test_the_rate_of_a_cams_angle_is_a_state_before_a_preferred_speed_of_the_follower() -> None:
     class Plain(gl.Component):
         phi, s, v, f = gl.Variable("1", start=1.5), gl.Variable("1"), gl.Variable("1", state="prefer"), gl.Variable("1")

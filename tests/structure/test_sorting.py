@@ -54,7 +54,7 @@ def test_sinks_are_integrals_that_nothing_depends_on() -> None:
     # phi' = w, w' = -w, psi' = phi
     solved_by = {(0, 1): (0, 0), (1, 1): (1, 0), (2, 1): (2, 0)}
     columns = {0: [(0, 1), (1, 0)], 1: [(1, 1), (1, 0)], 2: [(2, 1), (0, 0)]}
-    d = Dependence(((0, 0), (1, 0), (2, 0)), solved_by, lambda e, k: columns[e])
+    d = Dependence(((0, 0), (1, 0), (2, 0)), solved_by, lambda e, k: [(v, order + k) for v, order in columns[e]])
     assert sinks(d, d.states, lambda node: True) == {(2, 0)}
     assert sinks(d, d.states, lambda node: False) == frozenset()
 

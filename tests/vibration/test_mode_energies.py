@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 import gearlib as gl
 import gearparts as gp
@@ -253,3 +254,49 @@ def test_bodies_behind_a_torque_that_is_given_have_their_energies() -> None:
     assert found.omega == pytest.approx([2.0])
     assert set(found.components) == {"shaft", "disc"}
     assert found.kinetic.sum() == found.potential.sum() == pytest.approx(100.0)
+
+
+class Ended(gl.Connector):
+    """Mechanical; its torque is declared before its angle."""
+
+    tau, phi = gl.Flow("N.m"), gl.Potential("rad")
+
+
+class Bar(gl.Component):
+    """A body on a spring that ends at a flange; nothing else is on the body."""
+
+    end, flange = Ended("body"), gp.Flange("spring")
+    J, c, w = gl.Parameter("kg.m2"), gl.Parameter("N.m/rad"), gl.Variable("rad/s")
+
+    def equations(self) -> list[gl.Eq]:
+        torque = self.c * (self.end.phi - self.flange.phi)
+        return [
+            gl.Eq(self.w, gl.der(self.end.phi)),
+            gl.Eq(self.end.tau, self.J * gl.der(self.w) + torque),
+            gl.Eq(self.flange.tau, -torque),
+        ]
+
+
+@pytest.mark.parametrize("first", [False, True])
+def test_what_moves_at_a_free_end_has_the_energies_of_its_body_and_spring(first: bool) -> None:
+    """Whether its torque, which is zero, is the first of all variables of the model or a later one."""
+
+    class Ends(gl.Component):
+        def assemble(self) -> list[Any]:
+            if first:
+                self.bar = Bar(J=2.0, c=5.0)
+            self.disc, self.ground, self.shaft = gp.Inertia(J=3.0), gp.Fixed(), gp.Spring(c=7.0)
+            if not first:
+                self.bar = Bar(J=2.0, c=5.0)
+            return [
+                gl.connect(self.ground.flange, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.disc.flange_a, self.bar.flange),
+            ]
+
+    squares, shapes = eigh(np.array([[5.0, -5.0], [-5.0, 12.0]]), np.diag([2.0, 3.0]))
+    found = gl.modes(gl.compile(Ends()))
+    assert found.omega == pytest.approx(np.sqrt(squares))
+    assert (set(found.components), found.not_given) == ({"bar", "disc", "shaft"}, {})
+    bar = found.components.index("bar")
+    assert found.kinetic[:, bar] == pytest.approx(200 * shapes[0] ** 2)
+    assert found.potential[:, bar] == pytest.approx(500 * (shapes[0] - shapes[1]) ** 2 / squares)

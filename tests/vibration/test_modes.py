@@ -238,6 +238,86 @@ def test_shafts_without_an_amplitude_are_left_out_of_a_diagram() -> None:
     assert sorted(value.real for value in scheme.results.turns.values()) == pytest.approx([-1 / 3, 1.0])
 
 
+@pytest.mark.parametrize("driven", [False, True])
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_a_diagram_shows_how_shafts_between_springs_without_bodies_turn(n: int, driven: bool) -> None:
+    """``n`` equal springs in a row between the ground and a body: their ends turn in proportion, also where torques are given."""
+
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.ground, self.body, row = gp.Fixed(), gp.Inertia(J=2.0), []
+            end = self.ground.flange
+            for i in range(n):
+                spring = gp.Spring(c=18.0 * n)
+                setattr(self, f"spring{i}", spring)
+                row.append((end, spring.flange_a))
+                end = spring.flange_b
+                if driven and i < n - 1:
+                    torque = gp.Torque()
+                    setattr(self, f"torque{i}", torque)
+                    row.append((end, torque.flange))
+            return [gl.connect(*pair) for pair in [*row, (end, self.body.flange_a)]]
+
+    found = gl.modes(gl.compile(Row()))
+    scheme: Any = found.scheme(0)
+    assert found.omega == pytest.approx([3.0])
+    assert sorted(np.abs(list(scheme.results.turns.values()))) == pytest.approx(np.arange(n + 1) / n)
+
+
+@pytest.mark.parametrize("exact", [False, True])
+def test_a_carrier_turns_with_the_ring_where_the_speed_of_the_sun_is_given(exact: bool) -> None:
+    """phi_sun + 3 phi_ring = 4 phi_carrier, of which a change of the given speed knows nothing; the ring hangs on a spring."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.gear, self.ring = gp.Speed(exact=exact), gp.IdealPlanetary(ratio=3.0), gp.Inertia(J=2.0)
+            self.shaft, self.ground = gp.Spring(c=50.0), gp.Fixed()
+            return [
+                gl.connect(self.drive.flange, self.gear.sun),
+                gl.connect(self.gear.ring, self.ring.flange_a, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.ground.flange),
+            ]
+
+    found = gl.modes(gl.compile(Driven()))
+    assert found.omega == pytest.approx([5.0])
+    sun, carrier, ring, w = found.shape(0, "gear.sun.phi", "gear.carrier.phi", "ring.phi", "ring.w")
+    assert (sun, carrier / ring, w / ring) == pytest.approx((0.0, 0.75, 5j), rel=1e-9, abs=1e-12)
+
+
+class Marked(TwoFlanges):
+    """A spring whose twist is a number."""
+
+    c, twist = gl.Parameter("N.m/rad"), gl.Variable("1", state="prefer")
+
+    def equations(self) -> list[gl.Eq]:
+        torque = self.c * self.twist
+        return [
+            gl.Eq(self.twist, self.flange_b.phi - self.flange_a.phi),
+            gl.Eq(self.flange_b.tau, torque),
+            gl.Eq(self.flange_a.tau, -torque),
+        ]
+
+
+@pytest.mark.parametrize("spring", [gp.Spring, Marked])
+def test_energies_are_not_given_where_the_amplitude_of_a_flange_is_not_known(spring: Any) -> None:
+    """On the free end of a spring a torque is given: it stores nothing, and is not taken for one whose end stands still."""
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.shaft, self.body = gp.Torque(), spring(c=50.0), gp.Inertia(J=2.0)
+            self.coupling, self.load = gp.Spring(c=600.0), gp.Inertia(J=6.0)
+            row = [self.torque.flange, self.shaft.flange_a, self.shaft.flange_b, self.body.flange_a]
+            row += [self.body.flange_b, self.coupling.flange_a, self.coupling.flange_b, self.load.flange_a]
+            return [gl.connect(*row[i : i + 2]) for i in range(0, len(row), 2)]
+
+    found = gl.modes(gl.compile(Driven()))
+    assert found.omega == pytest.approx([0.0, 20.0])
+    assert found.not_given == {1: "shaft stores energy as a flange moves whose amplitude needs the derivative of an input"}
+    assert np.isnan(found.potential[1]).all()
+    assert np.isnan(found.kinetic[1]).all()
+    assert dict(zip(found.components, found.kinetic[0], strict=True))["load"] == pytest.approx(75.0)
+
+
 class Warm(gl.Connector):
     """Thermal."""
 
@@ -284,6 +364,51 @@ def test_potentials_other_than_angles_have_the_amplitudes_of_what_they_follow(co
     assert found.not_given == {}  # warmth and heat are no energy of a motion
     assert found.components == ("shaft", "brush")
     assert (found.kinetic[0].tolist(), found.potential[0].tolist()) == ([0.0, 100.0], [100.0, 0.0])
+
+
+class Thermal(gl.Component):
+    """A spring to the ground whose torque grows with its warmth, and which loses heat as it is warm."""
+
+    flange, port = gp.Flange("shaft"), Warm("housing")
+    c, k, G = gl.Parameter("N.m/rad"), gl.Parameter("N.m/K"), gl.Parameter("W/K", default=5.0)
+
+    def equations(self) -> list[gl.Eq]:
+        torque = self.c * self.flange.phi + self.k * self.port.T
+        return [gl.Eq(self.flange.tau, torque), gl.Eq(self.port.P, self.G * self.port.T)]
+
+
+class Twisted(gl.Component):
+    """What is as warm as a shaft is turned; it takes no torque."""
+
+    flange, port, rise = gp.Flange("shaft"), Warm("housing"), gl.Parameter("K/rad")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange.tau, 0), gl.Eq(self.port.T, self.rise * self.flange.phi)]
+
+
+@pytest.mark.parametrize("warmed", [False, True])
+def test_a_warmth_beside_a_heat_is_given_to_a_spring(warmed: bool) -> None:
+    """Its stiffness is ``c + k rise``; without anything that warms it, ``c``."""
+
+    class Hung(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.ground, self.shaft, self.disc = gp.Fixed(), gp.Spring(c=9.0), gp.Inertia(J=2.0)
+            self.warm = Thermal(c=3.0, k=2.0)
+            links = [
+                gl.connect(self.ground.flange, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.disc.flange_a, self.warm.flange),
+            ]
+            if warmed:
+                self.twisted = Twisted(rise=4.0)
+                links.append(gl.connect(self.twisted.port, self.warm.port))
+                links.append(gl.connect(self.twisted.flange, self.disc.flange_b))
+            return links
+
+    stiffness = 11.0 if warmed else 3.0
+    found = gl.modes(gl.compile(Hung()))
+    assert found.omega == pytest.approx([np.sqrt((9.0 + stiffness) / 2.0)])
+    assert (found.components, found.not_given) == (("shaft", "disc", "warm"), {})
+    assert found.potential[0] == pytest.approx(np.array([900.0, 0.0, 100 * stiffness]) / (9.0 + stiffness))
 
 
 class Pin(gl.Connector):

@@ -87,6 +87,20 @@ def test_parallel_springs_can_be_preloaded_in_one_way_less_than_there_are(spring
     assert found.free[-2:, 0] / found.free[-1, 0] == pytest.approx([1.0, 1.0])
 
 
+@pytest.mark.parametrize("form", [np.asarray, sparse.csc_matrix])
+@pytest.mark.parametrize("c", [1e-9, 1.0, 1e9])
+def test_rounding_of_what_stands_is_no_motion_of_it_whatever_the_stiffness(form: Any, c: float) -> None:
+    """One body turns freely, another hangs on a spring to the ground, in which the free motion leaves a part in 1e13."""
+    A = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [-c / 2.0, 0.0, 0.0]])
+    speeds = np.eye(3)[1:]
+    free, alone = without_preloads(form(A), form(speeds), np.array([[0.5], [1.0], [1e-13]]))
+    assert (alone, free[:, 0].tolist()) == (True, [0.0, 1.0, 1e-13])
+    moving = np.array([[0.5], [1.0], [1e-3]])
+    free, alone = without_preloads(form(A), form(speeds), moving)
+    assert not alone
+    assert free is moving
+
+
 def test_still_or_empty_matrices() -> None:
     nothing = dense_spectrum(np.zeros((0, 0)), np.zeros((0, 0)), None, np.zeros((0, 0)))
     assert (len(nothing.values), nothing.free.shape, nothing.preloads, len(nothing.decays)) == (0, (0, 0), 0, 0)
