@@ -27,17 +27,21 @@ RUNS = tuple(f"run/{name}" for name in ("afterwards", "refusals", "sampling", "t
 PACKAGES = ("compiler", "drawing/scheme", "equations", "flatten", "native", "program", "reduce", "structure", *RUNS, *METHODS)
 MODULES = (
     *(f"statics/{name}" for name in ("closed_gaps", "load_sharing", "mesh_turn", "steady_motion")),
-    *(f"run/{name}" for name in ("linear_form", "scene", "steady", "translation")),
+    *(f"run/{name}" for name in ("linear_form", "methods/native_problem", "scene", "start_values", "steady", "translation")),
     *("drawing/arrangement", "drawing/layers", "many_runs/side_by_side", "many_runs/work"),
     *(
         f"fmi/{name}"
         for name in ("exported_model", "fmu_variables", "model_description", "model_source", "preparation", "terminals")
     ),
-    *(f"linear/{name}" for name in ("linearized_program", "one_sided_slopes", "resolvent", "response_changes")),
-    *("periodic/floquet", "periodic/fourier_balance", "solvers/drive/driver"),
-    *("vibration/eigenvalue_count", "vibration/lowest_eigenvalues"),
+    *(f"linear/{name}" for name in ("linearized_program", "one_sided_slopes", "poles", "resolvent", "response_changes")),
+    *(f"periodic/{name}" for name in ("continuation", "floquet", "fourier_balance", "periods")),
+    *(f"solvers/{name}" for name in ("alternation", "drive/driver", "drive/trace")),
+    *(f"vibration/{name}" for name in ("eigenvalue_count", "lowest_eigenvalues", "mode_energies")),
     *(f"modelica/class_{name}" for name in ("building", "content", "writing")),
-    *(f"modelica/{name}" for name in ("element_types", "equation_reading", "evaluation", "flat_writing", "lexer")),
+    *(
+        f"modelica/{name}"
+        for name in ("counterparts", "element_types", "equation_reading", "evaluation", "flat_writing", "lexer")
+    ),
     *(f"modelica/{name}" for name in ("part_building", "scopes", "syntax_tree", "text_parser")),
 )
 ENGINE = (*(f"gearlib/{name}/" for name in PACKAGES), *(f"gearlib/{name}.py" for name in MODULES))

@@ -292,10 +292,9 @@ class Driver:
             return SolverError(f"an event could not be handled {where}{problem.not_settled(self.t, self.x, self.data)}")
         if code == drive_loop.UNSETTLED:
             names = "; ".join(dict.fromkeys(problem.root_name(int(k)) for k in np.flatnonzero(np.abs(self.fired) == 1)))
-            return SolverError(
-                f"the event iteration does not settle {where}: what it changes carries {names} to and fro. With form='torn' or 'dae' "
-                "take form='ode', which solves for the algebraic unknowns in each iteration"
-            )
+            told = f"the event iteration does not settle {where}: what it changes carries event functions to and fro: {names}"
+            algebraic = not np.all(problem.differential)
+            return SolverError(f"{told}; take form='ode', which solves for algebraic unknowns in it" if algebraic else told)
         if code == drive_loop.STEP_LIMIT:
             return SolverError(f"gave up {where} towards t = {self.t_end:.9g} s: max_steps is {problem.max_steps}")
         return self.stepper.failure(code)

@@ -233,7 +233,7 @@ def test_failures_of_the_loop_have_their_words() -> None:
         f"an event could not be handled {where}: the iteration does not settle"
     )
     assert str(run._failure(drive_loop.UNSETTLED)).startswith(
-        f"the event iteration does not settle {where}: the algebraic unknowns carry"
+        f"the event iteration does not settle {where}: what it changes carries event functions to and fro: "
     )
     assert str(run._failure(drive_loop.STEP_LIMIT)) == f"gave up {where} towards t = 3 s: max_steps is 9"
     assert "the right-hand side cannot be evaluated" in str(run._failure(drive_loop.RHS_FAILED))
