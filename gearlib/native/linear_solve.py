@@ -1,6 +1,62 @@
 """Source of dense Gaussian elimination with complete pivoting, inlined into code with varying or nonlinear blocks."""
 
 SOLVE = '''
+def open_directions(data: floats, a: int, n: int, rank: int) -> None:
+    """After an elimination with a lower rank: how the open unknowns, which come last, carry the others along.
+
+    The solutions without right-hand side, one for each of the open unknowns, take the place of the magnitudes; the products of any two
+    of them, weighted with the compliances, that of the remainder of the matrix, as factors of their triangular decomposition.
+    """
+    p, e = a + n * n, a + n * n + n + 1
+    soft = e + n * n
+    for c in range(rank, n):
+        for k in range(rank - 1, -1, -1):
+            s = -data[a + k * n + c]
+            for j in range(k + 1, rank):
+                s -= data[a + k * n + j] * data[e + c * n + j]
+            data[e + c * n + k] = s / data[a + k * n + k]
+        for k in range(rank, n):
+            data[e + c * n + k] = 1.0 if k == c else 0.0
+    for c in range(rank, n):
+        for i in range(rank, n):
+            s = 0.0
+            for k in range(n):
+                s += data[soft + int(data[p + k])] * data[e + c * n + k] * data[e + i * n + k]
+            data[a + c * n + i] = s
+    for c in range(rank, n):
+        data[a + c * n] = 1e-13 * data[a + c * n + c]  # what is not more is rounding: no compliance tells this unknown
+    for c in range(rank, n):
+        if data[a + c * n + c] <= data[a + c * n]:
+            data[a + c * n + c] = 0.0
+        else:
+            for i in range(c + 1, n):
+                f = data[a + i * n + c] / data[a + c * n + c]
+                for j in range(c + 1, n):
+                    data[a + i * n + j] -= f * data[a + c * n + j]
+
+
+def make_least(data: floats, a: int, n: int, rank: int, h: int) -> None:
+    """Replace the solution at ``h``, whose open unknowns are zero, by the one with the least weighted squares."""
+    p, e = a + n * n, a + n * n + n + 1
+    soft = e + n * n
+    for c in range(rank, n):
+        s = 0.0
+        for k in range(rank):
+            s -= data[soft + int(data[p + k])] * data[e + c * n + k] * data[h + k]
+        for i in range(rank, c):
+            if data[a + i * n + i] > 0.0:
+                s -= data[a + c * n + i] / data[a + i * n + i] * data[h + i]
+        data[h + c] = s
+    for c in range(n - 1, rank - 1, -1):
+        s = data[h + c]
+        for i in range(c + 1, n):
+            s -= data[a + c * n + i] * data[h + i]
+        data[h + c] = s / data[a + c * n + c] if data[a + c * n + c] > 0.0 else 0.0
+    for c in range(rank, n):
+        for k in range(rank):
+            data[h + k] += data[e + c * n + k] * data[h + c]
+
+
 def solve(data: floats, a: int, b: int, n: int, sides: int, agreeing: int, lead: int) -> int:
     """Gaussian elimination with complete pivoting, in place: the matrix at ``a``, right-hand sides and then solutions at ``b``.
 
@@ -74,32 +130,8 @@ def solve(data: floats, a: int, b: int, n: int, sides: int, agreeing: int, lead:
                     h = b + n * side
                     data[h + i] -= f * data[h + k]
     data[p + n] = size
-    r = rank
-    if shared > 0.0:  # the solutions without right-hand side, one for each column without pivot, and how they multiply each other
-        for c in range(r, n):
-            for k in range(r - 1, -1, -1):
-                s = -data[a + k * n + c]
-                for j in range(k + 1, r):
-                    s -= data[a + k * n + j] * data[e + c * n + j]
-                data[e + c * n + k] = s / data[a + k * n + k]
-            for k in range(r, n):
-                data[e + c * n + k] = 1.0 if k == c else 0.0
-        for c in range(r, n):
-            for i in range(r, n):
-                s = 0.0
-                for k in range(n):
-                    s += data[soft + int(data[p + k])] * data[e + c * n + k] * data[e + i * n + k]
-                data[a + c * n + i] = s
-        for c in range(r, n):
-            data[a + c * n] = 1e-13 * data[a + c * n + c]
-        for c in range(r, n):
-            if data[a + c * n + c] <= data[a + c * n]:
-                data[a + c * n + c] = 0.0
-            else:
-                for i in range(c + 1, n):
-                    f = data[a + i * n + c] / data[a + c * n + c]
-                    for j in range(c + 1, n):
-                        data[a + i * n + j] -= f * data[a + c * n + j]
+    if shared > 0.0:
+        open_directions(data, a, n, rank)
     for side in range(sides):
         h = b + n * side
         largest = 1e-300
@@ -115,22 +147,7 @@ def solve(data: floats, a: int, b: int, n: int, sides: int, agreeing: int, lead:
                 s -= data[a + k * n + j] * data[h + j]
             data[h + k] = s / data[a + k * n + k]
         if shared > 0.0:
-            for c in range(r, n):
-                s = 0.0
-                for k in range(r):
-                    s -= data[soft + int(data[p + k])] * data[e + c * n + k] * data[h + k]
-                for i in range(r, c):
-                    if data[a + i * n + i] > 0.0:
-                        s -= data[a + c * n + i] / data[a + i * n + i] * data[h + i]
-                data[h + c] = s
-            for c in range(n - 1, r - 1, -1):
-                s = data[h + c]
-                for i in range(c + 1, n):
-                    s -= data[a + c * n + i] * data[h + i]
-                data[h + c] = s / data[a + c * n + c] if data[a + c * n + c] > 0.0 else 0.0
-            for c in range(r, n):
-                for k in range(r):
-                    data[h + k] += data[e + c * n + k] * data[h + c]
+            make_least(data, a, n, rank, h)
     for side in range(sides):
         h = b + n * side
         for i in range(n):
