@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from gearlib.errors import SolverError
-from gearlib.solvers.ida.ida import ida
 from gearlib.solvers.drive.driver import integrate
+from gearlib.solvers.ida.ida import ida
 from tests.run.python_problem import driver, problem
 from tests.solvers.ida.test_sksundae_backend import with_jacobian
 
