@@ -376,8 +376,10 @@ def test_what_is_given_for_a_run_stands_for_the_only_state_that_it_follows_from(
     assert (begin["x"][0], begin["w"][0], begin["y"][0]) == pytest.approx((x, 5.0, 2.0 * x), rel=1e-12)
 
 
-@pytest.mark.parametrize("given", [{"z": 7.0}, {"y": 6.0, "x": 2.0}])
-def test_what_follows_from_two_states_or_from_one_that_is_given_stands_for_none(given: dict[str, float]) -> None:
-    name = next(iter(given))
-    with pytest.raises(StartError, match=f"start values contradict each other: {name} is fixed at {given[name]:g}"):
+@pytest.mark.parametrize(("given", "made"), [({"z": 7.0}, 6.0), ({"y": 6.0, "x": 2.0}, 4.0), ({"y": 6.0, "z": 7.0}, 4.0)])
+def test_a_contradiction_says_what_the_other_values_make_of_the_one(given: dict[str, float], made: float) -> None:
+    """What follows from two states, or from one that is given, stands for none; with w = 5 and z = 7, x is 2, and not a compromise."""
+    (name, value), *_ = given.items()
+    told = rf"start values contradict each other: {name} is fixed at {value:g}, but the other .* make it {made:g};"
+    with pytest.raises(StartError, match=told):
         gl.compile(Follows()).simulate(0.1, samples=2, start=given)
