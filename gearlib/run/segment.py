@@ -224,9 +224,12 @@ def _settled(
 ) -> Floats:  # fmt: skip
     """The discrete state after iterating some relations to a fixed point."""
     for _ in range(MOST_ITERATIONS):
-        passed = settle_once(found, prepared, t, states, inputs, discrete, guess)
+        # as at a start, only what they settle to must admit a solution
+        passed = settle_once(found, prepared, t, states, inputs, discrete, guess, forgiving=True)
         restless = passed[new] != discrete[new]
         if not restless.any():
+            if found.program.iterated:
+                settle_once(found, prepared, t, states, inputs, discrete, guess)
             return discrete
         discrete = discrete.copy()
         discrete[new] = passed[new]

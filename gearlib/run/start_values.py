@@ -355,13 +355,18 @@ def _satisfy(
     bad = np.flatnonzero(wrong)
     if len(bad):
         i = int(bad[0])
-        name, digits = fixed[others[i][0]][1], _digits(found[i], wanted[i])
+        made = found[i]
+        if len(bad) > 1 and free:  # the states share the errors: what it would be if the others held
+            rows = np.arange(len(others)) != i
+            shift = _basic_solution(gradient[np.ix_(rows, free)] * scale, (found - wanted)[rows]) * scale
+            made = made - gradient[i, free] @ shift
+        name, digits = fixed[others[i][0]][1], _digits(made, wanted[i])
         sign = int(structure.model.sign[structure.model.variable(name)])  # of the one that was named, against what is computed
         rest = [fixed[v][1] for v in fixed if v != others[i][0]]
         others_text = f"the other fixed values ({', '.join(rest[:6])}{', ...' if len(rest) > 6 else ''}) and " if rest else ""
         raise StartError(
             f"start values contradict each other: {name} is fixed at {sign * wanted[i]:{digits}}, but {others_text}the "
-            f"equations make it {sign * found[i]:{digits}}; fix fewer, or give some of them as guess={{...}}"
+            f"equations make it {sign * made:{digits}}; fix fewer, or give some of them as guess={{...}}"
             + _follows(structure, name, gradient[i])
         )
     if change is not None and free:  # found(x, p) = wanted(p) is to stay satisfied: x' solves the linearised equations

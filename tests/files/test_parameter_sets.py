@@ -215,3 +215,20 @@ def test_each_character_of_a_name_is_read_back_or_refused(suffix: str, tmp_path:
 def test_a_unit_that_breaks_the_line_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match=r"cannot hold the parameter 'a' of the unit 'm\\n\]'"):
         gl.save_parameters(tmp_path / "p.toml", {"b": 1.0, "a": 2.0}, {"a": "m\n]"})
+
+
+@pytest.mark.parametrize(("kinds", "said"), [("", "nothing"), ("<ssv:String value='2'/><ssv:Real value='2'/>", "String")])
+def test_the_first_kind_of_an_ssv_parameter_counts(kinds: str, said: str, tmp_path: Path) -> None:
+    """Others may be added behind it; what has none that is a number is refused by name."""
+
+    def written(inside: str) -> Path:
+        path = tmp_path / "p.ssv"
+        parameter = f"<ssv:Parameter name='J'><other/>{inside}</ssv:Parameter>"
+        path.write_text(
+            f"<ssv:ParameterSet xmlns:ssv='{NAMESPACE}'><ssv:Parameters>{parameter}</ssv:Parameters></ssv:ParameterSet>"
+        )
+        return path
+
+    assert gl.load_parameters(written("<ssv:Real value='2.5'/><ssv:String value='x'/>")) == {"J": 2.5}
+    with pytest.raises(FileError, match=rf"p\.ssv: parameter J is a {said}; expected a Real or an Integer"):
+        gl.load_parameters(written(kinds))

@@ -321,3 +321,32 @@ def test_tables_of_the_wrapper(both: Any) -> None:
     assert len(arrays["rows"]) == int(numbers["n_entries"]) == int(arrays["columns"][-1])
     assert all(len(line.split(", ")) <= 12 for line in text.splitlines() if re.match(r"    [-\d]", line))
     assert made.variables.observed == {7: 0, 8: 1, 9: 2}
+
+
+def test_tables_of_least_values() -> None:
+    """Each bound with its sign, size and name, the slot of what is observed, and the states that it is computed from."""
+
+    class Tanks(gl.Component):
+        x, y, z = gl.Variable("1", start=1.0), gl.Variable("1", start=2.0), gl.Variable("1", start=3.0)
+        level = gl.Variable("1", min=0.5)
+        turned = gl.Variable("1", nominal=7.0)
+        depth = gl.Variable("1", min=-2.0, nominal=7.0)
+
+        def equations(self) -> Any:
+            rates = [gl.Eq(gl.der(v), -v) for v in (self.x, self.y, self.z)]
+            return [*rates, gl.Eq(self.level, self.x + self.z), gl.Eq(self.depth, -self.turned), gl.Eq(self.turned, 2 * self.y)]
+
+    _, exported, source = described(Tanks(), ["x", "y", "z"])
+    text = model_tables(exported, source, "", 1e-5, 3.0)
+    arrays = {name: body.split(", ") for name, body in re.findall(r"bound_(\w+)\[\] = \{\s*(.*?)\s*\}", text)}
+    states = list(exported.scene.state_names)
+    bounds = {}
+    for k, name in enumerate(arrays["names"]):
+        places = arrays["states"][int(arrays["from"][k]) : int(arrays["from"][k + 1])]
+        node = exported.observed.outputs[int(arrays["slots"][k])]
+        numbers = [float(arrays[kind][k]) for kind in ("signs", "least", "sizes")]
+        bounds[name] = (exported.model.name(node[0]), *numbers, {states[int(place)] for place in places})
+    assert bounds.pop('"level"') == ("level", 1.0, 0.5, 1.0, {"x", "z"})
+    assert bounds in ({'"depth"': (name, sign, -2.0, 7.0, {"y"})} for name, sign in (("depth", 1.0), ("turned", -1.0)))
+    assert len(arrays["from"]) == 3
+    assert re.search(r"\.n_bounds = 2,", text)

@@ -78,3 +78,21 @@ def test_lanes_that_there_are(lanes: Any) -> None:
 def test_lanes_that_there_are_not(lanes: Any) -> None:
     with pytest.raises(ArgumentError, match=r"^lanes is .*; expected 'auto', 1 or 8$"):
         check_lanes(lanes)
+
+
+@pytest.mark.parametrize("begin", [0.0, 2.0])
+def test_the_inputs_of_a_run_are_lines_between_corners(begin: float) -> None:
+    """In pairs of the value at time zero and the slope; corners outside the run, and at its ends, are none."""
+    first, second = gl.Table([0.5, 1.0, 3.0], [1.0, 4.0, 0.0]), gl.Table([0.0, 2.5, 4.0], [3.0, 3.0, -1.0])
+    signals = [first, 7.0, second, first, -2.0]
+    grid = begin + np.array([0.0, 0.5, 2.0])
+    corners, lines = in_lanes.row(signals, grid)
+    inside = sorted({0.5, 1.0, 3.0, 2.5} & {t for t in (0.5, 1.0, 2.5, 3.0, 4.0) if grid[0] < t < grid[-1]})
+    assert corners.tolist() == inside
+    assert lines.shape == (len(inside) + 1, 10)
+    edges = [grid[0], *inside, grid[-1]]
+    for k, (a, b) in enumerate(zip(edges, edges[1:], strict=False)):
+        t = np.linspace(a, b, 5)[1:-1]
+        for j, signal in enumerate(signals):
+            exact = signal(t) if isinstance(signal, gl.Table) else np.full(3, signal)
+            assert lines[k, 2 * j] + lines[k, 2 * j + 1] * t == pytest.approx(exact, rel=1e-12)

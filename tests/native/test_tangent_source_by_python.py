@@ -99,7 +99,8 @@ def test_tangents_are_products_with_derivatives(kind: str, count: int) -> None:
         at += len(part)
     assert end == at + LANES
     kept = data[:at].copy()
-    x, out = np.concatenate([own.states, tangents.ravel()]), np.full(n * (1 + count), np.nan)
+    beyond = np.full(LANES, np.nan)  # is neither read nor written
+    x, out = np.concatenate([own.states, tangents.ravel(), beyond]), np.full(n * (1 + count) + LANES, np.nan)
     index = np.concatenate([np.array([5, 0, 0, 0, 0], np.int64), body.packed(5)]).tolist()
     assert carried_out(text, float(p.t[which]), x, out, data, index) == 0
     changes = ~np.isclose(data[:at], kept, rtol=0.0, atol=0.0, equal_nan=True)
@@ -107,7 +108,8 @@ def test_tangents_are_products_with_derivatives(kind: str, count: int) -> None:
     assert not changes.any()
     close(out[:n], p.slots[outputs, which])
     expected = matrices[which][:, :n] @ tangents + matrices[which][:, n:] @ weights
-    close(out[n:].reshape(n, count), expected, np.abs(matrices[which]).max())
+    assert np.isnan(out[n * (1 + count) :]).all()
+    close(out[n : n * (1 + count)].reshape(n, count), expected, np.abs(matrices[which]).max())
 
 
 def test_weights_lie_in_rows_of_whole_vectors() -> None:

@@ -67,6 +67,24 @@ def test_far_beyond_and_far_inside_the_edges_it_is_linear_also_for_tiny_amplitud
     assert [part.shape for part in shapes] == [(2, 3), (2, 3)]
 
 
+@pytest.mark.parametrize("unit", [1e-140, 1e-9, 1e100])
+@pytest.mark.parametrize("mean", [0.0, 0.3, -2.0])
+def test_the_unit_of_length_does_not_matter(mean: float, unit: float) -> None:
+    """Nor does it for amplitudes that are negligible beside the edges."""
+    for amplitude in (1e-170, 0.2, 0.9, 7.0):
+        force, stiffness = gl.backlash_describing_function(amplitude, mean, c=30.0, b=1.0, c_gap=4.0)
+        found = gl.backlash_describing_function(amplitude * unit, mean * unit, c=30.0, b=unit, c_gap=4.0)
+        assert found == (pytest.approx(force * unit, rel=1e-9), pytest.approx(stiffness, rel=1e-9))
+
+
+@pytest.mark.parametrize("mean", [0.0, 0.5, -3.0])
+def test_without_a_gap_the_force_is_that_of_a_linear_spring(mean: float) -> None:
+    force, stiffness = gl.backlash_describing_function([1e-300, 1.0, 1e9], mean, c=30.0, b=0.0, c_gap=4.0)
+    assert stiffness == pytest.approx([30.0] * 3, rel=1e-12)
+    assert force == pytest.approx([30.0 * mean] * 3, rel=1e-12, abs=1e-4)  # beside 3e10
+    assert float(gl.backlash_describing_function(1e-300, 0.0, b=0.0)[0]) == 0.0
+
+
 def test_the_preloaded_spring_is_force_over_deflection() -> None:
     """Its force about the mean is zero at rest, rises by c, stops in the gap, and goes on behind it; it is odd in the preload."""
     spring, other = gl.PreloadedBacklash(c=50.0, b=0.4, preload=10.0), gl.PreloadedBacklash(c=50.0, b=0.4, preload=-10.0)

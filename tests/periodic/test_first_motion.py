@@ -144,6 +144,34 @@ def test_the_first_motion_of_a_linear_train_is_its_response(frequency: str | Non
     assert again.z == pytest.approx(found.z, abs=1e-9)
 
 
+class Wells(gl.Component):
+    """``x'' + 0.3 x' = x - x^3 + 0.05 cos(w t)``: a weak vibration about 1 or -1; y starts with what tells x at the time 0."""
+
+    w = gl.Parameter("any", default=3.0)
+    x, v, y = gl.Variable("any"), gl.Variable("any"), gl.Variable("any", start=-1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        force, wave = self.x - self.x**3 - 0.3 * self.v, gl.cos(self.w * gl.time)
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), force + 0.05 * wave),
+            gl.Eq(self.y, self.x - 2 * wave),
+        ]
+
+
+@pytest.mark.parametrize(("guess", "well"), [(None, 1.0), ({"y": -1.0}, 1.0), ({"y": -3.0}, -1.0)])
+def test_the_first_motion_is_that_of_the_start_values_at_the_begin_of_a_period(
+    guess: dict[str, float] | None, well: float
+) -> None:
+    translation = gl.compile(Wells()).translation
+    scene = translation.scene
+    found = Forced(translation, "w", {}, {}, 3, {}).first(scene, 3.0, 32, guess)
+    c = dict(zip(scene.state_names, found.balance.coefficients(found.z).T, strict=True))
+    wave = 0.05 / (2.0 - 9.0 + 0.9j)
+    assert c["x"][:3] == pytest.approx([well, wave.real, -wave.imag], abs=5e-4)
+    assert c["v"][:3] == pytest.approx([0.0, -3.0 * wave.imag, -3.0 * wave.real], abs=2e-3)
+
+
 @pytest.mark.parametrize(
     ("task", "said"),
     [

@@ -226,3 +226,42 @@ def test_inputs_are_read_where_something_depends_on_them() -> None:
     assert len(asked) == before
     assert found["z"] == pytest.approx(2 * np.exp(-found.time), rel=1e-7)
     assert len(asked) > before
+
+
+class Folded(gl.Component):
+    """z^2 + 0.1 z^4 = 1 + x behind x = 0.5, and 1 - x before it; y and r follow from z and from whether it is below -1.2."""
+
+    behind = gl.Parameter("any", default=0.5)
+    x, z = gl.Variable("any", start=0.0), gl.Variable("any", guess=-1.0)
+    y, r = gl.Variable("any"), gl.Variable("any")
+
+    def equations(self) -> list[Any]:
+        level = gl.Piecewise((1 + self.x, self.x > self.behind), (1 - self.x, True))
+        gain = gl.Piecewise((5.0, self.z < -1.2), (2.0, True))
+        return [
+            gl.Eq(gl.der(self.x), 1.0),
+            gl.Eq(self.z**2 + 0.1 * self.z**4, level),
+            gl.Eq(self.y, gain * self.z),
+            gl.Eq(self.r**3 + self.r, gain * self.x),
+        ]
+
+
+@pytest.mark.parametrize("outputs", [["x"], ["x", "z"], ["x", "z", "y", "r"]])
+def test_only_what_relations_settle_to_must_have_a_solution(outputs: list[str]) -> None:
+    """By hand: z = -sqrt(5 (sqrt(1 + 0.4 q) - 1)). Beyond x = 1 there is none as long as x is taken to be before 0.5."""
+    result = gl.compile(Folded(), outputs=outputs).simulate(2.0, samples=21)
+    x = np.asarray(result["x"])
+    z = -np.sqrt(5.0 * (np.sqrt(1.0 + 0.4 * np.where(x > 0.5, 1.0 + x, 1.0 - x)) - 1.0))
+    gain = np.where(z < -1.2, 5.0, 2.0)
+    for name in ("r", "y", "z"):
+        found = np.asarray(result[name])
+        assert (found**3 + found if name == "r" else found) == pytest.approx(
+            {"z": z, "y": gain * z, "r": gain * x}[name], abs=1e-7
+        )
+
+
+def test_what_they_settle_to_must_have_one() -> None:
+    result = gl.compile(Folded(behind=5.0), outputs=["x"]).simulate(2.0, samples=21)
+    for name in ("y", "r"):
+        with pytest.raises(SolverError, match=r"were not solved at t = 1\.\S+ s; they have no solution there"):
+            result[name]

@@ -354,3 +354,32 @@ def test_what_is_fixed_twice_moves_one_state() -> None:
     values = dict(zip(translation.scene.state_names, found.states.tolist(), strict=True))
     assert values == pytest.approx({"a": 1.0, "b": 4.0}, rel=1e-12)
     assert found.free == ("a",)
+
+
+class Follows(gl.Component):
+    """Two states with start values, a multiple of one and the sum of both."""
+
+    x, w = gl.Variable("any", start=1.0), gl.Variable("any", start=5.0)
+    y, z = gl.Variable("any"), gl.Variable("any")
+
+    def equations(self) -> list[Any]:
+        rates = [gl.Eq(gl.der(self.x), -self.x), gl.Eq(gl.der(self.w), -self.w)]
+        return [*rates, gl.Eq(self.y, 2.0 * self.x), gl.Eq(self.z, self.x + self.w)]
+
+
+@pytest.mark.parametrize(
+    ("given", "x"), [({}, 1.0), ({"y": 6.0}, 3.0), ({"y": 6.0, "x": 3.0}, 3.0), ({"y": 6.0, "w": 5.0}, 3.0), ({"z": 6.0}, 1.0)]
+)
+def test_what_is_given_for_a_run_stands_for_the_only_state_that_it_follows_from(given: dict[str, float], x: float) -> None:
+    """The model's own start value of that state gives way."""
+    begin = gl.compile(Follows()).simulate(0.1, samples=2, start=given)
+    assert (begin["x"][0], begin["w"][0], begin["y"][0]) == pytest.approx((x, 5.0, 2.0 * x), rel=1e-12)
+
+
+@pytest.mark.parametrize(("given", "made"), [({"z": 7.0}, 6.0), ({"y": 6.0, "x": 2.0}, 4.0), ({"y": 6.0, "z": 7.0}, 4.0)])
+def test_a_contradiction_says_what_the_other_values_make_of_the_one(given: dict[str, float], made: float) -> None:
+    """What follows from two states, or from one that is given, stands for none; with w = 5 and z = 7, x is 2, and not a compromise."""
+    (name, value), *_ = given.items()
+    told = rf"start values contradict each other: {name} is fixed at {value:g}, but the other .* make it {made:g};"
+    with pytest.raises(StartError, match=told):
+        gl.compile(Follows()).simulate(0.1, samples=2, start=given)

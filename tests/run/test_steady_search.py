@@ -81,6 +81,44 @@ def test_where_all_is_held_rates_vanish_up_to_their_rounding() -> None:
     assert not equations.largest_change(noise).any()
 
 
+@pytest.mark.parametrize("unit", [1.0, 100.0])
+def test_the_change_of_the_states_makes_the_rates_vanish_and_keeps_what_they_keep(unit: float) -> None:
+    """Rates that keep one sum and depend on all but one direction, in like and in unlike units.
+
+    Nothing within the rounding of the rates changes the states by more than the bound.
+    """
+    rng, units = np.random.default_rng(4), unit ** np.linspace(-1, 1, 6)
+    kept, unfelt = rng.uniform(0.5, 1.5, 6), rng.uniform(0.5, 1.5, 6)
+    gradient = rng.normal(size=(6, 6))
+    gradient -= np.outer(kept, kept @ gradient) / (kept @ kept)
+    gradient -= np.outer(gradient @ unfelt, unfelt) / (unfelt @ unfelt)
+    gradient, kept, unfelt = gradient * units[:, None] / units, kept / units, unfelt * units
+    equations = SteadyEquations(search(np.zeros((6, 0))), gradient)
+    assert equations.open.shape == equations.kept.shape == (6, 1)
+    f, noise = gradient @ (rng.normal(size=6) * units), rng.uniform(1.0, 2.0, 6) * units
+    change = equations.change(f)
+    assert (gradient @ change + f) / units == pytest.approx(np.zeros(6), abs=1e-9)
+    assert kept @ change == pytest.approx(0.0, abs=1e-9)
+    assert equations.along(change) == pytest.approx(np.zeros(6), abs=1e-9 * np.abs(change).max())
+    assert equations.along(unfelt) == pytest.approx(unfelt, rel=1e-9)
+    assert equations.hold(f, 1e-9 * noise)
+    assert not equations.hold(f + 1e-3 * noise, 1e-5 * noise)
+    bound = equations.largest_change(noise)
+    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 6)).reshape(6, -1)
+    largest = np.abs(equations.change(signs * noise[:, None])).max(axis=1)
+    assert (largest <= bound * (1 + 1e-9)).all()
+    assert (bound < 100.0 * largest).all()
+
+
+def test_where_each_rate_has_its_own_state_the_bound_is_their_quotient() -> None:
+    slopes, noise = np.array([1e-6, -2.0, 3.0, 4e5, -5.0, 6.0]), np.linspace(1.0, 2.0, 6)
+    for order in (range(6), [3, 0, 5, 1, 4, 2]):
+        gradient = np.diag(slopes)[list(order)]
+        equations = SteadyEquations(search(np.zeros((6, 0))), gradient)
+        assert equations.largest_change(noise[list(order)]) == pytest.approx(noise / np.abs(slopes), rel=1e-12)
+        assert equations.change(noise[list(order)]) == pytest.approx(-noise / slopes, rel=1e-12)
+
+
 def test_rates_and_their_derivatives_in_nominal_values() -> None:
     """Against differences; beside a bound on their rounding, and the largest of the derivatives."""
     own = search(np.zeros((len(slip().structure.states), 0)))

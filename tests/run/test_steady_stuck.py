@@ -33,10 +33,10 @@ def rubbed() -> gl.System:
     return gl.compile(Rubbed())
 
 
-def steady(phi: float, tau: float = 0.0) -> dict[str, float]:
+def steady(phi: float, tau: float = 0.0, J: float = 1.0) -> dict[str, float]:
     """The steady state that the motion from a deflection, without speed, reaches."""
     translation = rubbed().translation
-    scene, numbers = translation.scene, translation.parameter_values({})
+    scene, numbers = translation.scene, translation.parameter_values({"body.J": J})
     begin = translation.start(scene, numbers, 0.0, {"body.phi": phi, "body.w": 0.0}, (tau,))
     found = search_steady(scene, scene.prepared(numbers), begin, np.array([tau]), 0.0)
     return dict(zip(scene.state_names, found.tolist(), strict=True))
@@ -54,6 +54,11 @@ def test_a_body_that_slides_rests_where_its_motion_ends(phi: float) -> None:
     while abs(rest) > 0.3:
         rest = 0.6 * np.sign(rest) - rest
     assert steady(phi) == pytest.approx({"body.w": 0.0, "spring.phi_rel": -rest}, abs=1e-7)
+
+
+def test_a_heavy_body_takes_longer_to_the_same_rest() -> None:
+    """Two half swings of pi sqrt(J / c) = 9.9 s each, from 1 to -0.4 and -0.2 rad: after 10 s it has nearly stopped for the first time."""
+    assert steady(1.0, J=100.0) == pytest.approx({"body.w": 0.0, "spring.phi_rel": 0.2}, abs=1e-7)
 
 
 def test_where_sliding_ends_has_no_derivative() -> None:

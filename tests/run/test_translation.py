@@ -374,3 +374,20 @@ def test_sums_after_which_an_equation_says_nothing_are_refused(left: dict[str, A
     monkeypatch.setattr("gearlib.run.translation.analyse", lambda model, parameters: replace(bound().structure, **left))
     with pytest.raises(LoopError, match=r"^what is left of equations says nothing new$"):
         bound().with_sums((), bound().parameter_values({}))
+
+
+def test_of_the_outputs_those_are_computed_that_are_neither_states_nor_inputs_nor_nothing() -> None:
+    class Mixed(gl.Component):
+        u, v = gl.Input("any"), gl.Variable("any")
+        x, y, z = gl.Variable("any", start=1.0), gl.Variable("any"), gl.Variable("any")
+
+        def equations(self) -> list[Any]:
+            rate = gl.Eq(gl.der(self.x), self.u - self.x)
+            return [rate, gl.Eq(self.y, 2 * self.x + self.u), gl.Eq(self.z, 0.0), gl.Eq(self.v, self.u)]
+
+    for outputs, computed, states in (
+        (["u", "v", "z"], [], ()), (["x"], [], ("x",)), (["x", "y", "u", "y"], [("y", 0)], ("x",)), (["der(x)"], [("x", 1)], ("x",)),
+    ):  # fmt: skip
+        scene = gl.compile(Mixed(), outputs=outputs).translation.scene
+        assert [(scene.model.name(v), order) for v, order in scene.outputs] == computed
+        assert scene.state_names == states

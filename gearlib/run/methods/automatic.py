@@ -209,8 +209,7 @@ class OrderChoice:
 
     def _anew(self, driver: Driver) -> Problem:
         """The problem from where a driver is, without samples."""
-        longest = self.run.longest_step
-        here = replace(continued(self.run, driver), max_step=longest if longest < math.inf else None)
+        here = replace(continued(self.run, driver), max_step=self.run.longest_step)
         return problem_of(replace(here, times=np.array([driver.t, driver.t_end])), self.callbacks, False)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gearlib as gl
-from gearlib.errors import SolverError
+from gearlib.errors import ArgumentError, SolverError
 from gearlib.run.sampling.delays import MOST, Delay, DelayHistory, more_points, points, separate
 from gearlib.run.sampling.instants import cut_times
 
@@ -152,3 +152,12 @@ def test_a_run_is_cut_after_each_delay_but_not_next_to_an_instant_of_a_controlle
     assert cut_times(delays, [], 1.0, 2.25) == pytest.approx([1.25, 1.5, 1.75, 2.0], rel=1e-15)
     assert cut_times(delays, [1.5, 1.75 + 1e-15, 1.9], 1.0, 2.25) == pytest.approx([1.25, 2.0], rel=1e-15)
     assert cut_times(delays, [-1.5], 1.0, 2.0 + 1e-15) == pytest.approx([1.25, 1.5, 1.75], rel=1e-15)
+
+
+def test_a_run_of_as_many_pieces_as_are_allowed_is_cut_and_a_longer_one_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Counted from its own start, in the shortest delay."""
+    monkeypatch.setattr("gearlib.run.sampling.instants.MOST_CUTS", 5)
+    delays = {3: DelayHistory.going_on(0.7, 0.0, 1.0), 4: DelayHistory.going_on(0.25, 0.0, 1.0)}
+    assert len(cut_times(delays, [], 1.0, 2.25)) == 4
+    with pytest.raises(ArgumentError, match=r"a delay of 0\.25 s cuts the run from 1 to 2\.5 s into more than 5 pieces"):
+        cut_times(delays, [], 1.0, 2.5)

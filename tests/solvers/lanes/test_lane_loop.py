@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 from gearlib.compiler.instructions import LANES
+from gearlib.solvers.lanes.lane_loop import GENERATED
 from gearlib.solvers.lanes.lanes import LaneProblem, LaneRuns
 from gearlib.solvers.problem import Floats
 from gearlib.solvers.rungekutta.first_step import DAMPED, NEAR5
@@ -277,3 +279,14 @@ def test_what_is_as_small_as_nothing_becomes_zero() -> None:
     found = check(scene)
     assert [abs(one.samples[-1][1]) for one in found] == pytest.approx([0.95, 0.95], abs=0.05)
     assert [one.samples[-1][1] for one in found] == pytest.approx([one.samples[-2][1] for one in found], rel=1e-9)
+
+
+@pytest.mark.parametrize("theta", [0.0, 0.3, 1.0])
+def test_weights_between_two_steps_are_polynomials_that_end_at_those_of_the_step(theta: float) -> None:
+    """The coefficients stand in the order of their powers, from the first on."""
+    texts = re.findall(r"^ +b(\d) = (.*)$", GENERATED, re.MULTILINE)
+    assert [int(j) for j, _ in texts] == list(range(7))
+    weights = [eval(text, {"theta": theta, "h": 2.0}) for _, text in texts]
+    assert weights == pytest.approx([2.0 * sum(r * theta ** (k + 1) for k, r in enumerate(row)) for row in TSIT5_R], abs=1e-13)
+    if theta == 1.0:
+        assert weights == pytest.approx([2.0 * a for a in (*TSIT5_A[6], 0.0)[:7]], abs=1e-12)
