@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 CONSTANT = 1e-9  # relative to its terms: a smaller rate is zero
 ROUNDED = 1e-13  # relative to the largest entry of a balanced matrix
+COMPLIANT = 1e-12  # rad/s2 per rad/s or rad: with less, the compliances of what holds a speed move it
 RANK = 1e-11  # of rows scaled to 1
 
 
@@ -84,17 +85,21 @@ def _beside(A: Any, B: Any) -> Any:
 def _vanishing(rows: Floats, A: Any, basis: Any) -> NDArray[np.bool_]:
     """Which combinations of rates are identically zero: a state's own rate by its equation; others may vanish at one point only.
 
-    What depends on no remaining state there depends on no input: the equation ``der(v) = 0`` has none. Upon other held states it depends
-    by the compliances of the elements only. A column in which everything is rounding, as that of the slip of what is locked on both sides, is judged by the largest entry of
-    the matrix, in units in which each state acts upon the others as they act upon it.
+    What depends on no state there depends on no input: the equation ``der(v) = 0`` has none. The compliances of the elements make it
+    depend a little on what is held besides, that is, not on the remaining states. A column in which everything is rounding, as that of
+    the slip of what is locked on both sides, is judged by the largest entry of the matrix, in units in which each state acts upon the
+    others as they act upon it.
     """
     scale = similarity(A) if hasattr(A, "tocsr") else balance(A)[1]
     size = abs(A)
     largest = full(size.max(axis=0)).ravel() if A.shape[0] else np.empty(0)
     natural = float((size.T @ (1 / scale) * scale).max(initial=0.0)) * np.abs(rows * scale).max(axis=1)
-    found = np.abs((basis.T @ (A.T @ rows.T)).T)
+    rates = (A.T @ rows.T).T
+    yielding = np.abs(rates) <= COMPLIANT * np.abs(rows).max(axis=1)[:, None]
     least = np.maximum(CONSTANT * largest * np.abs(rows).sum(axis=1)[:, None], ROUNDED * natural[:, None] / scale)
-    result: NDArray[np.bool_] = ((rows != 0).sum(axis=1) == 1) | (found <= (abs(basis).T @ least.T).T).all(axis=1)
+    constant = (np.abs(rates) <= least).all(axis=1)
+    constant |= yielding.all(axis=1) & (np.abs(rates @ basis) <= (least @ abs(basis))).all(axis=1)
+    result: NDArray[np.bool_] = ((rows != 0).sum(axis=1) == 1) | constant
     return result
 
 
