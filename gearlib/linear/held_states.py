@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 CONSTANT = 1e-9  # relative to its terms: a smaller rate is zero
 ROUNDED = 1e-13  # relative to the largest entry of a balanced matrix
+COMPLIANT = 1e-12  # rad/s2 per rad/s or rad: with less, the compliances of what holds a speed move it
 RANK = 1e-11  # of rows scaled to 1
 
 
@@ -58,16 +59,19 @@ def remaining(
     n = A.shape[0]
     A = A.tocsr() if hasattr(A, "tocsr") else np.asarray(A)
     rates = A if B is None else _beside(A, B)
-    held = held[_vanishing(held, A)]
-    if not len(held):
-        return None
-    pivots, reduced = _echelon(held)
-    keep, basis = _basis(n, pivots, reduced, A)
-    more = _held_positions(structure, prepared.program.states, A, rates, basis)
-    if len(more):
-        pivots, reduced = _echelon(np.vstack([reduced, more]))
+    while True:  # what remains where all of them are zero must keep them zero; without one of them, more remains
+        pivots, reduced = _echelon(held)
         keep, basis = _basis(n, pivots, reduced, A)
-    return Remaining(keep, basis)
+        more = _held_positions(structure, prepared.program.states, A, rates, basis)
+        if len(more):
+            pivots, reduced = _echelon(np.vstack([reduced, more]))
+            keep, basis = _basis(n, pivots, reduced, A)
+        vanishing = _vanishing(held, A, basis)
+        if vanishing.all():
+            return Remaining(keep, basis)
+        held = held[vanishing]
+        if not len(held):
+            return None
 
 
 def _beside(A: Any, B: Any) -> Any:
@@ -78,21 +82,24 @@ def _beside(A: Any, B: Any) -> Any:
     return np.hstack([A, np.asarray(B)])
 
 
-def _vanishing(rows: Floats, A: Any) -> NDArray[np.bool_]:
+def _vanishing(rows: Floats, A: Any, basis: Any) -> NDArray[np.bool_]:
     """Which combinations of rates are identically zero: a state's own rate by its equation; others may vanish at one point only.
 
-    What depends on no state there depends on no input: the equation ``der(v) = 0`` has none.
-    A column in which everything is rounding, as that of the slip of what is locked on both sides, is judged by the largest entry of
-    the matrix, in units in which each state acts upon the others as they act upon it.
+    What depends on no state there depends on no input: the equation ``der(v) = 0`` has none. The compliances of the elements make it
+    depend a little on what is held besides, that is, not on the remaining states. A column in which everything is rounding, as that of
+    the slip of what is locked on both sides, is judged by the largest entry of the matrix, in units in which each state acts upon the
+    others as they act upon it.
     """
     scale = similarity(A) if hasattr(A, "tocsr") else balance(A)[1]
     size = abs(A)
     largest = full(size.max(axis=0)).ravel() if A.shape[0] else np.empty(0)
     natural = float((size.T @ (1 / scale) * scale).max(initial=0.0)) * np.abs(rows * scale).max(axis=1)
-    found = np.abs((A.T @ rows.T).T)
-    least = CONSTANT * largest * np.abs(rows).sum(axis=1)[:, None]
-    by_rounding = found * scale <= ROUNDED * natural[:, None]
-    result: NDArray[np.bool_] = ((rows != 0).sum(axis=1) == 1) | ((found <= least) | by_rounding).all(axis=1)
+    rates = (A.T @ rows.T).T
+    yielding = np.abs(rates) <= COMPLIANT * np.abs(rows).max(axis=1)[:, None]
+    least = np.maximum(CONSTANT * largest * np.abs(rows).sum(axis=1)[:, None], ROUNDED * natural[:, None] / scale)
+    constant = (np.abs(rates) <= least).all(axis=1)
+    constant |= yielding.all(axis=1) & (np.abs(rates @ basis) <= (least @ abs(basis))).all(axis=1)
+    result: NDArray[np.bool_] = ((rows != 0).sum(axis=1) == 1) | constant
     return result
 
 

@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
 from gearlib.program.derivative_plan import DerivativePlan, Solved, Sums, derivative_plan
-from gearlib.program.interpret import COMPLIANCE, Prepared, assemble, batch_values, block_solve, constant_values, solve_regular
+from gearlib.program.interpret import (
+    COMPLIANCE,
+    Prepared,
+    assemble,
+    batch_values,
+    block_solve,
+    compliances,
+    constant_values,
+    solve_regular,
+)
 from gearlib.program.program import Batch, Linear, Newton
 
 Floats = NDArray[np.float64]
@@ -186,8 +195,7 @@ def _transposed_block(step: Solved, at: At, unknowns: Floats) -> Floats:
     """The transpose of `solved_block`: from its unknowns to its right-hand side, shape (rows, width, times)."""
     block, (n, width, times) = step.step, unknowns.shape
     if isinstance(block, Newton):
-        matrices = np.swapaxes(newton_matrix(block, at), 1, 2)
-        return -np.stack([solve_shared(m, unknowns[:, :, i]) for i, m in enumerate(matrices)], axis=2)
+        return -np.stack([solve_shared(m, unknowns[:, :, i], True) for i, m in enumerate(newton_matrix(block, at))], axis=2)
     flat = unknowns.reshape(n, width * times)
     if step.implicit:
         found = -block_solve(at.prepared, step.block, np.eye(n)).T @ flat
@@ -302,13 +310,16 @@ def equilibrating(matrix: Floats) -> tuple[Floats, Floats]:
     return scales[:n], scales[n:]
 
 
-def solve_shared(matrix: Floats, right: Floats) -> Floats:
-    """Solve linear equations, in the minimum-norm sense if not unique: locked elements in parallel may share their torque in any way.
+def solve_shared(matrix: Floats, right: Floats, transposed: bool = False) -> Floats:
+    """Solve linear equations, or multiply by the transpose of what solves them.
+
+    Locked elements in parallel leave their torques open: their compliances tell the shares, as in a run. Other unknowns that are left
+    open are made as small as can be.
 
     Raises
     ------
     LinAlgError
-        The equations are inconsistent.
+        The equations are inconsistent; transposed, what is asked for is left open.
     """
     row = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
     column = 1 / np.maximum((np.abs(matrix) * row[:, None]).max(axis=0), 1e-300)
@@ -318,9 +329,25 @@ def solve_shared(matrix: Floats, right: Floats) -> Floats:
         with suppress(np.linalg.LinAlgError):
             inverse = np.linalg.inv(scaled)
             if np.abs(inverse).sum(axis=1).max(initial=0.0) * np.abs(scaled).sum(axis=1).max(initial=0.0) < SINGULAR:
-                return np.asarray(columns[:, None] * (inverse @ (right * rows[:, None])), float)
-    scaled, right = matrix * row[:, None] * column, right * row[:, None]
-    found = np.linalg.lstsq(scaled, right, rcond=1 / SINGULAR)[0]
-    if np.abs(scaled @ found - right).max(initial=0.0) > 1e-9 * np.abs(right).max(initial=0.0):
+                return _times(rows, columns, inverse, right, transposed)
+    scaled = matrix * row[:, None] * column
+    left, sizes, back = np.linalg.svd(scaled)
+    kept = sizes * SINGULAR > sizes.max()
+    inverse, free = back[kept].T @ (left[:, kept].T / sizes[kept, None]), back[~kept].T
+    compliant, weights = compliances(matrix)
+    compliant &= np.abs(scaled) * SINGULAR <= 1.0  # not one that only units make small
+    weights = np.where(compliant.any(axis=0), weights * column, 0.0)[:, None]
+    told = free @ np.linalg.pinv(weights * free, rcond=1 / SINGULAR)
+    inverse, free = inverse - told @ (weights * inverse), free - told @ (weights * free)
+    given = right * (column if transposed else row)[:, None]
+    off = free.T @ given if transposed else scaled @ (inverse @ given) - given
+    if np.abs(off).max(initial=0.0) > 1e-9 * np.abs(given).max(initial=0.0):
         raise np.linalg.LinAlgError
-    return np.asarray(column[:, None] * found, float)
+    return _times(row, column, inverse, right, transposed)
+
+
+def _times(rows: Floats, columns: Floats, inverse: Floats, right: Floats, transposed: bool) -> Floats:
+    """An inverse of scaled rows and columns, or its transpose, times right-hand sides."""
+    if transposed:
+        return np.asarray(rows[:, None] * (inverse.T @ (right * columns[:, None])), float)
+    return np.asarray(columns[:, None] * (inverse @ (right * rows[:, None])), float)

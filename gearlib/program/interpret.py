@@ -443,15 +443,12 @@ def _least(matrix: Floats, right: Floats) -> Floats:
     so that locked elements share what is open as the compliances would have it.
     """
     scale = np.ldexp(1.0, -np.frexp(np.abs(matrix).max(axis=1))[1])
-    size = np.abs(matrix)
-    relative = size / np.maximum(size.max(axis=1), np.finfo(float).tiny)[:, None]
-    compliant = (relative > 0.0) & (relative <= COMPLIANCE)
+    compliant, weights = compliances(matrix)
     stiff = np.where(compliant, 0.0, matrix) * scale[:, None]
     left, sizes, back = np.linalg.svd(stiff)
     rank = int((sizes > SINGULAR * sizes[0]).sum())
     found = back[:rank].T @ (left[:, :rank].T @ (right * scale) / sizes[:rank])
     free = back[rank:].T
-    weights = np.sqrt(relative.max(axis=0, initial=0.0, where=compliant) * size.max(axis=0))
     found = found - free @ np.linalg.lstsq(weights[:, None] * free, weights * found, rcond=SINGULAR)[0]
     if np.abs(right * scale - stiff @ found).max() <= 1e-12 * np.abs(right * scale).max():
         return np.asarray(found, float)
@@ -459,6 +456,14 @@ def _least(matrix: Floats, right: Floats) -> Floats:
         return np.asarray(np.linalg.solve(matrix, right), float)
     except np.linalg.LinAlgError:
         return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], float)
+
+
+def compliances(matrix: Floats) -> tuple[NDArray[np.bool_], Floats]:
+    """Which entries are artificial compliances, and the roots of what they weigh the square of each unknown with."""
+    size = np.abs(matrix)
+    relative = size / np.maximum(size.max(axis=1), np.finfo(float).tiny)[:, None]
+    compliant = (relative > 0.0) & (relative <= COMPLIANCE)
+    return compliant, np.sqrt(relative.max(axis=0, initial=0.0, where=compliant) * size.max(axis=0))
 
 
 def _least_sparse(matrix: Any, right: Floats) -> Floats:

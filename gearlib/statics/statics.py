@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,7 @@ from gearlib.statics.steady_motion import (
     refuse_contradiction,
     refuse_unsettled,
     solve,
+    speeds_only,
 )
 
 Floats = NDArray[np.float64]
@@ -158,11 +159,11 @@ def _reached(translation: Translation, numbers: Floats, given: list[Given]) -> t
         _warn_of_instability(translation, numbers, point)
         return motion, given
     reached, twisted = ([], []) if point is None else speeds_and_deflections(model, point)
-    # from rest, too: where friction holds everything, rounding may set a motion near the point in motion
-    for found in (solve(model, numbers, given, [*reached, *twisted]), motion) if reached else ():
+    close = [*reached, *twisted]
+    for found in _looks(model, numbers, given, close, motion) if reached else ():
         sticking = held(model, numbers, found)
         if sticking:
-            found = solve(model, numbers, [*given, *sticking], [*reached, *twisted])
+            found = solve(model, numbers, [*given, *sticking], close)
         if not (found.residual > CONTRADICTION).any() and agree(found, reached):
             _warn_of_instability(translation, numbers, point)
             return found, [*given, *sticking]
@@ -184,6 +185,15 @@ def _reached(translation: Translation, numbers: Floats, given: list[Given]) -> t
         f"{motion.rates[fastest]:.6g} in one and {other.rates[fastest]:.6g} in another; give a speed, or say near which one it "
         "turns: guess={'w': ...} of a body"
     )
+
+
+def _looks(
+    model: FlatModel, numbers: Floats, given: Sequence[Given], close: Sequence[Given], from_rest: Motion
+) -> Iterator[Motion]:
+    """Motions to tell what sticks close to a steady state."""
+    yield speeds_only(model, numbers, given, close)  # in one that leaves this open, what sticks may run away
+    yield solve(model, numbers, given, close)
+    yield from_rest  # where friction holds everything, rounding may set in motion what is close
 
 
 def steady_point(translation: Translation, numbers: Floats, given: Sequence[Given], most: float) -> Point | None:

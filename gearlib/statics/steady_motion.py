@@ -267,6 +267,15 @@ def speeds_near(model: FlatModel, parameters: Floats, given: Sequence[Given], ne
     return -factorise(rows.matrix[np.flatnonzero(rows.kinematic)], rows.sizes).solve(rows.residual[rows.kinematic])
 
 
+def speeds_only(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Sequence[Given]) -> Motion:
+    """The motion near given speeds without torques, in the discrete state that it starts in."""
+    n, x = model.n_variables, speeds_near(model, parameters, given, near)
+    discrete = settled_discrete(model, parameters, x[:n], x[n:])
+    rows = assemble(model, parameters, given, x[:n], x[n:], discrete)
+    factors = factorise(rows.matrix, rows.sizes)
+    return Motion(x[:n], x[n:], factors.undetermined, factors.contradiction(rows.residual, x), factors, rows.owner, discrete)
+
+
 def motion_from(model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floats) -> Motion:
     """Newton's method for the unknowns, inside an iteration for the discrete state (such as the driving side of a lossy gear).
 

@@ -409,3 +409,35 @@ def test_what_is_held_twice_is_held_whatever_its_name(seed: int) -> None:
     system, expected = gl.compile(HeldTwice(names=names)), np.array([-1j, 1j]) * np.sqrt(800.0 / 0.15)
     _same(gl.stability(system).eigenvalues, expected)
     _same(system.linearize().poles(), expected)
+
+
+class HeldByTwoBearings(gl.Component):
+    """A planetary gear whose ring and loaded carrier are held by bearings."""
+
+    names = gl.Structural(())
+
+    def assemble(self) -> list[Any]:
+        parts: list[Any] = [
+            gp.Inertia(J=0.8), gp.IdealGear(ratio=2.0), gp.Inertia(J=1.2), gp.IdealPlanetary(ratio=3.27), gp.Inertia(J=0.3),
+            gp.BearingFriction(tau_pos=[[0, 3.7]]), gp.Inertia(J=1.7), gp.BearingFriction(tau_pos=[[0, 1.0]]),
+            gp.LinearSpeedDependentTorque(tau_nominal=-10.0, w_nominal=20.0),
+        ]  # fmt: skip
+        for name, part in zip(self.names, parts, strict=True):
+            setattr(self, name, part)
+        motor, gear, sun, planetary, ring, ring_bearing, carrier, bearing, load = parts
+        return [
+            gl.connect(motor.flange_b, gear.flange_a),
+            gl.connect(gear.flange_b, sun.flange_a),
+            gl.connect(sun.flange_b, planetary.sun),
+            gl.connect(planetary.ring, ring.flange_a, ring_bearing.flange_a),
+            gl.connect(planetary.carrier, carrier.flange_a, bearing.flange_a, load.flange),
+        ]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_held_speeds_of_other_states_are_held_whatever_the_names(seed: int) -> None:
+    """From some names, compliances of the bearings moved speeds of the train, which gave a pole near 0."""
+    names = tuple(f"part_{k}" for k in np.random.default_rng(seed).permutation(9))
+    system = gl.compile(HeldByTwoBearings(names=names))
+    assert len(gl.stability(system).eigenvalues) == 0
+    assert len(system.linearize().poles()) == 0

@@ -86,3 +86,19 @@ def test_the_condition_number_from_which_equations_count_as_one(distance: float,
 def test_what_nothing_moves_rests() -> None:
     for matrix in (np.zeros((1, 1)), np.ones((3, 3)), np.diag([1.0, 0.0]), np.eye(2)):
         assert answer(matrix, np.zeros((len(matrix), 2))).tolist() == np.zeros((len(matrix), 2)).tolist()
+
+
+def test_compliances_tell_the_shares_and_the_transpose_is_one() -> None:
+    """Two locked elements on one body, the second with a compliance of 4, so that it has a fifth of the torque; a third alone."""
+    matrix = np.array([[1.0, 1.0, 0.0, 2.0], [1e-27, 0.0, 0.0, 1.0], [0.0, 4e-27, 0.0, 1.0], [0.0, 0.0, 2.0, 1.0]])
+    sides = np.array([[10.0, 1.0], [0.0, 0.0], [0.0, 0.0], [0.0, 3.0]])
+    np.testing.assert_allclose(answer(matrix, sides), [[8.0, 0.8], [2.0, 0.2], [0.0, 1.5], [0.0, 0.0]], atol=1e-12)
+    back = solve_shared(matrix, np.eye(4), transposed=True)
+    np.testing.assert_allclose(back.T @ sides, answer(matrix, sides), atol=1e-12)
+
+
+def test_the_transpose_for_what_is_left_open_is_refused() -> None:
+    matrix = np.array([[1.0, 1.0], [1.0, 1.0]])
+    np.testing.assert_allclose(solve_shared(matrix, np.array([[2.0], [2.0]]), transposed=True).sum(), 2.0)
+    with pytest.raises(np.linalg.LinAlgError):
+        solve_shared(matrix, np.array([[1.0], [0.0]]), transposed=True)

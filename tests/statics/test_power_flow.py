@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -443,3 +444,40 @@ def test_what_friction_holds_at_rest_rests_in_any_order_of_declaration(backwards
     """Nothing drives it. Where friction slid before the first look at it, it was refused after a long search."""
     flanges = gl.compile(HeldTwice(backwards=backwards)).power_flow().flanges
     assert max(abs(value) for f in flanges for value in (f.speed, f.torque)) < 1e-12
+
+
+class LockedOnFallingFriction(gl.Component):
+    """A drive on a load by a spring, a gear and a clutch whose friction falls to zero with the slip."""
+
+    places = gl.Structural(())
+
+    def assemble(self) -> list[Any]:
+        line: list[Any] = [
+            gp.Inertia(J=1.0), gp.SpringDamper(c=1700.0, d=4.0), gp.Inertia(J=1.2), gp.BearingFriction(tau_pos=[[0, 3.4], [50, 6.0]]),
+            gp.IdealGear(ratio=2.0), gp.BearingFriction(tau_pos=[[0, 5.0], [50, 6.0]]),
+            gp.Clutch(mu_pos=[[0, 0.5], [10, 0.4]], fn_max=90.0, f_normalized=1.0), gp.Inertia(J=0.15),
+            gp.BearingFriction(tau_pos=[[0, 2.4], [50, 6.0]]),
+        ]  # fmt: skip
+        drive, load = gp.Torque(tau=24.0), gp.LinearSpeedDependentTorque(tau_nominal=-10.0, w_nominal=20.0)
+        parts = [drive, *line, load]
+        for place in self.places:
+            setattr(self, f"part_{place:02d}", parts[place])
+        return [
+            gl.connect(drive.flange, line[0].flange_a),
+            *(gl.connect(a.flange_b, b.flange_a) for a, b in itertools.pairwise(line)),
+            gl.connect(line[-1].flange_b, load.flange),
+        ]
+
+
+@pytest.mark.parametrize(
+    "places", [range(11), range(10, -1, -1), (9, 7, 0, 2, 1, 4, 6, 10, 5, 3, 8), (7, 3, 8, 0, 1, 9, 6, 10, 5, 2, 4)]
+)
+def test_a_clutch_that_a_run_locks_is_locked(places: Sequence[int]) -> None:
+    """The result was another motion, with the clutch slipping at 164 rad/s without a torque, or none."""
+    flow = gl.compile(LockedOnFallingFriction(places=tuple(places))).power_flow()
+    # referred to the load's shaft: 48 = 2 (3.4 + 0.052 * 2 w) + (5 + 0.02 w) + (2.4 + 0.072 w) + 0.5 w
+    w = (48 - 6.8 - 5 - 2.4) / (0.208 + 0.02 + 0.072 + 0.5)
+    assert flow["part_10.flange"].speed == pytest.approx(w, rel=1e-12)
+    assert (flow["part_07.flange_a"].speed, flow["part_07.flange_b"].speed) == pytest.approx((w, w), rel=1e-12)
+    assert flow["part_00.flange"].speed == pytest.approx(2 * w, rel=1e-12)
+    assert flow["part_07.flange_a"].torque == pytest.approx(2.4 + 0.572 * w, rel=1e-9)
