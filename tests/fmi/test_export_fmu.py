@@ -715,3 +715,26 @@ def test_an_fmu_has_a_name_that_tools_know(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match=r"name the file \.\.\.\.fmu"):
         gl.compile(CASES["backlash"].make()).export_fmu(tmp_path / "nonsense")
     assert not list(tmp_path.iterdir())
+
+
+class RestsAtZero(gl.Component):
+    """A signal that falls to zero at 0.5 s and stays there until 0.95 s; x grows twice as fast while it is not above that."""
+
+    x, way, signal = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+    on = gl.Discrete("not above zero")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.way), 1.0),
+            gl.Eq(self.signal, gl.no_event(gl.Max(0, 1 - 2 * self.way, 2 * self.way - 1.9))),
+            gl.Eq(self.on, self.signal <= 0),
+            gl.Eq(gl.der(self.x), gl.Piecewise((2.0, gl.holds(self.on)), (1.0, True))),
+        ]
+
+
+@pytest.mark.parametrize("kind", ["ModelExchange", "CoSimulation"])
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_what_comes_to_rest_just_at_a_limit_has_reached_it(version: str, kind: str, tmp_path: Path) -> None:
+    path = gl.compile(RestsAtZero(), outputs=["x"]).export_fmu(tmp_path / "rests.fmu", version=version)
+    found = fmpy.simulate_fmu(str(path), fmi_type=kind, stop_time=1.5, output_interval=0.1)["x"][-1]
+    assert found == pytest.approx(1.5 + 0.45, abs=1e-5)

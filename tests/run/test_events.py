@@ -691,3 +691,42 @@ def test_a_moment_of_an_event_is_asked_for_after_the_run(method: str) -> None:
             moment = run.at(t)
             assert moment["n"] == k + 1
             assert moment["x"] == pytest.approx(limit - 0.7, abs=1e-9)
+
+
+RESTS = {  # what is compared with its limit, and whether the comparison holds where they are equal
+    "falls, at most": (lambda s: s <= 0, 1), "falls, above": (lambda s: s > 0, 0),
+    "falls, at least its negative": (lambda s: -s >= 0, 1), "rises, at least": (lambda s: 1 - s >= 1, 1),
+    "rises, below": (lambda s: 1 - s < 1, 0),
+}  # fmt: skip
+
+
+class Resting(gl.Component):
+    """A signal comes to rest just at a limit, at 0.5 s and until 0.95 s; ``x`` grows twice as fast where the condition says so."""
+
+    condition, of_state = gl.Structural("falls, at most"), gl.Structural(False)
+    x, signal, way = gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+    on, turns = gl.Discrete("what the condition says"), gl.Discrete("how often it began to hold")
+
+    def equations(self) -> list[Any]:
+        condition = RESTS[self.condition][0](self.signal)
+        ramp = gl.Table((0.0, 0.43, 0.5, 0.95, 1.0, 1.5), (1.0, 1.0, 0.0, 0.0, 1.0, 1.0))(gl.time)
+        return [
+            gl.Eq(gl.der(self.way), 1.0),
+            gl.Eq(self.signal, gl.no_event(gl.Max(0, 1 - 2 * self.way, 2 * self.way - 1.9)) if self.of_state else ramp),
+            gl.Eq(self.on, condition),
+            gl.Eq(gl.der(self.x), gl.Piecewise((2.0, gl.holds(self.on)), (1.0, True))),
+            gl.When(condition, gl.Eq(self.turns, gl.pre(self.turns) + 1)),
+        ]
+
+
+@pytest.mark.parametrize("of_state", [False, True])
+@pytest.mark.parametrize("condition", RESTS)
+@pytest.mark.parametrize("method", [*METHODS, "auto"])
+def test_what_comes_to_rest_just_at_a_limit_has_reached_it(method: str, condition: str, of_state: bool) -> None:
+    r = gl.simulate(Resting(condition=condition, of_state=of_state), 1.5, samples=16, method=method, rtol=1e-9)
+    rests = RESTS[condition][1]
+    there = (r.time > 0.49) & (r.time < 0.94)
+    assert r["on"].tolist() == np.where(there, rests, 1 - rests).tolist()
+    assert r["x"][-1] == pytest.approx(1.5 + (0.45 if rests else 1.05), abs=1e-9)
+    assert r["turns"].tolist() == np.where(r.time > 0.94, 1, np.where(there, rests, 0)).tolist()
+    assert sorted({round(time, 9) for time, _ in r.events}) == [0.5, 0.95]

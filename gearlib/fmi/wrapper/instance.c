@@ -255,10 +255,11 @@ static int take_g(Instance *m) {
     return FINE;
 }
 
-/* An event function crosses zero where it has left its side by a little, so that it is beyond zero when the event is handled. */
+/* An event function crosses zero where it has left its side by a little, so that it is beyond zero when the event is handled. Zero itself
+   counts as negative: a signal may come to rest there. */
 static double indicator(const Instance *m, int64_t i) {
     double scale = m->scale[i] > SMALLEST ? m->scale[i] : SMALLEST;
-    return m->g[i] + m->side[i] * HYSTERESIS * scale;
+    return m->g[i] + (m->g[i] == 0.0 && m->side[i] > 0 ? -1 : m->side[i]) * HYSTERESIS * scale;
 }
 
 static int is_long(Instance *m, size_t n, int64_t expected, const char *things) {
@@ -505,7 +506,7 @@ int handle_events(Instance *m, int *states_changed, double *next) {
     if (code) return code;
     *states_changed = 0;
     for (int64_t i = 0; i < model.n_indicators; i++) {
-        m->fired[i] = m->g[i] * m->side[i] < 0.0 ? (m->g[i] > 0.0 ? 1 : -1) : 0;
+        m->fired[i] = m->side[i] > 0 && m->g[i] <= 0.0 ? -1 : m->side[i] < 0 && m->g[i] > 0.0 ? 1 : 0;
         if (m->fired[i]) note_event(m, m->t, model.indicator_names[i]);
     }
     if (m->t >= m->next_event) note_event(m, m->t, "time");

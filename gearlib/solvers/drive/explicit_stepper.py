@@ -31,6 +31,7 @@ class ExplicitStepper(PythonStepper):
         self._evaluations = 0
         self._sides = np.zeros(self.record.n_roots)
         self._fired: Floats = self._sides
+        self._resting = np.zeros(self.record.n_roots, np.bool_)
 
     @abstractmethod
     def advance(self, t: float, x: Floats, stop: float) -> tuple[float, Floats]:
@@ -53,7 +54,8 @@ class ExplicitStepper(PythonStepper):
     def _crossed(self, t: float, x: Floats) -> Floats:
         """Directions in which event functions have crossed zero."""
         g = self._event_functions(t, x)
-        directions: Floats = np.where(g * self._sides < 0.0, -self._sides, np.where(self._sides == 0.0, np.sign(g), 0.0))
+        left = (g * self._sides < 0.0) | (self._resting & (g == 0.0))
+        directions: Floats = np.where(left, -self._sides, np.where(self._sides == 0.0, np.sign(g), 0.0))
         return directions
 
     def restart(self, changed: int, why: int) -> int:
@@ -79,6 +81,12 @@ class ExplicitStepper(PythonStepper):
         self._ends = end, x, self.f(end, x)
         self._reached = end, x
         record.reached = end
+        if len(self._sides):  # what comes to rest at zero is no longer positive there
+            later = end + 25.0 * ROUNDING * abs(record.origin + end)
+            still = (self._event_functions(end, x) == 0.0) & (
+                self._event_functions(later, x + (later - end) * self._ends[2]) == 0.0
+            )
+            self._resting = (self._sides > 0.0) & still
         if not len(self._sides) or not self._crossed(end, x).any():
             return STEPPED
         low, high = t, end

@@ -41,6 +41,7 @@ class LoopRecord(DriveRecord):
     fresh: int  # no step accepted since the last restart
     known: int  # see ``step_size``
     unknown: int  # whether event functions could not be evaluated where the current step needs them
+    resting: int  # whether one of them comes to rest at zero in the current step
     next_phase: int
     rtol: float
     span: float

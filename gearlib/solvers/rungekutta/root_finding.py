@@ -4,8 +4,9 @@ Each method compiles it with its own ``dense_output``, ``interpolate`` and ``las
 ``stages``, the Taylor method with those of `gearlib.solvers.taylor.polynomial`.
 
 ``side[k]`` is the established sign of event function k: the one that agrees with its relation or, where the event iteration does not
-determine it, its sign at the start, 0 where that was exactly zero. A function has flipped when its sign differs; a value of exactly
-zero has not flipped. A function that leaves zero has flipped, too: a relation such as ``w > 0`` changes there.
+determine it, its sign at the start, 0 where that was exactly zero. A function has flipped when its sign differs. A function that leaves
+zero has flipped, too: a relation such as ``w > 0`` changes there. A value of exactly zero has not flipped, unless a positive function
+comes to rest there in the step (`rests`): then zero counts as negative, as in the relations.
 
 Rows of ``s.g``: the event functions at the beginning and end of a step, their slopes there, and three rows for a bracket.
 """
@@ -20,7 +21,7 @@ from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.stages import dense_output, interpolate, last_stage
 from gearlib.solvers.rungekutta.vectors import add_slope, move
 
-__all__ = ["crossing", "flipped", "just_beyond", "look", "row", "slopes"]
+__all__ = ["crossing", "flipped", "has_left", "just_beyond", "look", "row", "slopes"]
 
 OLD, NEW, SLOPE_OLD, SLOPE_NEW, LOW, HIGH, FREE = range(7)
 _ROUNDING = 4.4e-16  # two spacings of doubles at 1: accuracy to which a fraction of a step is determined
@@ -50,7 +51,23 @@ def flipped(s: LoopRecord, i: int) -> bool:
     """Whether any event function has flipped, according to row i of ``g``."""
     g, side = floats_at(row(s, i)), int32s_at(s.side)
     for k in range(s.n_roots):  # noqa: SIM110  (no generators in the small language)
-        if g[k] * side[k] < 0.0 or (side[k] == 0 and g[k] != 0.0):
+        if has_left(s, side[k], g[k]):
+            return True
+    return False
+
+
+@native
+def has_left(s: LoopRecord, side: int, g: float) -> bool:
+    """Whether an event function of this value is no longer on its side."""
+    return g * side < 0.0 or (side == 0 and g != 0.0) or (s.resting != 0 and side > 0 and g == 0.0)
+
+
+@native
+def rests(s: LoopRecord, i: int, j: int) -> bool:
+    """Whether a positive event function has come to rest at zero, by its value in row i of ``g`` and its slope in row j."""
+    g, slope, side = floats_at(row(s, i)), floats_at(row(s, j)), int32s_at(s.side)
+    for k in range(s.n_roots):  # noqa: SIM110
+        if side[k] > 0 and g[k] == 0.0 and slope[k] == 0.0:
             return True
     return False
 
@@ -117,6 +134,9 @@ def _dip(s: LoopRecord, t: float, h: float) -> float:
             over = max(SLOPE_OVER * width, CLOCK * abs(s.origin) / h)
             _look_within(s, t, h, theta + over, HIGH)
             slope = sign * (high[k] - free[k]) / over
+            if sign > 0 and free[k] == 0.0 and slope == 0.0:
+                s.resting, first = 1, theta
+                break
             if slope < 0.0:
                 left, a, da = theta, sign * free[k], slope
             else:
@@ -142,8 +162,8 @@ def _locate(s: LoopRecord, t: float, h: float, low: float, high: float, toleranc
         fraction = 0.0
         below, above = floats_at(row(s, lo)), floats_at(row(s, hi))
         for i in range(s.n_roots):
-            if above[i] * side[i] < 0.0 or (side[i] == 0 and above[i] != 0.0):
-                fraction = max(fraction, above[i] / (above[i] - alpha * below[i]))
+            if has_left(s, side[i], above[i]):
+                fraction = max(fraction, above[i] / (above[i] - alpha * below[i]) if above[i] != 0.0 else 0.5)
         # at least half a tolerance inside, and not so close to an end of a wide bracket that it never shrinks
         margin = max(0.5 * tolerance / (high - low), 1e-12)
         if trial > 15 and trial % 2 == 0:  # discontinuous, as an input may be: secants give no information
@@ -183,6 +203,7 @@ def _search(s: LoopRecord, t: float, h: float, error: float) -> tuple[int, float
     """
     look(s, t + h, s.x_new, NEW)
     slopes(s, t + h, h, s.x_new, last_stage(s), NEW, SLOPE_NEW)
+    s.resting = int(rests(s, NEW, SLOPE_NEW))
     low, high = 0.0, 1.0
     if flipped(s, OLD):  # on the wrong side from the start
         dense_output(s, t, h)

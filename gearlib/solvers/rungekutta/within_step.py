@@ -8,7 +8,7 @@ from __future__ import annotations
 from gearlib.compiler.small_language import floats_at, int32, int32s_at, native
 from gearlib.solvers.drive.drive_loop import ROUNDING
 from gearlib.solvers.rungekutta.record import LoopRecord
-from gearlib.solvers.rungekutta.root_finding import AT_ONCE, NEW, OLD, SLOPE_NEW, SLOPE_OLD, just_beyond, row
+from gearlib.solvers.rungekutta.root_finding import AT_ONCE, NEW, OLD, SLOPE_NEW, SLOPE_OLD, has_left, just_beyond, row
 from gearlib.solvers.rungekutta.stages import dense_output, interpolate, last_stage
 from gearlib.solvers.rungekutta.vectors import move
 
@@ -63,8 +63,8 @@ def fire(s: LoopRecord) -> None:
     s.from_zero = 1
     for i in range(s.n_roots):
         fired[i] = 0
-        if g[i] * side[i] < 0.0 or (side[i] == 0 and g[i] != 0.0):
-            fired[i] = sign(g[i])
+        if has_left(s, side[i], g[i]):
+            fired[i] = 1 if g[i] > 0.0 else -1
             if side[i] != 0:
                 s.from_zero = 0
 

@@ -85,7 +85,9 @@ class Friction(SlidingSurfaces, Dissipative):
             ),
             gl.Eq(self.loss_power, self.tau * self.v),
             gl.Eq(self.moving, sign_while((1 - gl.pre(self.locked)) * (1 - self.free), self.v, gl.pre(self.moving), self.sa)),
-            gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
+            gl.Eq(
+                self.was_stuck, gl.And(gl.equals(was, STUCK), has_held(self.locked, self.start_forward, self.start_backward))
+            ),
             gl.Eq(self.was_forward, gl.equals(was, FORWARD)),
             gl.Eq(self.was_backward, gl.equals(was, BACKWARD)),
             gl.Eq(
@@ -145,6 +147,14 @@ def sign_while(flag: Any, speed: Any, was: Any, acceleration: Any) -> Any:
         (-1, flag * speed < -least_speed(was * (was - 1) / 2, acceleration)),
         (0, True),
     )
+
+
+def has_held(locked: Any, *starts: Any) -> Any:
+    """Whether an element that is stuck was so before, rather than has just come to rest.
+
+    Others that stop at the same instant may still count as sliding then, so that its torque is not yet what it will be.
+    """
+    return gl.Or(*(gl.holds(gl.pre(flag)) for flag in (locked, *starts)))
 
 
 def least_speed(moved: Any, acceleration: Any) -> Any:
@@ -308,7 +318,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
             ),
             gl.Eq(self.tau, gl.Piecewise((self.sa, locked), (0, is_free), (self.level(self.w_rel), True))),
             gl.Eq(self.moving, (1 - gl.pre(self.locked)) * self.w_rel > least_speed(gl.pre(self.moving), self.sa)),
-            gl.Eq(self.was_stuck, was_stuck),
+            gl.Eq(self.was_stuck, gl.And(was_stuck, has_held(self.locked, self.start_forward))),
             gl.Eq(
                 self.start_forward,
                 gl.Or(

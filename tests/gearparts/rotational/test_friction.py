@@ -773,8 +773,15 @@ def test_modes_after_an_event(brake: gl.Component, free: int, was: int, starts: 
     assert right_side(brake, "locked", **values) == (not free and not forward and not backward)
     slides = FORWARD if forward and moving == 1 else BACKWARD if backward and moving == -1 else STUCK
     assert right_side(brake, "mode", **values) == (FREE if free else slides)
-    for name, mode in (("was_stuck", STUCK), ("was_forward", FORWARD), ("was_backward", BACKWARD)):
+    for name, mode in (("was_forward", FORWARD), ("was_backward", BACKWARD)):
         assert right_side(brake, name, **values) == (was == mode)
+    for held in (
+        {"pre_locked": 1},
+        {"pre_start_forward": 1},
+        {"pre_start_backward": 1},
+        {},
+    ):  # the last: it has just come to rest
+        assert right_side(brake, "was_stuck", **values, **held) == (was == STUCK and bool(held))
 
 
 @pytest.mark.parametrize(("was", "speed", "sign"), [

@@ -72,6 +72,13 @@ def test_the_first_crossing_of_a_step_is_found_to_rounding(sign: float) -> None:
     assert found.stats["rhs"] == 1 + 6 + 2 * 3
 
 
+def test_a_function_that_comes_to_rest_at_zero_is_no_longer_positive() -> None:
+    """The second one only touches zero at the end of a step, at 0.6 s; the third rests there from below, where zero counts as negative."""
+    found = integrate(run_of(lambda t, x: [max(0.0, 0.4 - t), (t - 0.6) ** 2, min(0.0, t - 0.4)], 3))
+    assert found.event_roots.tolist() == [0]
+    assert found.event_times == pytest.approx([0.4], rel=1e-12)
+
+
 @pytest.mark.parametrize("direction", [1, -1])
 def test_directions_and_sides_are_those_of_the_event_iteration(direction: int) -> None:
     """It may set the side that an event function starts from, whatever its value is; those that fired together are told together."""
