@@ -166,7 +166,7 @@ def _force(model: FlatModel, v: int) -> tuple[int, int]:
 def _product(potential: str, flow: str) -> Dimension | None:
     """Dimension of a potential times its flow."""
     a, b = dimension(potential), dimension(flow)
-    return None if a is None or b is None else dimension(f"{potential}.{flow}")
+    return None if a is None or b is None else tuple(x + y for x, y in zip(a, b, strict=True))
 
 
 def _ports(model: FlatModel, instance: Instance) -> list[tuple[int, int, float]]:
