@@ -28,7 +28,7 @@ class Matrices:
     D: Any
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinearModel:
     """dx/dt = A x + B u, y = C x + D u about an operating point; matrices are arrays, or sparse where these would be large.
 
@@ -45,8 +45,8 @@ class LinearModel:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     conditions: tuple[str, ...] = ()
-    whole: Matrices | None = field(default=None, repr=False, compare=False)
-    changes: Callable[[Sequence[str]], list[Matrices]] | None = field(default=None, repr=False, compare=False)
+    whole: Matrices | None = field(default=None, repr=False)
+    changes: Callable[[Sequence[str]], list[Matrices]] | None = field(default=None, repr=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the numbers only, without the reference to the system."""

@@ -184,8 +184,7 @@ def derivative_plan(
     places = _places(program, [slot for slot, _ in entering])
     entering = [(_place(places, slot), seed) for slot, seed in entering]
     n_given = len(program.states) + len(program.inputs)
-    computed = any(n_given <= slot < program.n_slots for slot, _ in entering)
-    makers, rows_made = _made_by(program) if computed else (_NONE, _NONE)
+    makers, rows_made = _made_by(program)
     known = [(k, slot) for k, (slot, _) in enumerate(entering) if not n_given <= slot < program.n_slots]
     order = [k for k, _ in sorted(known, key=lambda pair: pair[1])]
     order += sorted(set(range(len(entering))) - set(order))

@@ -44,10 +44,9 @@ def held_speeds(structure: Structure, prepared: Prepared, t: float, slots: Float
         if set(program.states) <= set(states):
             program = build(structure, others, states, dynamic=False)
             ready = prepare(program, structure, prepared.parameters)
-            n = len(states)
-            inputs = slots[n : n + len(program.inputs), None]
-            values = evaluate(ready, np.array([t]), slots[:n, None], inputs, discrete[:, None])[:, 0]
-            d = derivatives(ready, t, values, discrete, range(n), wanted=program.output_slots)
+            known, inputs, _ = np.split(slots[:, None], np.cumsum([len(states), len(program.inputs)]))
+            values = evaluate(ready, np.array([t]), known, inputs, discrete[:, None])[:, 0]
+            d = derivatives(ready, t, values, discrete, range(len(states)), wanted=program.output_slots)
             rows += list(d.toarray() if hasattr(d, "toarray") else d)
     return np.array(rows, float).reshape(len(rows), len(states))
 

@@ -479,7 +479,7 @@ def _least_sparse(matrix: Any, right: Floats) -> Floats:
     relative = entries.data / of_row[entries.row]
     compliant = (relative > 0.0) & (relative <= COMPLIANCE)
     weights = np.zeros(len(found))
-    weights[entries.col[compliant]] = np.sqrt(relative[compliant] * of_column[entries.col[compliant]])
+    np.maximum.at(weights, entries.col[compliant], np.sqrt(relative[compliant] * of_column[entries.col[compliant]]))
     free = sparse.diags(factors.column) @ factors.continued(np.eye(len(factors.open)))
     return np.asarray(found - free @ np.linalg.lstsq(weights[:, None] * free, weights * found, rcond=SINGULAR)[0], float)
 

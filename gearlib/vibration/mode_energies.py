@@ -134,8 +134,8 @@ def _rows(
             count[owner] += 1
         if group.template.binds:
             continue
-        variables = np.where(group.signs == 0, _silent(model, group), group.variables).tolist()
-        signs = np.where((group.signs == 0) & (np.array(variables).reshape(group.signs.shape) < 0), 1, group.signs).tolist()
+        silent = _silent(model, group)
+        variables, signs = (np.where(silent < 0, *pair).tolist() for pair in ((silent, group.variables), (1, group.signs)))
         for c, (j, order) in enumerate(group.template.local_columns):
             kernel = partial_kernel(group.template, c)
             batch = builder.batch(kernel, g, 0, [(i, i, 1) for i in range(len(group))])
@@ -148,20 +148,25 @@ def _rows(
 
 
 def _silent(model: FlatModel, group: EquationGroup) -> Any:
-    """Negative placeholder numbers for forces that are zero at unconnected ports; they stand for the force that would hold the port."""
+    """Numbers of the forces that are zero at unconnected ports, see `_force`; zero for all other variables."""
     result = np.zeros(group.variables.shape, np.int64)
     for j, name in enumerate(group.template.locals):
         for i in np.flatnonzero(group.signs[:, j] == 0).tolist():
-            instance = model.instances[int(group.owners[i])] if group.owners[i] >= 0 else None
-            if instance is not None and isinstance(instance.declared.variables.get(name), Flow):
-                result[i, j] = -1 - instance.variable(name)
+            instance = model.instances[int(group.owners[i])]
+            if isinstance(instance.declared.variables.get(name), Flow):
+                result[i, j], _ = _force(model, instance.variable(name))
     return result
+
+
+def _force(model: FlatModel, v: int) -> tuple[int, int]:
+    """Number and sign of a flow. One that is zero, at an unconnected port, stands for the force that would hold the port: -1 - v."""
+    return (int(model.representative[v]), int(model.sign[v])) if model.sign[v] else (-1 - v, 1)
 
 
 def _product(potential: str, flow: str) -> Dimension | None:
     """Dimension of a potential times its flow."""
     a, b = dimension(potential), dimension(flow)
-    return None if a is None or b is None else dimension(f"{potential}.{flow}")
+    return None if a is None or b is None else tuple(x + y for x, y in zip(a, b, strict=True))
 
 
 def _ports(model: FlatModel, instance: Instance) -> list[tuple[int, int, float]]:
@@ -178,7 +183,7 @@ def _ports(model: FlatModel, instance: Instance) -> list[tuple[int, int, float]]
     for port, (potentials, flows) in halves.items():
         for p, f, unit in zip(potentials, flows, zip(*units[port], strict=True), strict=True):
             if model.sign[p] and _product(*unit) == (WORK if unit[0] in POSITIONS else POWER):
-                flow, sign = (int(model.representative[f]), int(model.sign[f])) if model.sign[f] else (-1 - f, 1)
+                flow, sign = _force(model, f)
                 result.append((int(model.representative[p]), flow, float(sign * int(model.sign[p]))))
     return result
 
@@ -189,11 +194,7 @@ def _given(model: FlatModel, instance: Instance, present: Collection[int]) -> se
     One that is no angle or position, such as a temperature, it does determine if the flow beside it occurs in no equation of its own.
     """
     named = [(name, d, instance.first_variable + k) for k, (name, d) in enumerate(instance.declared.variables.items())]
-    acting = {
-        name.rpartition(".")[0]
-        for name, d, v in named
-        if isinstance(d, Flow) and (int(model.representative[v]) if model.sign[v] else -1 - v) in present
-    }
+    acting = {name.rpartition(".")[0] for name, d, v in named if isinstance(d, Flow) and _force(model, v)[0] in present}
     return {
         int(model.representative[v])
         for name, d, v in named

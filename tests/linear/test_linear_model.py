@@ -96,6 +96,16 @@ def test_a_pickled_model_is_numbers_and_names() -> None:
     assert found.changes is None
 
 
+def test_a_model_is_told_by_its_numbers_and_compared_as_one_object() -> None:
+    """Matrices have no single truth value, and what they were derived from is long."""
+    one, other = model(whole="the whole", changes=len), model()
+    assert one == one
+    assert one != other
+    assert len({one, other, one}) == 2
+    assert "the whole" not in repr(one)
+    assert "changes" not in repr(one)
+
+
 @pytest.mark.parametrize("form", [np.asarray, sparse.csr_matrix])
 @pytest.mark.parametrize(("n", "entries", "expected"), [(80, 80, False), (81, 81, True), (100, 999, True), (100, 1000, False)])
 def test_sparse_matrices_are_used_for_many_states_with_few_entries(form: Any, n: int, entries: int, expected: bool) -> None:

@@ -155,3 +155,24 @@ def test_a_start_below_a_minimum_is_refused_at_time_0(plant: Any) -> None:
     assert operating_point(plant, states, parameters={"tank.fall": 50.0})[2].t == 0.0
     with pytest.raises(StartError, match="at t = 0 s"):
         operating_point(plant, states, {"tank.y": -0.1})
+
+
+class Wrapped(gl.Component):
+    """An angle that follows another: one root of many, half a turn apart."""
+
+    x, y, z = gl.Variable("1", start=0.0), gl.Variable("1", start=0.0), gl.Variable("1")
+    rate = gl.Parameter("1/s", default=2.0)
+
+    def equations(self) -> list[Any]:
+        a = self.y - self.x
+        return [gl.Eq(gl.der(self.x), self.rate), gl.Eq(gl.sin(a) + 0.3 * gl.sin(2 * a), 0), gl.Eq(self.z, self.y**2)]
+
+
+@pytest.mark.parametrize("t", [0.0, 2.05, 5.0])
+def test_a_moment_of_a_run_is_on_the_branch_of_the_run(t: float) -> None:
+    """y = x = 2 t, so dz/dx = 2 y = 4 t; from the start values alone the nearest root to 0 would be found."""
+    system = gl.compile(Wrapped())
+    model = system.linearize(inputs=[], outputs=["z", "y"], at=(system.simulate(5.0, samples=101), t))
+    np.testing.assert_allclose(model.C, [[4 * t], [1.0]], rtol=1e-6, atol=1e-12)
+    if not t:
+        np.testing.assert_allclose(system.linearize(inputs=[], outputs=["z", "y"]).C, model.C, atol=1e-12)

@@ -23,42 +23,58 @@ class Locked(gl.Component):
     rate, k = gl.Parameter("1/s", default=1.0), gl.Parameter("1", default=3.0)
     c, d, give = gl.Parameter("1", default=0.1), gl.Parameter("1", default=0.2), gl.Parameter("1", default=1e-25)
     w = gl.Parameter("1", default=1.0)  # weight of the equation of one of them
+    softer = gl.Parameter("1", default=1.0)  # how many times as far it gives way
+    across = gl.Parameter("1", default=0.0)  # how far each gives way under the reaction of the other
 
     def equations(self) -> list[Any]:
-        def element(lever: Any, reaction: Any, w: Any = 1.0) -> Any:
-            held = w * lever * self.c * self.a + w * lever * self.d * self.b + w * self.give * reaction
+        def element(lever: Any, reaction: Any, other: Any, w: Any = 1.0, softer: Any = 1.0) -> Any:
+            gives = softer * self.give * reaction + self.across * self.give * other
+            held = w * lever * self.c * self.a + w * lever * self.d * self.b + w * gives
             return gl.Eq(gl.Piecewise((held, self.x > -1.0), (reaction, True)), 0)
 
         return [
             gl.Eq(gl.der(self.x), self.rate * (self.a + self.b)),
             gl.Eq(self.a + self.c * self.r + self.k * self.c * self.q, self.x),
             gl.Eq(self.b + self.d * self.r + self.k * self.d * self.q, 0 * self.x),
-            element(1.0, self.r), element(self.k, self.q, self.w),
+            element(1.0, self.r, self.q), element(self.k, self.q, self.r, self.w, self.softer),
         ]  # fmt: skip
 
 
 @cache
-def locked() -> Any:
-    return gl.compile(Locked(), outputs=["a", "b", "r", "q"]).translation
+def locked(large: bool) -> Any:
+    """Its block is treated as a large one, or not."""
+    with pytest.MonkeyPatch.context() as patch:
+        if large:
+            patch.setattr("gearlib.program.program.SPARSE", 1.0)
+            patch.setattr("gearlib.program.program.LARGE", 1)
+        found = gl.compile(Locked(), outputs=["a", "b", "r", "q"]).translation
+        (step,) = (s for s in found.scene.program.steps if isinstance(s, Newton))
+        assert (step.order is not None) == large
+        return found
 
 
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("large", [False, True], ids=["dense", "sparse"])
+@pytest.mark.parametrize(("count", "softer"), [(1, 1.0), (2, 1.0), (1, 5.0), (2, 0.3)])
+@pytest.mark.parametrize("across", [0.0, 1e-13])
 @pytest.mark.parametrize(("give", "w"), [(1e-25, 1.0), (1e-30, 1e15), (1e-25, 1e-15)])
 @pytest.mark.parametrize("k", [1.0, 2.0, 3.0, 0.7, -1.9])
-def test_stuck_elements_share_their_load(k: float, give: float, w: float, count: int) -> None:
-    """The load u = c x / (c^2 + d^2) = r + k q, with the least r^2 + q^2; at several times together as at one, and so do derivatives.
+def test_stuck_elements_share_their_load(
+    k: float, give: float, w: float, count: int, softer: float, across: float, large: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The load u = c x / (c^2 + d^2) = r + k q, with the least r^2 + softer q^2; at several times as at one, and so do derivatives.
 
     0.1 times 3 is not 0.3, so that the equations of both elements seem to say something different.
     """
-    scene = locked().scene
-    numbers = scene.numbers(locked().parameter_values({"k": k, "give": give, "w": w}))
+    monkeypatch.setattr("gearlib.program.interpret.MOST_DENSE", 1 if large else 400)
+    scene = locked(large).scene
+    numbers = scene.numbers(locked(large).parameter_values({"k": k, "give": give, "w": w, "softer": softer, "across": across}))
     (step,) = (s for s in scene.program.steps if isinstance(s, Newton))
     x, none, t = np.array([[0.7e6, 0.9e-6][:count]]), np.zeros((0, count)), np.zeros(count)
     flags = scene.discrete(numbers, t, x, none)
     slots = evaluate(numbers, t, x, none, flags)
     u, one = 0.1 / 0.05, np.array([1.0, 1.0, 1.0, 1.0])
-    expected = {"a": 1.0 - 0.1 * u, "b": -0.2 * u, "r": u / (1 + k**2), "q": u * k / (1 + k**2)}
-    places = [scene.program.slots[locked().model.variable(name), 0] for name in expected]
+    expected = {"a": 1.0 - 0.1 * u, "b": -0.2 * u, "r": u * softer / (softer + k**2), "q": u * k / (softer + k**2)}
+    places = [scene.program.slots[scene.model.variable(name), 0] for name in expected]
     right = np.array([*expected.values()])[:, None] * one[:count]
     np.testing.assert_allclose(slots[places] / x, right, rtol=1e-11, atol=1e-12)
     assert len(step.unknowns) >= 4

@@ -109,6 +109,30 @@ def test_fifty_iterations_are_tried() -> None:
     assert found[[0, 1, 3]] == pytest.approx([root] * 3, rel=1e-14)
 
 
+class SquareRoot(gl.Component):
+    x, y = gl.Variable("1"), gl.Variable("1", start=1.0)
+    rate = gl.Parameter("1/s", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.rate * self.y), gl.Eq(self.y**2, self.x)]
+
+
+@pytest.mark.parametrize("entries", [1, 10**6], ids=["one by one", "together"])
+def test_times_without_a_solution_do_not_touch_the_roots_at_others(entries: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each time goes to the root at its own guess, or all to that of the only guess; -1 has no square root."""
+    monkeypatch.setattr("gearlib.program.interpret.ENTRIES", entries)
+    scene = gl.compile(SquareRoot()).translation.scene
+    numbers, place = scene.numbers(scene.model.parameters.values), scene.program.output_slots[0]
+    x, signs, none = np.array([[-1.0, 4.0, 9.0, 16.0]]), np.array([1.0, -1.0, 1.0, -1.0]), np.empty((0, 4))
+    for sign in (1.0, -1.0):
+        for guess, expected in (
+            (np.tile(sign * signs, (scene.program.n_slots, 1)), sign * signs * [1, 2, 3, 4]),
+            (np.full(scene.program.n_slots, sign), sign * np.array([1, 2, 3, 4])),
+        ):
+            found = evaluate(numbers, np.arange(4.0), x, none, none, guess, forgiving=True)[place]
+            assert found[1:] == pytest.approx(expected[1:], rel=1e-12)
+
+
 @pytest.mark.parametrize("size", [1e-4, 1.0, 1e4])
 @pytest.mark.parametrize(("smallest", "good"), [(1e-11, True), (1e-15, True), (1e-17, False), (0.0, False)])
 def test_pivots_of_a_large_constant_block(smallest: float, good: bool, size: float, monkeypatch: pytest.MonkeyPatch) -> None:

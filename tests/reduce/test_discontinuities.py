@@ -202,6 +202,25 @@ def test_what_may_jump(law: str, first: bool, second: bool) -> None:
     assert [may_jump(model, e, times, model.parameters.defaults) for times in (1, 2)] == [first, second]
 
 
+class Nothing(gl.Component):
+    """What is zero, in an equation that switches."""
+
+    x, none, other = gl.Variable("1", start=0.0), gl.Variable("1"), gl.Variable("1")
+    rate = gl.Parameter("1/s", default=1.0)
+
+    def equations(self) -> list[Any]:
+        law = gl.Piecewise((self.none, self.x > 0.3), (-self.none, True))
+        return [gl.Eq(gl.der(self.x), self.rate), gl.Eq(self.none, 0), gl.Eq(self.other, 0), gl.Eq(self.other, law)]
+
+
+def test_what_is_zero_on_both_sides_does_not_jump() -> None:
+    model = flatten(Nothing())
+    (switching,) = [
+        first for first, group in zip(model.first_equations, model.groups, strict=False) if group.template.relations
+    ]
+    assert not may_jump(model, switching, 2, model.parameters.defaults)
+
+
 class Driven(gl.Component):
     """A torque on a node without inertia, between a damped spring and preferred relative motion."""
 

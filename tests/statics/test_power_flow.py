@@ -59,6 +59,21 @@ def test_sums_of_power() -> None:
         flow["load.flang"]
 
 
+def test_two_power_flows_are_equal_if_all_flanges_are() -> None:
+    """Those of one train that was made twice, but not of another; a text of one shows no parts of the train."""
+
+    class Train(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.motor, self.shaft, self.load = gp.Torque(), gp.Inertia(J=1.0), gp.Torque()
+            return [gl.connect(self.motor.flange, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.load.flange)]
+
+    one, same, other = (gl.compile(Train()).power_flow({"shaft.w": w}, {"motor.tau": 5.0}) for w in (3.0, 3.0, 4.0))
+    assert one == same
+    assert one != other
+    assert "component=" in repr(one.flanges[0])
+    assert "<Train>" not in repr(one)
+
+
 def test_the_text_leaves_out_what_says_nothing() -> None:
     title, empty, *table, note, left_out, blank, drive, load, lost, efficiency, around = str(
         PowerFlow(FLANGES, 1, "Train")

@@ -44,6 +44,16 @@ def test_an_entry_is_large_enough_from_a_tenth_of_its_rows_largest_on(smallest: 
     assert dict(zip(rows.tolist(), columns.tolist(), strict=True))[0 if first else 1] == (1 if first else 0)
 
 
+@pytest.mark.parametrize(("more", "order"), [(0.0, [0, 2, 1]), (2e-15, [0, 2, 1]), (-2e-15, [0, 2, 1]), (1e-13, [0, 1, 2])])
+@pytest.mark.parametrize("factor", [7.0, 8.0])
+def test_what_rounding_leaves_of_a_difference_is_no_entry(more: float, order: list[int], factor: float) -> None:
+    """Row 2 without a multiple of row 0 is a row of one entry, and comes before one of two; 0.7 / 0.1 is not 7 to the last bit."""
+    last = [factor / 10, factor / 10 * 3 * (1 + more), 1.0, 0.0]
+    rows, columns = independent(sparse.csr_matrix([[0.1, 0.3, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0], last]))
+    assert rows.tolist() == order
+    assert dict(zip(rows.tolist(), columns.tolist(), strict=True))[1] == 3
+
+
 def test_rows_that_fill_in_too_much_are_left_to_the_dense_remainder() -> None:
     """Every pivot of 22 full rows would fill in 21 * 21 entries; of 21 rows, 20 * 20."""
     rng = np.random.default_rng(4)

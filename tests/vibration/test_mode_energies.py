@@ -300,3 +300,43 @@ def test_what_moves_at_a_free_end_has_the_energies_of_its_body_and_spring(first:
     bar = found.components.index("bar")
     assert found.kinetic[:, bar] == pytest.approx(200 * shapes[0] ** 2)
     assert found.potential[:, bar] == pytest.approx(500 * (shapes[0] - shapes[1]) ** 2 / squares)
+
+
+class Rod(gl.Connector):
+    """By its speed, not its position."""
+
+    v, f = gl.Potential("m/s"), gl.Flow("N")
+
+
+class Axle(gl.Connector):
+    """By its speed, not its angle."""
+
+    v, f = gl.Potential("rad/s"), gl.Flow("N.m")
+
+
+@pytest.mark.parametrize("kind", [Rod, Axle])
+def test_connectors_of_speeds_do_work(kind: type[gl.Connector]) -> None:
+    """Two bodies on one spring: (1/1 + 1/3) 50 = omega^2; the light one has three quarters of what moves."""
+
+    class Body(gl.Component):
+        end, m = kind("end"), gl.Parameter("any")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.m * gl.der(self.end.v), self.end.f)]
+
+    class Elastic(gl.Component):
+        a, b, k = kind("one end"), kind("the other end"), gl.Parameter("any", default=50.0)
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.b.f), self.k * (self.b.v - self.a.v)), gl.Eq(self.a.f, -self.b.f)]
+
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.rod = Body(m=1.0), Body(m=3.0), Elastic()
+            return [gl.connect(self.a.end, self.rod.a), gl.connect(self.rod.b, self.b.end)]
+
+    found = gl.modes(gl.compile(Two()))
+    assert found.omega == pytest.approx([np.sqrt(50.0 * 4 / 3)])
+    assert (found.components, found.not_given) == (("a", "b", "rod"), {})
+    assert found.kinetic[0] == pytest.approx([75.0, 25.0, 0.0], abs=1e-9)
+    assert found.potential[0] == pytest.approx([0.0, 0.0, 100.0], abs=1e-9)

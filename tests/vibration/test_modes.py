@@ -148,6 +148,22 @@ def test_a_position_inside_a_gap_is_that_of_a_swing_as_slow_as_the_slowest_mode(
     assert position == pytest.approx((b - a) / 5j)
 
 
+@pytest.mark.parametrize("factor", [1.0, 1e-14, 1e14])
+def test_a_position_inside_a_gap_moves_in_any_unit_of_time(factor: float) -> None:
+    """Free motions are shown larger in a train of larger frequencies: their sizes are as arbitrary as those of any mode."""
+
+    class Ahead(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.open, self.shaft, self.disc = OpenGap(), gp.Spring(c=6.0 * factor), gp.Inertia(J=6.0)
+            return [gl.connect(self.open.b.flange_b, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.disc.flange_a)]
+
+    found, slowest = gl.modes(gl.compile(Ahead())), np.sqrt(3.0 * factor)
+    assert found.omega == pytest.approx([0.0, 0.0, slowest])
+    a, b, position = (found.shapes[found.states.index(f"open.{name}"), :2] for name in ("a.w", "b.w", "gap.phi_rel"))
+    assert (np.abs(b - a) > 0).any()
+    np.testing.assert_allclose(position, (b - a) / (1j * slowest), rtol=1e-6, atol=1e-9 * np.abs(position).max())
+
+
 @pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (0.0, 0.3, 0.0), (0.3, 0.0, 0.0), (-0.3, 0.3, 0.3)])
 def test_free_motions_across_open_gaps_are_those_whose_bodies_have_different_speeds(at: tuple[float, ...]) -> None:
     """Of gaps of 0.2 rad, some closed; a spring of no stiffness, which nothing feels either, is no gap."""
