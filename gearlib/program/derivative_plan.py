@@ -97,6 +97,9 @@ class Solved:
     first : int
     added, added_sources : arrays of int
         Seeds that enter at the unknowns: positions counted from ``first``, and the entries added there.
+    matrix : Sums, optional
+        Changes of the matrix of linear equations that may be singular, on which the shares of what they leave open depend:
+        (row * unknowns + column) * width + seed.
     """
 
     step: Linear | Newton
@@ -108,6 +111,7 @@ class Solved:
     first: int
     added: Integers
     added_sources: Integers
+    matrix: Sums | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -368,6 +372,7 @@ def _solved(
     if not len(needed):
         return None
     products: list[Products] = []
+    turned: list[Products] = []
     implicit = isinstance(step, Newton) or _has_varied_matrix(rows, step)
     if isinstance(step, Newton):
         inside = np.zeros(rows.n_slots, bool)
@@ -375,6 +380,9 @@ def _solved(
         for batch in step.residuals:
             use = np.ones(len(batch), bool)
             products += [_of_batch(rows, batch, batch.targets, use, inside), *_of_held(rows, batch, batch.targets, use)]
+        for batch in step.jacobian if step.linear else ():
+            use = np.ones(len(batch), bool)
+            turned += [_of_batch(rows, batch, batch.targets, use, inside), *_of_held(rows, batch, batch.targets, use)]
     else:
         which, sources = rows.entries_of(step.known)
         products.append(_plain(sources, step.known_rows[which] if implicit else which))
@@ -390,7 +398,8 @@ def _solved(
     kept = place[added] >= 0
     added_places = place[added[kept]] * len(seeds) + np.searchsorted(seeds, rows.seed_of[entries[kept]])
     first = rows.make(step.unknowns[needed], np.full(len(needed), len(seeds)), np.tile(seeds, len(needed)))
-    return Solved(step, block, implicit, sums, needed, len(seeds), first, added_places, entries[kept])
+    matrix = _summed(rows, turned, seeds) if any(len(p[3]) for p in turned) else None
+    return Solved(step, block, implicit, sums, needed, len(seeds), first, added_places, entries[kept], matrix)
 
 
 def _has_varied_matrix(rows: _Rows, step: Linear) -> bool:

@@ -178,6 +178,12 @@ def pulled_back(plan: DerivativePlan, at: At, weights: Floats) -> Floats:
         unknowns[step.rows] = entries_.reshape(len(step.rows), width, times)
         right = _transposed_block(step, at, unknowns)
         _spread(step.sums, at, right.reshape(-1, times)[step.sums.to], back)
+        if isinstance(block, Newton) and step.matrix is not None:
+            for i, matrix in enumerate(newton_matrix(block, at)):
+                if (shares := shares_by_matrix(matrix, at.slots[block.unknowns, i])) is not None:
+                    due = np.zeros((len(step.matrix), times))
+                    due[:, i] = shares.transposed(unknowns[:, :, i]).ravel()[step.matrix.to]
+                    _spread(step.matrix, at, due, back)
     found = np.empty((len(plan.order), len(at.t)))
     found[plan.order] = back[1 : 1 + len(plan.order)]
     return found
@@ -231,7 +237,8 @@ def solved_block(step: Solved, at: At, numbers: Floats) -> Floats:
     right = np.zeros((n * width, times))
     right[step.sums.to] = sums_of_products(step.sums, factor_values(step.sums, at), numbers)
     if isinstance(block, Newton):
-        return newton_solved(block, at, right.reshape(n, width, times))
+        found = newton_solved(block, at, right.reshape(n, width, times))
+        return found if step.matrix is None else found + _shares_turned(step.matrix, block, at, numbers, width)
     if step.implicit:
         found = -block_solve(at.prepared, step.block, right.reshape(n, width * times))
     elif isinstance(solution := at.prepared.solutions[step.block], np.ndarray) and solution.ndim > 2:
@@ -239,6 +246,21 @@ def solved_block(step: Solved, at: At, numbers: Floats) -> Floats:
     else:
         found = solution @ right.reshape(n, width * times)
     return np.asarray(found.reshape(len(block.unknowns), width, times), float)
+
+
+def _shares_turned(sums: Sums, block: Newton, at: At, numbers: Floats, width: int) -> Floats:
+    """What changes of the matrix add to what it leaves open, shape (unknowns, seeds, times)."""
+    n, times = len(block.unknowns), len(at.t)
+    found = np.zeros((n, width, times))
+    changes: Floats | None = None
+    for i, matrix in enumerate(newton_matrix(block, at)):
+        if (shares := shares_by_matrix(matrix, at.slots[block.unknowns, i])) is not None:
+            if changes is None:
+                changes = sums_of_products(sums, factor_values(sums, at), numbers)
+            change = np.zeros(n * n * width)
+            change[sums.to] = changes[:, i]
+            found[:, :, i] = shares.times(change.reshape(n, n, width))
+    return found
 
 
 def newton_solved(step: Newton, at: At, right: Floats) -> Floats:
@@ -321,22 +343,10 @@ def solve_shared(matrix: Floats, right: Floats, transposed: bool = False) -> Flo
     LinAlgError
         The equations are inconsistent; transposed, what is asked for is left open.
     """
-    row = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
-    column = 1 / np.maximum((np.abs(matrix) * row[:, None]).max(axis=0), 1e-300)
-    for by_units in (False, True):
-        rows, columns = equilibrating(matrix) if by_units else (row, column)
-        scaled = matrix * rows[:, None] * columns
-        with suppress(np.linalg.LinAlgError):
-            inverse = np.linalg.inv(scaled)
-            if np.abs(inverse).sum(axis=1).max(initial=0.0) * np.abs(scaled).sum(axis=1).max(initial=0.0) < SINGULAR:
-                return _times(rows, columns, inverse, right, transposed)
-    scaled = matrix * row[:, None] * column
-    left, sizes, back = np.linalg.svd(scaled)
-    kept = sizes * SINGULAR > sizes.max()
-    inverse, free = back[kept].T @ (left[:, kept].T / sizes[kept, None]), back[~kept].T
-    compliant, weights = compliances(matrix)
-    compliant &= np.abs(scaled) * SINGULAR <= 1.0  # not one that only units make small
-    weights = np.where(compliant.any(axis=0), weights * column, 0.0)[:, None]
+    scales, regular = _regular(matrix)
+    if regular is not None:
+        return _times(*scales, regular, right, transposed)
+    row, column, scaled, inverse, free, weights = _open(matrix)
     told = free @ np.linalg.pinv(weights * free, rcond=1 / SINGULAR)
     inverse, free = inverse - told @ (weights * inverse), free - told @ (weights * free)
     given = right * (column if transposed else row)[:, None]
@@ -344,6 +354,91 @@ def solve_shared(matrix: Floats, right: Floats, transposed: bool = False) -> Flo
     if np.abs(off).max(initial=0.0) > 1e-9 * np.abs(given).max(initial=0.0):
         raise np.linalg.LinAlgError
     return _times(row, column, inverse, right, transposed)
+
+
+def _regular(matrix: Floats) -> tuple[tuple[Floats, Floats], Floats | None]:
+    """The inverse of a matrix with scaled rows and columns, None if it is singular, and the scales."""
+    row = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
+    scales = row, 1 / np.maximum((np.abs(matrix) * row[:, None]).max(axis=0), 1e-300)
+    for by_units in (False, True):
+        rows, columns = scales = equilibrating(matrix) if by_units else scales
+        scaled = matrix * rows[:, None] * columns
+        with suppress(np.linalg.LinAlgError):
+            inverse = np.linalg.inv(scaled)
+            if np.abs(inverse).sum(axis=1).max(initial=0.0) * np.abs(scaled).sum(axis=1).max(initial=0.0) < SINGULAR:
+                return scales, inverse
+    return scales, None
+
+
+def _open(matrix: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+    """Scales of rows and columns of a singular matrix, the scaled one, its pseudo-inverse, its null space, weights of its unknowns."""
+    row = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
+    column = 1 / np.maximum((np.abs(matrix) * row[:, None]).max(axis=0), 1e-300)
+    scaled = matrix * row[:, None] * column
+    left, sizes, back = np.linalg.svd(scaled)
+    kept = sizes * SINGULAR > sizes.max()
+    compliant, weights = compliances(matrix)
+    compliant &= np.abs(scaled) * SINGULAR <= 1.0  # not one that only units make small
+    weights = np.where(compliant.any(axis=0), weights * column, 0.0)[:, None]
+    return row, column, scaled, back[kept].T @ (left[:, kept].T / sizes[kept, None]), back[~kept].T, weights
+
+
+@dataclass(frozen=True, eq=False)
+class SharesByMatrix:
+    """How unknowns that linear equations leave open follow changes of the matrix, entry by entry.
+
+    The solution z of A z = b has the least sum of w z**2: w z = A' m, of multipliers m. A change of A turns the directions n that are
+    open, A n = 0, and so adds to z what ``forces`` on them, dA' m - dw z, move.
+
+    Attributes
+    ----------
+    yields : array, shape (unknowns, unknowns)
+        What a force moves, along the open directions.
+    forces : array, shape (rows, columns)
+        Force on an unknown by the change of an entry in its column.
+    units : tuple of arrays
+        Rows and columns of the entries that divide the compliance of each unknown, and the force by their change.
+    """
+
+    yields: Floats
+    forces: Floats
+    units: tuple[Integers, Integers, Floats]
+
+    def times(self, changes: Floats) -> Floats:
+        """Changes of the unknowns by those of the matrix, shape (rows, columns, seeds)."""
+        rows, columns, by_unit = self.units
+        force = np.einsum("rc,rcw->cw", self.forces, changes) + by_unit[:, None] * changes[rows, columns]
+        return np.asarray(self.yields @ force, float)
+
+    def transposed(self, unknowns: Floats) -> Floats:
+        """The transpose of `times`, shape (rows, columns, seeds)."""
+        rows, columns, by_unit = self.units
+        force = self.yields @ unknowns
+        found = self.forces[:, :, None] * force
+        np.add.at(found, (rows, columns), by_unit[:, None] * force)
+        return np.asarray(found, float)
+
+
+def shares_by_matrix(matrix: Floats, unknowns: Floats) -> SharesByMatrix | None:
+    """How shares that compliances tell follow changes of the matrix; None if it leaves none open."""
+    if _regular(matrix)[1] is not None:
+        return None
+    row, column, _, inverse, free, weights = _open(matrix)
+    if not weights.any():
+        return None
+    told = column[:, None] * free @ np.linalg.pinv(weights * free, rcond=1 / SINGULAR)
+    pull = (weights[:, 0] / column) ** 2 * unknowns
+    compliant, _ = compliances(matrix)
+    forces = np.where(compliant, 0.0, np.outer(row * (inverse.T @ (column * pull)), np.ones(len(matrix))))
+    # the weight is a compliance by the largest entry of its row, times the largest entry of its column
+    size, here = np.abs(matrix), np.flatnonzero(pull)
+    unit = size.argmax(axis=1)
+    soft = np.where(compliant, size / np.maximum(size.max(axis=1), 1e-300)[:, None], 0.0).argmax(axis=0)
+    for at in (soft[here], size.argmax(axis=0)[here]):
+        forces[at, here] -= pull[here] / matrix[at, here]
+    by_unit = np.zeros(len(matrix))
+    by_unit[here] = pull[here] / matrix[soft[here], unit[soft[here]]]
+    return SharesByMatrix(told @ told.T, forces, (soft, unit[soft], by_unit))
 
 
 def _times(rows: Floats, columns: Floats, inverse: Floats, right: Floats, transposed: bool) -> Floats:

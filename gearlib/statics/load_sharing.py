@@ -2,8 +2,8 @@
 
 With several planets each mesh may carry a preload that the others balance. A train assembled without preload has none: among all
 deflections in equilibrium with the loads, it takes the one in which self-equilibrated forces do no work (Castigliano's and Menabrea's
-theorem), so that the load is shared by stiffness, equally among equal planets. For rigid parallel paths the torques of smallest norm
-are taken.
+theorem), so that the load is shared by stiffness, equally among equal planets. On rigid parallel paths what is locked shares as in
+a run, with the smallest sum of squares; of other torques those of smallest norm are taken.
 
 References
 ----------
@@ -22,7 +22,7 @@ from gearlib.equations.kernel import partial_kernel
 from gearlib.errors import InputWarning, warn
 from gearlib.flatten.model import FlatModel
 from gearlib.statics.mesh_turn import apply
-from gearlib.statics.steady_motion import Given, Motion, motion_from
+from gearlib.statics.steady_motion import Given, Motion, motion_from, yields
 from gearlib.structure.sparse_elimination import Factors
 
 Floats = NDArray[np.float64]
@@ -84,6 +84,14 @@ def balanced(model: FlatModel, parameters: Floats, motion: Motion, free: Floats,
     work = stretched.T @ (force @ constants)
     constants -= free @ (right[:rank].T @ ((left[:, :rank].T @ work) / values[:rank]))
     rigid = free @ right[rank:].T
+    if rigid.shape[1] and (soft := np.flatnonzero(compliance := yields(model, parameters, motion))).size:
+        # As in a run, the sum of the squares of what is locked, each times its compliance, is least
+        weights = np.sqrt(compliance[soft] / compliance.max())
+        pulled = weights[:, None] * rigid[soft]
+        _, values, right = np.linalg.svd(pulled)
+        rank = int((values > 1e-10 * values.max(initial=0.0)).sum())
+        constants -= rigid @ np.linalg.lstsq(pulled, weights * constants[soft], rcond=1e-10)[0]
+        rigid = rigid @ right[rank:].T
     constants -= rigid @ np.linalg.lstsq(rigid[torques], constants[torques], rcond=None)[0]
     return constants
 

@@ -68,7 +68,7 @@ class PowerFlow:
     shared : tuple of str
         Flanges whose torque is not determined by equilibrium, since parallel paths (planets) could be preloaded against each other.
         Their torques are those of a train assembled without preload: shared by stiffness, equally by equal planets (load sharing factor
-        1); for rigid paths the torques of smallest norm.
+        1); on rigid paths what is locked shares as in a run, and other torques are those of smallest norm.
     beside : tuple of str
         Components that also exchange power through connectors of other kinds, such as electric or hydraulic ones. The powers here are
         those at flanges alone, so that a motor is a drive, and a pump a load.

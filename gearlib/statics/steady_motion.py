@@ -7,7 +7,7 @@ take no torque; what remains are kinematics and statics, coupled as in the model
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_kernel
 from gearlib.errors import ArgumentError
-from gearlib.flatten.model import FlatModel
+from gearlib.flatten.model import EquationGroup, FlatModel
 from gearlib.flatten.time_means import off_mean
 from gearlib.language.declarations import Flow
 from gearlib.language.units import SECOND
@@ -241,23 +241,52 @@ def held(model: FlatModel, parameters: Floats, motion: Motion) -> list[Given]:
     Their equations are ``der(v) = 0`` in this discrete state, which every constant speed meets.
     """
     found = []
+    for group, rate, slopes in _locking(model, parameters, motion):
+        others = np.max([s for c, s in enumerate(slopes) if c != rate], axis=0, initial=0.0)
+        own = group.variables[:, group.template.locals.index(group.template.columns[rate][0])]
+        for v in own[others < YIELDS * slopes[rate]].tolist():
+            value = float(motion.constants[v])
+            found.append(Given(model.name(v), v, VALUE, value if abs(value) > REST else 0.0))
+    return found
+
+
+def yields(model: FlatModel, parameters: Floats, motion: Motion) -> Floats:
+    """The artificial compliance of each variable in the equations of what is locked; 0 for all others."""
+    found = np.zeros(model.n_variables)
+    for group, rate, slopes in _locking(model, parameters, motion):
+        for c, (name, _) in enumerate(group.template.columns):
+            small = (slopes[c] > 0.0) & (slopes[c] < YIELDS * slopes[rate])
+            places = group.variables[:, group.template.locals.index(name)]
+            np.maximum.at(found, places[small], (slopes[c] / np.where(slopes[rate] > 0.0, slopes[rate], 1.0))[small])
+    return found
+
+
+def _locking(model: FlatModel, parameters: Floats, motion: Motion) -> Iterator[tuple[EquationGroup, int, list[Floats]]]:
+    """Equations that may lock: their group, the column of the rate in it, and the magnitudes of all slopes."""
     for g, group in enumerate(model.groups):
         template = group.template
         rates = [c for c, (_, order) in enumerate(template.columns) if order == 1]
         if len(rates) != 1 or not (template.relations or group.discretes.shape[1]):
             continue
-        slopes = [
-            np.abs(
-                apply(model, partial_kernel(template, c), g, group, parameters, motion.constants, motion.rates, motion.discrete)
-            )
-            for c in range(len(template.columns))
-        ]
-        others = np.max([s for c, s in enumerate(slopes) if c != rates[0]], axis=0, initial=0.0)
-        own = group.variables[:, template.locals.index(template.columns[rates[0]][0])]
-        for v in own[others < YIELDS * slopes[rates[0]]].tolist():
-            value = float(motion.constants[v])
-            found.append(Given(model.name(v), v, VALUE, value if abs(value) > REST else 0.0))
-    return found
+        yield (
+            group,
+            rates[0],
+            [
+                np.abs(
+                    apply(
+                        model,
+                        partial_kernel(template, c),
+                        g,
+                        group,
+                        parameters,
+                        motion.constants,
+                        motion.rates,
+                        motion.discrete,
+                    )
+                )
+                for c in range(len(template.columns))
+            ],
+        )
 
 
 def speeds_near(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Sequence[Given]) -> Floats:

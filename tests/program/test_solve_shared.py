@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gearlib.program.derivatives import solve_shared
+from gearlib.program.derivatives import shares_by_matrix, solve_shared
 
 
 def answer(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -102,3 +102,31 @@ def test_the_transpose_for_what_is_left_open_is_refused() -> None:
     np.testing.assert_allclose(solve_shared(matrix, np.array([[2.0], [2.0]]), transposed=True).sum(), 2.0)
     with pytest.raises(np.linalg.LinAlgError):
         solve_shared(matrix, np.array([[1.0], [0.0]]), transposed=True)
+
+
+@pytest.mark.parametrize("entry", [0, 1, 2, 3])
+def test_shares_follow_the_matrix(entry: int) -> None:
+    """By central differences: a ratio, which stands in two rows; a compliance; its unit; the largest entry of a column."""
+
+    def matrix(by: float) -> np.ndarray:
+        c = np.array([3.0, 1.0, 1.0, 2.0])
+        c[entry] += by
+        return np.array([[1.0, c[3], c[0], 2.0], [c[1] * 1e-27, 0.0, 0.0, c[2]], [0, 4e-27, 0, c[3]], [0, 0, 2e-27, c[0]]])
+
+    side, step = np.array([[10.0], [0.0], [0.0], [0.0]]), 1e-4
+    found = answer(matrix(0.0), side)
+    found[3] = 0.0  # at rest, up to rounding
+    expected = (answer(matrix(step), side) - answer(matrix(-step), side)) / (2.0 * step)
+    change = (matrix(step) - matrix(-step)) / (2.0 * step)
+    shares = shares_by_matrix(matrix(0.0), found[:, 0])
+    assert shares is not None
+    moved = shares.times(change[:, :, None]) - answer(matrix(0.0), np.where(change > 0.5, change, 0.0) @ found)
+    np.testing.assert_allclose(moved, expected, rtol=1e-6, atol=1e-9)
+    weights = np.array([[1.0], [-2.0], [3.0], [0.5]])
+    back = shares.transposed(weights)
+    np.testing.assert_allclose((back[:, :, 0] * change).sum(), (weights * shares.times(change[:, :, None])).sum(), rtol=1e-9)
+
+
+def test_only_what_compliances_tell_follows_the_matrix() -> None:
+    assert shares_by_matrix(np.eye(3), np.ones(3)) is None
+    assert shares_by_matrix(np.ones((2, 2)), np.ones(2)) is None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gearlib as gl
@@ -239,3 +240,36 @@ def test_a_torque_that_friction_leaves_open_is_told() -> None:
         flow = system.power_flow(speeds={"a.w": 40.0}, torques={"load.tau": -20.0})
     assert [flow[f"{body}.flange_a"].speed for body in ("a", "b", "sun")] == pytest.approx([40.0] * 3)
     assert flow["drive.flange"].torque == pytest.approx(-(0.7 * 40.0 + 20.0))
+
+
+class HeldByThree(gl.Component):
+    """A body that a bearing and a brake hold, and one behind a gear that another bearing holds."""
+
+    backwards = gl.Structural(False)
+
+    def assemble(self) -> list[gl.Connection]:
+        parts = {
+            "drive": gp.Torque(), "body": gp.Inertia(J=0.3), "bearing": gp.BearingFriction(tau_pos=[[0, 1.0]]),
+            "brake": gp.Brake(fn_max=4.0, f_normalized=1.0), "gear": gp.IdealGear(ratio=3.0), "wheel": gp.Inertia(J=40.0),
+            "other": gp.BearingFriction(tau_pos=[[0, 5.0]]),
+        }  # fmt: skip
+        for name in reversed(parts) if self.backwards else parts:
+            setattr(self, name, parts[name])
+        return [
+            gl.connect(self.drive.flange, self.body.flange_a, self.bearing.flange_a),
+            gl.connect(self.body.flange_b, self.brake.flange_a, self.gear.flange_a),
+            gl.connect(self.gear.flange_b, self.wheel.flange_a, self.other.flange_a),
+        ]
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("tau", [0.4, -1.9])
+def test_what_is_locked_on_a_rigid_path_shares_as_in_a_run(backwards: bool, tau: float) -> None:
+    """Sums of squares are smallest: 9/19 twice, and 3/19 behind the gear. All torques counted: 0.747, 0.241 and 0.038 instead."""
+    system = gl.compile(HeldByThree(backwards=backwards))
+    flow = gl.power_flow(system, speeds={"body.flange_a": 0.0}, torques={"drive.tau": tau})
+    result = system.simulate(0.1, inputs={"drive.tau": tau})
+    for name, share in {"bearing": 9.0, "brake": 9.0, "other": 3.0}.items():
+        np.testing.assert_allclose(flow[f"{name}.flange_a"].torque, tau * share / 19.0, rtol=1e-9)
+        np.testing.assert_allclose(result[f"{name}.tau"][-1], tau * share / 19.0, rtol=1e-9)
+        assert f"{name}.flange_a" in flow.shared
