@@ -81,6 +81,33 @@ def test_integrals_on_which_nothing_depends_do_not_repeat() -> None:
     assert set(Forced(chain.translation, None, {}, {}, 2, {}).repeating()) == {"a.w", "b.w", "shaft.phi_rel"}
 
 
+class Struck(gl.Component):
+    """An oscillator, its turns, and an integral that is set to the turns where the oscillator goes far."""
+
+    read = gl.Structural(True)
+    x, v = gl.Variable("1"), gl.Variable("1")
+    turned, told = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), -self.x),
+            gl.Eq(gl.der(self.turned), 1 + self.v),
+            gl.Eq(gl.der(self.told), self.x),
+            gl.When(self.x > 5, gl.reinit(self.told, gl.sin(self.turned) if self.read else 2)),
+        ]
+
+
+def test_an_integral_that_another_one_is_set_to_repeats() -> None:
+    """Also where no rate depends on the one that is set; nothing reads that one."""
+    for read, expected in ((True, {"x", "v", "turned"}), (False, {"x", "v"})):
+        system = gl.compile(Struck(read=read), outputs=["x", "told", "turned"])
+        assert set(system.translation.states) == {"x", "v", "turned", "told"}
+        assert set(Forced(system.translation, None, {}, {}, 2, {}).repeating()) == expected
+        turning = Forced(system.translation, None, {}, {}, 2, {"turned": 1.0})
+        assert set(turning.repeating()) == {"x", "v"}
+
+
 @pytest.mark.parametrize(
     ("turning", "expected"), [({}, [0.0, 0.0]), ({"x": 2.0}, [2.0, 0.0]), ({"v": -1, "x": 0.5}, [0.5, -1.0])]
 )
