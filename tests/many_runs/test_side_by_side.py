@@ -58,7 +58,12 @@ def test_a_periodic_input_repeats_from_the_start_to_the_last_sample(drive: gl.Sy
     runs = drive.sweep({"J": J}, 1.0, times=times, inputs={"torque.tau": wave()})
     for k in (0, len(J) - 1):
         single = drive.simulate(
-            1.0, times=np.linspace(0.0, 1.0, 11), parameters={"J": J[k]}, inputs={"torque.tau": wave()}, method="rk8", rtol=1e-10
+            1.0,
+            times=np.linspace(0.0, 1.0, 11),
+            parameters={"J": J[k]},
+            inputs={"torque.tau": wave()},
+            method="rk8",
+            rtol=1e-10,
         )
         expected = [single["load.w"][round(10 * t)] for t in times]
         assert runs["load.w"][k] == pytest.approx(expected, rel=1e-7, abs=1e-9)
