@@ -258,19 +258,21 @@ class MeasuredAtPoint(Measured):
             return self._at_point(system, {**(self.at or {}), **moved} if begins and moved else self.at, given, names)
 
         found = at_start(starts, list(parameters))
-        columns = {name: [slopes[:, k] for slopes in found.slopes] for k, name in enumerate(parameters)}
-        for name, value in free.items():
-            if name in columns:
-                continue
+        place = {name: k for k, name in enumerate(parameters)}
+
+        def column(name: str, value: float) -> list[Floats]:
+            """The derivative of each prediction."""
+            if name in place:
+                return [slopes[:, place[name]] for slopes in found.slopes]
             if not begins:
-                columns[name] = [np.zeros(len(as_real(v))) for v in found.values]
-                continue
+                return [np.zeros(len(as_real(v))) for v in found.values]
             ends = self.ends(name, value)
             back, ahead = (at_start({**starts, str(start_named(name)): end}, ()).values for end in ends)
-            columns[name] = [as_real(a - b) / (ends[1] - ends[0]) for a, b in zip(ahead, back, strict=True)]
-        return Prediction(
-            found.values, [np.column_stack([columns[n][k] for n in free]) for k in range(len(found.values))], found.approximate
-        )
+            return [as_real(a - b) / (ends[1] - ends[0]) for a, b in zip(ahead, back, strict=True)]
+
+        columns = [column(name, value) for name, value in free.items()]
+        slopes = [np.column_stack(parts) for parts in zip(*columns, strict=True)]
+        return Prediction(found.values, slopes, found.approximate)
 
 
 class MeasuredResponse(MeasuredAtPoint):

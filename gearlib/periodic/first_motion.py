@@ -115,7 +115,7 @@ class Forced:
         for name in self.translation.states:
             v, k = names[name]
             follows = needed_states(structure, [(v, k + 1)])
-            others = [state for state in structure.states if state != (v, k)]
+            others = [(u, j + 1) for u, j in structure.states if (u, j) != (v, k)]
             if name not in self.turning and not (follows and (v, k) not in {*follows, *needed_states(structure, others)}):
                 left.append(name)
         return tuple(left or [n for n in self.translation.states if n not in self.turning])

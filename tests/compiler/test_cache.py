@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -141,6 +142,12 @@ def test_size_is_bounded(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> N
     forget(monkeypatch)
     assert triple(4) == (8.0, 1)
     assert triple(1) == (2.0, 0)
+
+
+def test_its_limit_is_that_of_the_documentation() -> None:
+    page = (ROOT / "docs" / "how_it_scales.md").read_text(encoding="utf-8")
+    (said,) = re.findall(r"evicted when the total exceeds (\d+) MB", page)
+    assert int(said) * 2**20 == cache.LARGEST
 
 
 def test_nothing_else_is_ever_removed(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -42,6 +42,33 @@ def test_what_is_kept_of_runs_side_by_side(drive: gl.System) -> None:
         assert engine.column("shaft.tau") == -1
 
 
+@pytest.mark.parametrize("times", [[0.5, 1.0], [0.0, 0.9, 1.0]])
+def test_a_periodic_input_repeats_from_the_start_to_the_last_sample(drive: gl.System, times: list[float]) -> None:
+    """Its periods before the first sample count as well: they move what is sampled then."""
+
+    def wave() -> gl.Table:
+        return gl.Table([0.0, 0.05, 0.2], [0.0, 5.0, 0.0], outside="periodic")
+
+    options: dict[str, Any] = {"samples": None, "times": times}
+    engine = task(drive, {"J": J}, outputs=["load.w"], inputs={"torque.tau": wave()}, **options).together_by
+    assert isinstance(engine, ExactSweep)
+    (repeated,) = (s for s in engine.signals if isinstance(s, gl.Table))
+    assert repeated.t[0] <= 0.0
+    assert repeated.t[-1] >= 1.0
+    runs = drive.sweep({"J": J}, 1.0, times=times, inputs={"torque.tau": wave()})
+    for k in (0, len(J) - 1):
+        single = drive.simulate(
+            1.0,
+            times=np.linspace(0.0, 1.0, 11),
+            parameters={"J": J[k]},
+            inputs={"torque.tau": wave()},
+            method="rk8",
+            rtol=1e-10,
+        )
+        expected = [single["load.w"][round(10 * t)] for t in times]
+        assert runs["load.w"][k] == pytest.approx(expected, rel=1e-7, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("times", "grid", "hidden", "of_the_last"),
     [

@@ -201,6 +201,24 @@ def test_what_a_series_does_not_show_is_known(kind: str) -> None:
     assert len({int(at) for at in re.findall(r"work\[(\d+)", text)} - {1 + k * ROW for k in range(write.rows)}) == write.rows
 
 
+@pytest.mark.parametrize(
+    ("one", "other", "affine"),
+    [
+        (lambda t: 2 * t, lambda t: 1 - t, True),
+        (lambda t: 2 * t, lambda t: 3, True),
+        (lambda t: 3, lambda t: 2 * t, True),
+        (lambda t: 2 * t, lambda t: t**2, False),
+        (lambda t: t**2, lambda t: 2 * t, False),
+        (lambda t: t**2, lambda t: 3, False),
+    ],
+)
+def test_a_choice_is_affine_in_time_where_both_branches_are(one: Any, other: Any, affine: bool) -> None:
+    """So is its exponential shown by a series; a constant is affine, too."""
+    _, write = written(lambda x, t: gl.exp(gl.no_event(gl.Piecewise((one(t), x > 1), (other(t), True)))))
+    assert write.pulses is not affine
+    assert write.branches
+
+
 def test_many_products_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Those of time, and repeated ones, cost nothing more."""
 

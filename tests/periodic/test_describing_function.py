@@ -37,6 +37,24 @@ def test_in_contact_the_mean_deflection_is_that_of_the_preload_at_any_stiffness(
         assert mean_deflection(amplitude, preload, c=c, b=b) == pytest.approx(np.sign(preload) * rest, rel=1e-12)
 
 
+@pytest.mark.parametrize("preload", [-300.0, -1e-6, 5.0])
+@pytest.mark.parametrize("amplitude", [1e-3, 0.15, 40.0])
+def test_the_mean_deflection_is_looked_for_where_contact_is_permanent_at_both_ends(
+    preload: float, amplitude: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The force there is that of the amplitude beyond the preload, in both directions."""
+    ends: list[tuple[float, float]] = []
+
+    def between(excess: Any, low: float, high: float, **asked: Any) -> float:
+        ends.append((excess(low) + preload, excess(high) + preload))
+        return 0.1
+
+    monkeypatch.setattr("scipy.optimize.brentq", between)
+    assert mean_deflection(amplitude, preload, **SPRING) == 0.1
+    most = abs(preload) + 50.0 * amplitude
+    assert ends == [pytest.approx((-most, most), rel=1e-9)]
+
+
 @pytest.mark.parametrize("unit", [1e-9, 1e-5, 1e6])
 @pytest.mark.parametrize("amplitude", [0.3, 0.9, 4.0])
 def test_the_mean_deflection_is_as_exact_in_any_unit_of_length(amplitude: float, unit: float) -> None:

@@ -81,6 +81,39 @@ def test_integrals_on_which_nothing_depends_do_not_repeat() -> None:
     assert set(Forced(chain.translation, None, {}, {}, 2, {}).repeating()) == {"a.w", "b.w", "shaft.phi_rel"}
 
 
+class Struck(gl.Component):
+    """An oscillator, its turns, and an integral that is set to their sine where the oscillator goes far."""
+
+    F = gl.Input("1")
+    x, v = gl.Variable("1"), gl.Variable("1")
+    turned, told = gl.Variable("1"), gl.Variable("1")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), self.F - 2 * ZETA * self.v - self.x),
+            gl.Eq(gl.der(self.turned), 1 + self.v),
+            gl.Eq(gl.der(self.told), self.x**2),
+            gl.When(self.x > 0.25, gl.reinit(self.told, gl.sin(self.turned))),
+        ]
+
+
+def test_an_angle_that_only_the_reinit_of_an_integral_reads_does_not_repeat() -> None:
+    """Nothing that repeats depends on either of them; a run has both."""
+    struck = gl.compile(Struck())
+    assert set(struck.translation.states) == {"x", "v", "turned", "told"}
+    assert set(Forced(struck.translation, None, {}, {}, 2, {}).repeating()) == {"x", "v"}
+    found = gl.harmonic_balance(struck, 0.5, 1.5, inputs={"F": lambda p, w: 0.1 * np.cos(p)})
+    assert found.amplitude("x") == pytest.approx([0.1 * abs(response(w)) for w in found.omega], rel=1e-8)
+    run = struck.simulate(1.0, samples=3, inputs={"F": 1.0}, rtol=1e-9)
+    (at, _), *more = run.events
+    assert more == []
+    fine = np.linspace(at, 1.0, 2001)
+    x = struck.simulate(1.0, times=[0.0, *fine], inputs={"F": 1.0}, rtol=1e-9)["x"]
+    assert x[1] == pytest.approx(0.25, abs=1e-6)
+    assert run["told"][-1] == pytest.approx(np.sin(at + 0.25) + np.trapezoid(x[1:] ** 2, fine), rel=1e-5)
+
+
 @pytest.mark.parametrize(
     ("turning", "expected"), [({}, [0.0, 0.0]), ({"x": 2.0}, [2.0, 0.0]), ({"v": -1, "x": 0.5}, [0.5, -1.0])]
 )

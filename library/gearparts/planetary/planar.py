@@ -263,7 +263,7 @@ class PlanarPlanetaryUnit(gl.Component):
             ),
         ]
         meshing = zip(self.planet, sun, ring, bearings, strict=True)
-        return links + [gl.connect(p.centre, s.gear_b, r.gear_b, b.planet) for p, s, r, b in meshing]
+        return [*links, *(gl.connect(p.centre, s.gear_b, r.gear_b, b.planet) for p, s, r, b in meshing)]
 
     def _mesh(self, r_a: Any, r_b: Any, theta: Any, c: Any, d: Any, e: Any) -> PlanarMesh:
         return PlanarMesh(r_a=r_a, r_b=r_b, theta=theta, c=c, d=d, e=e)

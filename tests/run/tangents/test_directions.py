@@ -110,6 +110,31 @@ def test_a_start_value_of_the_run_can_be_varied() -> None:
         asked(["start(shaft.tau)"], start={"body.w": 1.0})
 
 
+class Counting(gl.Component):
+    """What follows from a state, and a discrete variable."""
+
+    a, b, c, x = gl.Variable("1"), gl.Variable("1"), gl.Variable("1"), gl.Variable("1")
+    n = gl.Discrete("1", start=0)
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), 1 - self.a),
+            *(gl.Eq(y, k * gl.sin(self.x)) for k, y in enumerate((self.a, self.b, self.c), 1)),
+            gl.When(self.x > 2, gl.Eq(self.n, gl.pre(self.n) + 1)),
+        ]
+
+
+def test_the_start_of_a_discrete_variable_is_none_of_another_variable() -> None:
+    model = gl.compile(Counting(), outputs=["a", "b", "c", "x", "n"]).translation
+    places = {int(model.model.representative[model.model.variable(name)]) for name in ("a", "b", "c", "x")}
+    assert places == {0, 1, 2, 3}  # whatever a discrete variable is taken for, it is one of them
+    for name in ("a", "b", "c"):
+        with pytest.raises(ArgumentError, match=f"and {name} has no start value: it follows from those of the states"):
+            asked([f"start({name})"], start={"n": 1.0}, model=model)
+        assert len(asked([f"start({name})"], start={"n": 1.0, name: 0.5}, model=model).starts) == 1
+    assert len(asked(["start(x)"], start={"n": 1.0}, model=model).starts) == 1
+
+
 def test_forms_that_leave_unknowns_to_ida_are_refused() -> None:
     refuse_form(train(), "ode")
     for form in ("torn", "dae"):

@@ -254,6 +254,32 @@ def test_of_a_start_that_follows_from_others() -> None:
     against_other_runs(system, ["ratio", "w_0", "start(motor.w)"], ["load.w", "motor.w"], 1.0)
 
 
+@pytest.mark.parametrize("method", ["ida", "rk8"])
+def test_of_an_inertia_whose_acceleration_only_the_equations_of_a_mode_use(method: str) -> None:
+    """A gear with an efficiency E: the load's acceleration is a = E i tau / (J_load + E i**2 J_motor)."""
+
+    class Lossy(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive = gp.Torque()
+            self.motor, self.load = gp.Inertia(J=0.5, start={"w": 6.0}), gp.Inertia(J=2.0)
+            self.gear = gp.LossyGear(ratio=3.0, loss_table=[[0.0, 0.8, 0.7, 0.0, 0.0]])
+            return [
+                gl.connect(self.drive.flange, self.motor.flange_a),
+                gl.connect(self.motor.flange_b, self.gear.flange_a),
+                gl.connect(self.gear.flange_b, self.load.flange_a),
+            ]
+
+    run = gl.compile(Lossy(), outputs=["load.w", "motor.w"]).simulate(
+        2.0, samples=5, method=method, rtol=1e-9, inputs={"drive.tau": 5.0}, sensitivities=["load.J", "motor.J"]
+    )
+    share, felt = 0.8 * 3.0, 2.0 + 0.8 * 9.0 * 0.5
+    assert run["load.w"] == pytest.approx(2.0 + share * 5.0 / felt * run.time, rel=1e-7)
+    for name, moved in (("load.J", 1.0), ("motor.J", 0.8 * 9.0)):
+        slope = -share * 5.0 * moved / felt**2
+        assert run.sensitivity("load.w", name) == pytest.approx(slope * run.time, rel=1e-6, abs=1e-9)
+        assert run.sensitivity("motor.w", name) == pytest.approx(3.0 * slope * run.time, rel=1e-6, abs=1e-9)
+
+
 def test_of_a_start_value_that_there_is_not(chain: Callable[..., gl.System]) -> None:
     system = chain(grounded=True)
     asked = {"inputs": {"torque.tau": 1.0}, "samples": 5, "rtol": 1e-10}

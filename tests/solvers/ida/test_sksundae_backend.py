@@ -270,6 +270,28 @@ def test_a_single_sample_has_consistent_values(native: bool, analytic: bool) -> 
 
 
 @pytest.mark.parametrize("native", [True, False])
+@pytest.mark.parametrize(("slope", "level"), [(-0.25, 0.0), (-4.0, 0.0), (0.25, 0.5), (-0.25, 0.5), (-4.0, 0.5), (-4.0, -0.5)])
+def test_what_falls_from_zero_at_the_start_crosses_nothing(slope: float, level: float, native: bool) -> None:
+    """An event function (slope - level) t of a state and time, beside an algebraic unknown; a second one crosses zero at 0.6."""
+
+    def rhs(t: float, x: Any, dx: Any, data: Any) -> None:
+        dx[0], dx[1] = slope, 2.0 * x[0] - x[1]
+
+    def roots(t: float, x: Any, g: Any, data: Any) -> None:
+        g[0], g[1] = x[0] - level * t, x[0] - 0.6 * slope
+
+    def update(t: float, x: Any, fired: Any, data: Any) -> int:
+        for k in range(2):
+            data[k] += fired[k] != 0
+        return 0
+
+    own = problem(rhs, [0.0, 0.0], roots=roots, n_roots=2, update=update, discrete=slice(0, 2))
+    found = outcome(replace(own, differential=np.array([True, False])), T, native)
+    assert found["discrete"][-1].tolist() == [0.0, 1.0]
+    assert found["event times"] == pytest.approx([0.6], abs=1e-6)
+
+
+@pytest.mark.parametrize("native", [True, False])
 def test_both_crossings_within_one_step_are_found(native: bool) -> None:
     """The function turns away from zero in between."""
     found = outcome(touching(), np.array([0.0, 3.0]), native, rtol=1e-2, atol=1e-4)
