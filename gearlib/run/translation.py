@@ -605,9 +605,12 @@ def asked_scene(structure: Structure, outputs: tuple[str, ...] | None, read: tup
     model = structure.model
     if outputs is None:
         discretes = list(range(len(model.discretes)))
-        wanted = [s for s in structure.states if s not in structure.angles]  # whose rates depend on no angle
+        wanted = {
+            s for s in structure.states if s not in structure.angles
+        }  # whose rates depend on no angle; but their reinits may
         targets = [*(n for d in discretes for n in discrete_nodes(model, d)), *output_nodes(structure, read)]
-        return Scene(structure, needed_states(structure, [*wanted, *targets]), tuple(discretes))
+        targets += [n for state, nodes in structure.at_reinits.items() if state in wanted for n in nodes]
+        return Scene(structure, tuple(sorted({*wanted, *needed_states(structure, targets)})), tuple(discretes))
     discretes = [model.discretes.index(n) for n in outputs if n in model.discretes]
     nodes = output_nodes(structure, [*(n for n in outputs if n not in model.discretes), *read])
     if len(model.discretes):
