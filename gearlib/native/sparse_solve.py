@@ -256,8 +256,15 @@ def sparse_apply(data: floats, index: ints, s: int, m: int, b: int, agreeing: in
             for q in range(int(data[upper_starts + k]), int(data[upper_starts + k + 1])):
                 i = int(data[upper + 2 * q])
                 data[x + i] -= data[upper + 2 * q + 1] * y
-    if rank == n:
-        return 0
+    if rank < n:
+        sparse_make_least(data, index, s, m, b)
+    return 0
+
+
+def sparse_make_least(data: floats, index: ints, s: int, m: int, b: int) -> None:
+    """Replace the solution at ``b``, whose open unknowns are zero, by the one with the least weighted squares."""
+    n, rank = index[s], int(data[m + 1])
+    pivot_columns = m + 2 + 3 * n
     mark, p, v, g = m + 2 + 6 * n, m + 2 + 7 * n, m + 2 + 8 * n, m + 2 + 9 * n
     for i in range(n):
         data[p + i] = 0.0
@@ -273,18 +280,17 @@ def sparse_apply(data: floats, index: ints, s: int, m: int, b: int, agreeing: in
             size += data[mark + i] * data[b + i] * data[b + i]
             curvature += data[mark + i] * data[v + i] * data[v + i]
         if square * square <= 1e-28 * size * curvature:
-            return 0
+            return
         smaller = 0.0
         for i in range(n):
             y = data[b + i] + square / curvature * data[v + i]
             smaller += data[mark + i] * y * y
         if smaller >= size:  # by rounding
-            return 0
+            return
         for i in range(n):
             data[b + i] += square / curvature * data[v + i]
         before = square
         square = sparse_slope(data, index, s, m, b, g)
-    return 0
 
 
 def sparse_row(data: floats, index: ints, s: int, m: int, b: int) -> None:

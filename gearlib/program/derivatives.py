@@ -356,15 +356,20 @@ def solve_shared(matrix: Floats, right: Floats, transposed: bool = False) -> Flo
     return _times(row, column, inverse, right, transposed)
 
 
+def _scales(matrix: Floats) -> tuple[Floats, Floats]:
+    """Factors that bring the largest entries of rows, then those of columns, to 1."""
+    row = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
+    return row, 1 / np.maximum((np.abs(matrix) * row[:, None]).max(axis=0), 1e-300)
+
+
 def _regular(matrix: Floats) -> tuple[tuple[Floats, Floats], Floats | None]:
     """The inverse of a matrix with scaled rows and columns, None if it is singular, and the scales."""
-    row = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
-    scales = row, 1 / np.maximum((np.abs(matrix) * row[:, None]).max(axis=0), 1e-300)
+    scales = _scales(matrix)
     for by_units in (False, True):
         rows, columns = scales = equilibrating(matrix) if by_units else scales
         scaled = matrix * rows[:, None] * columns
         with suppress(np.linalg.LinAlgError):
-            inverse = np.linalg.inv(scaled)
+            inverse: Floats = np.linalg.inv(scaled)
             if np.abs(inverse).sum(axis=1).max(initial=0.0) * np.abs(scaled).sum(axis=1).max(initial=0.0) < SINGULAR:
                 return scales, inverse
     return scales, None
@@ -372,8 +377,7 @@ def _regular(matrix: Floats) -> tuple[tuple[Floats, Floats], Floats | None]:
 
 def _open(matrix: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
     """Scales of rows and columns of a singular matrix, the scaled one, its pseudo-inverse, its null space, weights of its unknowns."""
-    row = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
-    column = 1 / np.maximum((np.abs(matrix) * row[:, None]).max(axis=0), 1e-300)
+    row, column = _scales(matrix)
     scaled = matrix * row[:, None] * column
     left, sizes, back = np.linalg.svd(scaled)
     kept = sizes * SINGULAR > sizes.max()

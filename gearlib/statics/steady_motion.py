@@ -268,25 +268,9 @@ def _locking(model: FlatModel, parameters: Floats, motion: Motion) -> Iterator[t
         rates = [c for c, (_, order) in enumerate(template.columns) if order == 1]
         if len(rates) != 1 or not (template.relations or group.discretes.shape[1]):
             continue
-        yield (
-            group,
-            rates[0],
-            [
-                np.abs(
-                    apply(
-                        model,
-                        partial_kernel(template, c),
-                        g,
-                        group,
-                        parameters,
-                        motion.constants,
-                        motion.rates,
-                        motion.discrete,
-                    )
-                )
-                for c in range(len(template.columns))
-            ],
-        )
+        numbers = parameters, motion.constants, motion.rates, motion.discrete
+        kernels = [partial_kernel(template, c) for c in range(len(template.columns))]
+        yield group, rates[0], [np.abs(apply(model, kernel, g, group, *numbers)) for kernel in kernels]
 
 
 def speeds_near(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Sequence[Given]) -> Floats:
