@@ -358,8 +358,9 @@ def solve_shared(matrix: Floats, right: Floats, transposed: bool = False) -> Flo
 
 def _scales(matrix: Floats) -> tuple[Floats, Floats]:
     """Factors that bring the largest entries of rows, then those of columns, to 1."""
-    row = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
-    return row, 1 / np.maximum((np.abs(matrix) * row[:, None]).max(axis=0), 1e-300)
+    row: Floats = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
+    column: Floats = 1 / np.maximum((np.abs(matrix) * row[:, None]).max(axis=0), 1e-300)
+    return row, column
 
 
 def _regular(matrix: Floats) -> tuple[tuple[Floats, Floats], Floats | None]:
@@ -369,7 +370,7 @@ def _regular(matrix: Floats) -> tuple[tuple[Floats, Floats], Floats | None]:
         rows, columns = scales = equilibrating(matrix) if by_units else scales
         scaled = matrix * rows[:, None] * columns
         with suppress(np.linalg.LinAlgError):
-            inverse: Floats = np.linalg.inv(scaled)
+            inverse = np.asarray(np.linalg.inv(scaled), float)
             if np.abs(inverse).sum(axis=1).max(initial=0.0) * np.abs(scaled).sum(axis=1).max(initial=0.0) < SINGULAR:
                 return scales, inverse
     return scales, None
