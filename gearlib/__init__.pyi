@@ -59,6 +59,7 @@ from gearlib.language.expressions import pi as pi
 from gearlib.language.expressions import pre as pre
 from gearlib.language.expressions import reinit as reinit
 from gearlib.language.expressions import sample as sample
+from gearlib.language.expressions import settled as settled
 from gearlib.language.expressions import sign as sign
 from gearlib.language.expressions import sin as sin
 from gearlib.language.expressions import sinh as sinh

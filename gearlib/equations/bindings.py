@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -133,7 +134,7 @@ def bind_input(
         return e.func(*(lift(a) for a in e.args))
 
     lifted = lift(expression)
-    lifted_relations = tuple(type(r)(lift(r.g), r.strict, r.negated) for r in relations)
+    lifted_relations = tuple(replace(r, g=lift(r.g)) for r in relations)
     symbols = set(lifted.free_symbols).union(*(r.g.free_symbols for r in lifted_relations))
     variables: dict[str, str] = {}
     for symbol in sorted(symbols, key=str):
@@ -150,7 +151,7 @@ def bind_input(
             key = "der(" * order + key + ")" * order
         renamed[symbol] = real_symbol(key)
     lifted = lifted.xreplace(renamed)
-    lifted_relations = tuple(type(r)(r.g.xreplace(renamed), r.strict, r.negated) for r in lifted_relations)
+    lifted_relations = tuple(replace(r, g=r.g.xreplace(renamed)) for r in lifted_relations)
     return _template(lifted, lifted_relations, tuple(values)), variables, values
 
 

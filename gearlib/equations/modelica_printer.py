@@ -13,7 +13,7 @@ from sympy.logic.boolalg import BooleanAtom
 
 from gearlib.arguments import shown
 from gearlib.errors import ModelicaError
-from gearlib.language.expressions import JustBefore, Sample, SquareWave, no_event, real_symbol
+from gearlib.language.expressions import JustBefore, Sample, SquareWave, no_event, real_symbol, settled
 
 SUM, PRODUCT, POWER, ATOM = 1, 2, 3, 4  # operator precedence
 _SAME = (
@@ -22,6 +22,7 @@ _SAME = (
 )  # fmt: skip
 _RECIPROCAL = {sympy.sec: "cos", sympy.csc: "sin", sympy.cot: "tan"}
 _NO_EVENT = type(no_event(real_symbol("x")))
+_SETTLED = type(settled(real_symbol("x")))
 _SIGN = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "==": "==", "!=": "<>"}
 _FUNCTION_OF = re.compile(r"(der|pre)\((.*)\)$")
 _INDEX = re.compile(r"(?<=\[)\d+(?=\])")
@@ -176,6 +177,8 @@ class _Printer:
             return f"(1/{_RECIPROCAL[type(e)]}({self.text(*e.args)}))"
         if isinstance(e, _NO_EVENT):
             return f"noEvent({self.text(*e.args)})"
+        if isinstance(e, _SETTLED):
+            return self.text(*e.args)
         if isinstance(e, sympy.Abs):  # Modelica's abs raises no event, gearlib's does
             (x,) = e.args
             return f"(if {self.text(x)} >= 0 then {self.text(x)} else {self.text(-x)})"

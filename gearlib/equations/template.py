@@ -14,6 +14,7 @@ from functools import cached_property, wraps
 from typing import Any, TypeVar, cast
 
 import sympy
+from sympy.core.function import AppliedUndef
 from sympy.core.relational import Relational
 
 from gearlib.arguments import shown
@@ -38,6 +39,7 @@ class Relation:
     g: Any
     strict: bool
     negated: bool  # the comparison was written with "less": true when g < 0 (or <= 0) with g as written
+    last: bool = False  # written with `settled`: an event iteration decides it once all else has settled
 
 
 def memoised(function: Found) -> Found:
@@ -289,7 +291,7 @@ def checked(expression: Any, label: str) -> Any:
     if expression.has(sympy.cot):  # sympy's tan(x + pi/2)
         expression = expression.replace(sympy.cot, lambda x: sympy.cos(x) / sympy.sin(x))
     for node in expression.atoms(sympy.Function, sympy.Derivative, sympy.Integral, sympy.Sum, sympy.Subs):
-        if not isinstance(node, KNOWN) and node.func.__name__ != "no_event":
+        if not isinstance(node, KNOWN) and node.func.__name__ not in ("no_event", "settled"):
             hint = "; the time derivative is gl.der(x)" if isinstance(node, sympy.Derivative) else ""
             if isinstance(node, Sample):
                 raise DeclarationError(
@@ -327,7 +329,7 @@ def lift_relations(expression: Any, is_discrete: Callable[[str], bool] = never) 
     expression = piecewise(expression)
     atoms = expression.atoms(Relational).union(*(value.atoms(Relational) for value in followed.values()))
     if not protected and not atoms:
-        return expression, ()
+        return _all_compared(expression), ()
     plain = {dummy: piecewise(call.replace(_no_event, lambda e: sympy.Add(*e.args))) for call, dummy in protected.items()}
     whole = {a: a.xreplace(followed).xreplace(plain) for a in atoms}
     events = [
@@ -339,7 +341,17 @@ def lift_relations(expression: Any, is_discrete: Callable[[str], bool] = never) 
     for dummy, value in followed.items():
         searched = [sympy.Ne(lifted[a].lhs, 2) for a in events if a in value.atoms(Relational)]  # true: those are 0 or 1
         followed[dummy] = sympy.Piecewise((value.xreplace(held), sympy.And(*searched)), (sympy.S.Zero, True))
-    return _with_real_branches(expression.xreplace(lifted).xreplace(followed).xreplace(plain)), found
+    return _with_real_branches(_all_compared(expression.xreplace(lifted).xreplace(followed).xreplace(plain))), found
+
+
+def _all_compared(expression: Any) -> Any:
+    """The expression, whose comparisons are lifted, with no `settled` that is not one of them."""
+    for rest in expression.find(_settled) if expression.atoms(AppliedUndef) else ():
+        raise DeclarationError(
+            f"{rest} is not compared, or with discrete variables alone; expected a comparison that raises events, such as "
+            "gl.settled(self.x) > 0"
+        )
+    return expression
 
 
 def _with_real_branches(expression: Any) -> Any:
@@ -375,7 +387,10 @@ def _lifted(comparisons: Sequence[Any], first: int) -> tuple[tuple[Relation, ...
         if isinstance(atom, (sympy.Eq, sympy.Ne)):
             raise DeclarationError(f"the comparison {atom}: use <, <=, >, >=; equality of real numbers is not an event")
         less = isinstance(atom, (sympy.StrictLessThan, sympy.LessThan))
-        found.append(Relation(atom.lhs - atom.rhs, isinstance(atom, (sympy.StrictLessThan, sympy.StrictGreaterThan)), less))
+        difference = atom.lhs - atom.rhs
+        g = difference.replace(_settled, lambda e: e.args[0]) if difference.atoms(AppliedUndef) else difference
+        strict = isinstance(atom, (sympy.StrictLessThan, sympy.StrictGreaterThan))
+        found.append(Relation(g, strict, less, last=g != difference))
     return tuple(found), {a: sympy.Ne(relation_symbol(first + i), 0) for i, a in enumerate(comparisons)}
 
 
@@ -395,6 +410,10 @@ def with_events(template: Template, comparisons: Sequence[Any]) -> Template:
 
 def _no_event(e: Any) -> bool:
     return bool(getattr(e.func, "__name__", "") == "no_event")
+
+
+def _settled(e: Any) -> bool:
+    return bool(getattr(e.func, "__name__", "") == "settled")
 
 
 def piecewise(expression: Any) -> Any:

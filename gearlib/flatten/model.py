@@ -343,7 +343,7 @@ class FlatModel:
         tell(self.preference, self.discrete_starts)
         for group in (*self.groups, *(update.equations for update in self.updates)):
             template = group.template
-            relations = [(str(r.g), r.strict, r.negated) for r in template.relations]
+            relations = [(str(r.g), r.strict, r.negated, r.last) for r in template.relations]
             tell(template.label, str(template.residual), relations)
             tell(group.variables, group.signs, group.parameters, group.discretes)
         for update in self.updates:

@@ -9,6 +9,7 @@ a template of its own: one per pattern of a class.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import sympy
@@ -52,7 +53,7 @@ def specialised(template: Template, pattern: Pattern, values: frozenset[tuple[st
             known[symbol] = sympy.Integer(holds)
         else:
             known[symbol] = relation_symbol(len(relations))
-            relations.append(Relation(g, relation.strict, relation.negated))
+            relations.append(replace(relation, g=g))
     residual = residual.xreplace(known)
     if values:
         fractions = {r for r in residual.atoms(sympy.Rational) if r.q > LARGEST}

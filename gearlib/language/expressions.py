@@ -23,8 +23,8 @@ from gearlib.errors import ArgumentError, DeclarationError
 
 __all__ = [
     "And", "Eq", "Max", "Min", "Not", "Or", "Piecewise", "When", "acos", "asin", "atan", "atan2", "cos", "cosh", "der",
-    "equals", "exp", "holds", "initial", "log", "no_event", "pi", "pre", "reinit", "sample", "sign", "sin", "sinh", "sqrt", "tan", "tanh",
-    "time",
+    "equals", "exp", "holds", "initial", "log", "no_event", "pi", "pre", "reinit", "sample", "settled", "sign", "sin", "sinh", "sqrt",
+    "tan", "tanh", "time",
 ]  # fmt: skip
 
 
@@ -40,6 +40,7 @@ pi: Any = sympy.pi
 DEEPEST = 130  # nesting levels; at 200 sympy's derivative exceeds Python's default limit of 1000 frames
 TOO_DEEP = "an expression is nested too deeply; give its parts to variables with equations of their own"
 _NO_EVENT: Callable[[Any], Any] = UndefinedFunction("no_event", real=True)
+_SETTLED: Callable[[Any], Any] = UndefinedFunction("settled", real=True)
 _EXPECTED = "a number or an expression of variables, such as self.w or self.flange_a.phi"
 
 
@@ -455,3 +456,12 @@ def no_event(expression: Any) -> Any:
     A run is refused where one of them makes an equation jump that must be differentiated.
     """
     return _NO_EVENT(value_of(expression, "the argument of no_event()"))
+
+
+def settled(expression: Any) -> Any:
+    """The same value, to be compared only once an event iteration has settled all else.
+
+    Until then ``settled(x) > 0`` keeps its value. So what depends on all parts of a model, as the break-away of a friction element does,
+    is not decided while some of them still change: of two brakes that come to rest in the same instant, one locks first.
+    """
+    return _SETTLED(value_of(expression, "the argument of settled()"))

@@ -13,6 +13,7 @@ from gearlib.native.source import CLOSING, Body, loop, looped
 from gearlib.program.event_iteration import (
     MOST_ITERATIONS,
     DiscretesPhase,
+    EventIteration,
     RelationsPhase,
     UnknownsPhase,
     compares_with_before,
@@ -21,7 +22,7 @@ from gearlib.program.event_iteration import (
 from gearlib.program.relations import Relations
 
 Integers = NDArray[np.int64]
-MOST_STEPS = 10  # outer iterations that are recorded, for the tangents
+MOST_STEPS = 20  # outer iterations that are recorded, for the tangents
 
 
 def roots_body(relations: Relations, layout: Layout) -> Body:
@@ -30,8 +31,10 @@ def roots_body(relations: Relations, layout: Layout) -> Body:
     body.lines = body.lines[:-CLOSING]
     numbers = relations.searched
     for phase in relations.event_iteration.event_functions:
-        strict, negated = relation_of(phase.batch)
-        sign = "" if strict != negated else "-"  # positive where a strict relation holds, or where a non-strict one does not
+        relation = relation_of(phase.batch)
+        sign = (
+            "" if relation.strict != relation.negated else "-"
+        )  # positive where a strict relation holds, or a non-strict one fails
         part = replace(phase.batch, targets=np.searchsorted(numbers, phase.batch.targets))
         loop(body, part, f"values[{{target}}] = {sign}({{value}})")
     return body
@@ -41,10 +44,11 @@ def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: 
     """Body of the native event iteration.
 
     A relation whose root was located takes the side that it crossed to; it is evaluated like the others once a state has been
-    re-initialised or, if it compares with values before the event, once these have been updated. At the end ``fired`` holds the side of
-    each root that agrees with its relation (2 or -2), and the signs of divisors, which may have jumped, are halved, which marks them as
-    stale: ``guards`` gives their offset and number. ``notes``: whether to record, behind the body's part of ``data``, the number of
-    outer iterations, and for the first `MOST_STEPS` of them the discrete state and the states before the re-initialisations.
+    re-initialised or, if it compares with values before the event, in all outer iterations but the first that decides it. At the end
+    ``fired`` holds the side of each root that agrees with its relation (2 or -2), and the signs of divisors, which may have jumped, are
+    halved, which marks them as stale: ``guards`` gives their offset and number. ``notes``: whether to record, behind the body's part of
+    ``data``, the number of outer iterations, and for the first `MOST_STEPS` of them the discrete state and the states before the
+    re-initialisations.
     """
     body = looped(relations.program, layout, keep=False)  # the discrete state changes from one iteration to the next
     numbers = relations.searched
@@ -58,7 +62,7 @@ def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: 
     )
     body.lines = []
     for phase in iteration.event_functions:  # through rounding, the sign of a function may differ from its relation
-        holds, fails = (2, -2) if relation_of(phase.batch)[0] else (-2, 2)
+        holds, fails = (2, -2) if relation_of(phase.batch).strict else (-2, 2)
         statement = f"fired[{{extra}}] = {holds} if data[r + {{target}}] != 0.0 else {fails}"
         loop(body, phase.batch, statement, extra=np.searchsorted(numbers, phase.batch.targets))
     sides = body.lines
@@ -80,9 +84,7 @@ def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: 
         "    for k in range(nd):",
         "        data[r + nr + nd + k] = data[r + nr + k]",
         *_started(model),
-        "    if moved == 0:",
-        "        break",
-        "    result = max(result, 1)",
+        *_ended(iteration, "result = max(result, 1)"),
         "if moved != 0:",
         "    return -1",
         *sides,
@@ -113,10 +115,29 @@ def settle_body(relations: Relations, layout: Layout, model: FlatModel) -> Body:
         "            moved = 1",
         "        data[r + nr + nd + k] = data[r + nr + k]",
         *_started(model),
-        "    if changed != 0 or moved == 0:",
+        "    if changed != 0:",
         "        break",
+        *_ended(relations.event_iteration),
     ]  # fmt: skip
     return body
+
+
+def _ended(iteration: EventIteration, *noted: str) -> list[str]:
+    """End the outer iterations where nothing has moved, with the relations that are decided last; statements where something has.
+
+    While these keep their values, ``last`` is 0; it is 1 where they are decided for the first time, then 2.
+    """
+    if not iteration.has_last:
+        return ["    if moved == 0:", "        break", *(f"    {line}" for line in noted)]
+    return [
+        "    if moved == 0 and last != 0:",
+        "        break",
+        "    if moved != 0:",
+        "        last = 0",
+        *(f"        {line}" for line in noted),
+        "    else:",
+        "        moved, last, first = 1, first, 2",
+    ]
 
 
 def _passes(body: Body, relations: Relations, model: FlatModel, numbers: Integers | None) -> list[str]:
@@ -126,7 +147,8 @@ def _passes(body: Body, relations: Relations, model: FlatModel, numbers: Integer
     ``numbers``: as for `_test`. Takes the lines of the body, and leaves it empty.
     """
     head, compute, body.lines = body.lines[:2], body.lines[2:-CLOSING], []
-    for phase in relations.event_iteration.passed:
+    iteration = relations.event_iteration
+    for phase in iteration.passed:
         match phase:
             case UnknownsPhase():
                 body.lines += compute
@@ -137,7 +159,7 @@ def _passes(body: Body, relations: Relations, model: FlatModel, numbers: Integer
     inner, body.lines = body.lines, []
     sizes = body.array([model.n_relations, len(model.discretes)])
     return [
-        *head, f"h = {sizes}", "nr, nd = index[h], index[h + 1]",
+        *head, f"h = {sizes}", "nr, nd = index[h], index[h + 1]", *(["last, first = 0, 1"] if iteration.has_last else []),
         f"for outer in range({MOST_ITERATIONS}):",
         "    changed = 1",
         f"    for iteration in range({MOST_ITERATIONS}):",
@@ -173,16 +195,20 @@ def _stale_signs(body: Body, guards: tuple[int, int]) -> list[str]:
 
 def _test(body: Body, phase: RelationsPhase, numbers: Integers | None) -> None:
     """Evaluate the relations of a phase; ``numbers``: relations of the root functions, which may have fired (None: no root search)."""
+    outer, body.lines = body.lines, []
     lines = ["y = {value}", f"f = 1.0 if y {phase.comparison} 0.0 else 0.0"]
     roots = np.zeros(len(phase.batch), np.int64)
     if phase.on_time:
         body.lines += ["now = t", "t = t + 1e-12 * max(abs(t), 1e-3)"]  # right-hand limit in time, as `right_hand` takes it
     if phase.searched and numbers is not None:
         roots = np.searchsorted(numbers, phase.batch.targets)
-        first = " and outer == 0" if compares_with_before(phase.batch) else ""
-        above = ">" if relation_of(phase.batch)[0] else "<"
+        start = "last == 1" if phase.last else "outer == 0"
+        first = f" and {start}" if compares_with_before(phase.batch) else ""
+        above = ">" if relation_of(phase.batch).strict else "<"
         lines += [f"if fired[{{extra}}] != 0{first}:", f"    f = 1.0 if fired[{{extra}}] {above} 0 else 0.0"]
     lines += ["if data[r + {target}] != f:", "    data[r + {target}] = f", "    changed = 1"]
     loop(body, phase.batch, "\n".join(lines), extra=roots)
     if phase.on_time:
         body.lines.append("t = now")
+    guarded = ["if last != 0:", *(f"    {line}" for line in body.lines)] if phase.last else body.lines
+    body.lines = outer + guarded

@@ -1,7 +1,8 @@
 """The event iteration as an ordered list of phases: `gearlib.run.scene` executes it with NumPy, `gearlib.native.events` prints it.
 
 At an event the phases of a pass run in order, and passes are repeated until one changes nothing. Then states are re-initialised and the
-values before the event are set to those after it; if that changes anything, all is repeated.
+values before the event are set to those after it; if that changes anything, all is repeated. Relations that are decided last keep their
+values meanwhile: they are passed, too, once nothing else changes, and keep their values again as soon as anything does.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.equations.kernel import relation_kernel
+from gearlib.equations.template import Relation
 from gearlib.program.program import Batch
 
 Floats = NDArray[np.float64]
@@ -44,17 +46,20 @@ class RelationsPhase:
         Whether they compare nothing but time, and take their right-hand limit.
     searched : bool
         Whether they are event functions: one whose root was located takes the side that it crossed to.
+    last : bool
+        Whether they keep their values until all else has settled (`gl.settled`).
     """
 
     batch: Batch
     on_time: bool
     searched: bool
+    last: bool
 
     @property
     def comparison(self) -> str:
         """The comparison with zero under which the relations hold."""
-        strict, negated = relation_of(self.batch)
-        return f"{'<' if negated else '>'}{'' if strict else '='}"
+        relation = relation_of(self.batch)
+        return f"{'<' if relation.negated else '>'}{'' if relation.strict else '='}"
 
     def hold(self, values: Floats) -> Floats:
         """1 where a relation holds, 0 where it does not."""
@@ -75,6 +80,11 @@ class EventIteration:
 
     passed: tuple[UnknownsPhase | DiscretesPhase | RelationsPhase, ...]
     reinits: tuple[Batch, ...]
+
+    @cached_property
+    def has_last(self) -> bool:
+        """Whether some relations are decided last."""
+        return any(isinstance(p, RelationsPhase) and p.last for p in self.passed)
 
     @cached_property
     def event_functions(self) -> tuple[RelationsPhase, ...]:
@@ -99,7 +109,7 @@ def event_iteration(
         kinds = np.isin(batch.targets, on_time), np.isin(batch.targets, searched)
         for kind in ((False, True), (True, True), (True, False)):
             if (rows := np.flatnonzero((kinds[0] == kind[0]) & (kinds[1] == kind[1]))).size:
-                passed.append(RelationsPhase(batch.take(rows), *kind))
+                passed.append(RelationsPhase(batch.take(rows), *kind, relation_of(batch).last))
     return EventIteration(tuple(passed), reinits)
 
 
@@ -114,9 +124,9 @@ def compares_with_before(batch: Batch) -> bool:
     return any(template.discretes[i - n].startswith("pre(") for i in batch.kernel.relations if i >= n)
 
 
-def relation_of(batch: Batch) -> tuple[bool, bool]:
-    """(strict, negated) of the relation that a kernel belongs to."""
+def relation_of(batch: Batch) -> Relation:
+    """The relation that a kernel belongs to."""
     for j, relation in enumerate(batch.kernel.template.relations):
         if relation_kernel(batch.kernel.template, j) is batch.kernel:
-            return relation.strict, relation.negated
+            return relation
     raise AssertionError("a kernel without its relation")

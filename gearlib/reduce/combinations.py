@@ -243,7 +243,7 @@ def _combined(structure: Structure, combination: CancellingSum) -> EquationGroup
             table[sympy.Symbol(name, real=True)] = sympy.Symbol(held, real=True)
         for j in range(len(row.template.relations)):
             table[relation_symbol(j)] = relation_symbol(len(relations) + j)
-        relations += [Relation(r.g.xreplace(table), r.strict, r.negated) for r in row.template.relations]
+        relations += [replace(r, g=r.g.xreplace(table)) for r in row.template.relations]
         absent = {column_symbol((f"v{v}", order)): sympy.S.Zero for v, order in gone}
         value = sympy.Integer(int(weight)) if float(weight).is_integer() else sympy.Float(weight)
         residual += value * row.template.residual.xreplace(table).xreplace(absent)

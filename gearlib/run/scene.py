@@ -456,10 +456,11 @@ def discrete_at_start(
     """
     n, d = model.n_relations, len(model.discretes)
     discrete = np.repeat((model.initial_discrete(discretes) if before is None else before)[:, None], len(t), axis=1)
+    last = False
     for _ in range(MOST_ITERATIONS):
         for _ in range(MOST_ITERATIONS):
             # only the final discrete state must admit a solution: on the way, a moving friction element may be tried as stuck
-            new = settle_once(relations, prepared, t, states, inputs, discrete, guess, forgiving=True)
+            new = settle_once(relations, prepared, t, states, inputs, discrete, guess, forgiving=True, last=last)
             settled, discrete = bool((new == discrete).all()), new
             if settled:
                 break
@@ -469,8 +470,10 @@ def discrete_at_start(
         discrete[n + d : n + 2 * d] = discrete[n : n + d]
         if d:
             discrete[n + 2 * d] = 0.0
-        if not settled or (previous == discrete[n + d : n + 2 * d]).all():
+        still = bool((previous == discrete[n + d : n + 2 * d]).all())
+        if not settled or (still and (last or not relations.event_iteration.has_last)):
             break  # the run's own event iteration may settle the rest, or name it
+        last = still
     if any(isinstance(step, Newton) for step in prepared.program.steps):
         settle_once(relations, prepared, t, states, inputs, discrete, guess)
     return discrete
@@ -478,9 +481,9 @@ def discrete_at_start(
 
 def settle_once(
     relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, discrete: Floats,
-    guess: Floats | None = None, forgiving: bool = False,
+    guess: Floats | None = None, forgiving: bool = False, last: bool = True,
 ) -> Floats:  # fmt: skip
-    """One pass of the event iteration."""
+    """One pass of the event iteration, with or without the relations that are decided last."""
     new = discrete.copy()
     slots = np.zeros((prepared.program.n_slots, len(t)))
     for phase in relations.event_iteration.passed:
@@ -489,7 +492,7 @@ def settle_once(
                 slots = evaluate(prepared, t, states, inputs, new, guess, forgiving)
             case DiscretesPhase(batch):
                 new[batch.targets] = batch_values(batch, t, slots, prepared.parameters, new)
-            case RelationsPhase(batch, on_time, _):
+            case RelationsPhase(batch, on_time) if last or not phase.last:
                 values = batch_values(batch, right_hand(t) if on_time else t, slots, prepared.parameters, new)
                 new[batch.targets] = phase.hold(values)
     return new

@@ -147,7 +147,8 @@ TEXTS = [
     ((x + y) * (x - y), "(x - y)*(x + y)"), (x / (y * z), "x/(y*z)"), (x / (y + z), "x/(y + z)"), (x / y**2, "x/y^2"),
     (-x * y, "-x*y"), (-x - y, "-x - y"), (-(x + y) * z, "z*(-x - y)"), (3 - x, "3 - x"), (x * y + z, "x*y + z"),
     (abs(x - y) * 2, "2*(if x - y >= 0 then x - y else -x + y)"), (sympy.Max(x - y, 1), "(if 1 > x - y then 1 else x - y)"),
-    (gl.no_event(x - y), "noEvent(x - y)"), (1 / sympy.cos(x - y), "1/cos(x - y)"), (sympy.cot(x), "(1/tan(x))"),
+    (gl.no_event(x - y), "noEvent(x - y)"), (gl.settled(x - y), "x - y"),
+    (1 / sympy.cos(x - y), "1/cos(x - y)"), (sympy.cot(x), "(1/tan(x))"),
     (sympy.Min(x, y, z), "(if x < (if y < z then y else z) then x else (if y < z then y else z))"),
 ]  # fmt: skip
 POINTS = [(2.0, 3.0, 0.5), (0.7, 0.2, 1.9), (1.5, 1.5, 2.5), (3.0, 2.0, 4.0)]

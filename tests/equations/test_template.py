@@ -264,6 +264,16 @@ def test_extrema_written_as_branches(larger: bool, extreme: Any) -> None:
     assert piecewise(plain) is plain
 
 
+def test_what_is_decided_last_stands_in_a_comparison() -> None:
+    """Its mark is no part of what is compared, and the comparison beside it is decided as any other."""
+    t = make(z, gl.Piecewise((1, gl.settled(x - p) + y > 0), (2, x > 0), (0, True)))
+    relations = {r.last: r.g for r in t.relations}
+    assert relations == {True: x - p + y, False: x}
+    for wrong in (gl.settled(x), x * gl.settled(y) + 1, gl.no_event(abs(gl.settled(x)))):
+        with pytest.raises(DeclarationError, match=r"settled\([xy]\) is not compared"):
+            make(z, wrong)
+
+
 def test_no_event_means_no_event_at_any_depth() -> None:
     t = make(z, gl.no_event(abs(x) + gl.no_event(gl.Max(y, 1))) + gl.Piecewise((1, x > 0), (0, True)))
     assert len(t.relations) == 1

@@ -15,7 +15,7 @@ from gearlib.language.expressions import value_of
 
 def plain(expression: Any) -> Any:
     """An expression, or a condition as 1 or 0, whose conditions are as any others."""
-    return value_of(expression).replace(lambda e: e.func.__name__ == "no_event", lambda e: e.args[0])
+    return value_of(expression).replace(lambda e: e.func.__name__ in ("no_event", "settled"), lambda e: e.args[0])
 
 
 @cache

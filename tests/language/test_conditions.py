@@ -170,6 +170,7 @@ def test_a_condition_is_a_number(where: str, at: float) -> None:
         (lambda s: gl.equals(s.n, float("nan")), "value of equals.. is nan"),
         (lambda s: gl.equals(s.n, [1]), r"value of equals.. is \[1\]"),
         (lambda s: gl.no_event([1]), r"argument of no_event.. is \[1\]"),
+        (lambda s: gl.settled([1]), r"argument of settled.. is \[1\]"),
         (lambda s: gl.der(s.x > 1), "argument of der.. is x > 1"),
         (lambda s: gl.sin(10**400), "argument of sin.. is 1000"),
         (lambda s: gl.Piecewise(), "Piecewise.. is given nothing"),

@@ -153,3 +153,33 @@ def test_equations_of_discrete_variables_are_named_by_their_components() -> None
     names = [[labelled(system.translation.structure, b, i) for i in range(len(b))] for b in relations.discretes]
     assert {text.split(":")[0] for texts in names for text in texts} == {"one", "other"}
     assert all(len(set(texts)) == len(texts) for texts in names)
+
+
+class Stages(gl.Component):
+    """At 1 s a stage passes from 0 through 1 to 2; two latches are set where x stands above a limit, which the stage 1 lowers."""
+
+    x = gl.Variable("1", start=0.0)
+    limit = gl.Parameter("1", default=4.0)
+    stage, hasty, patient = gl.Discrete("1"), gl.Discrete("1"), gl.Discrete("1")
+    lowered = gl.Discrete("1")
+
+    def equations(self) -> list[Any]:
+        excess = self.x - self.limit * (1 - self.lowered)
+        return [
+            gl.Eq(gl.der(self.x), 1.0),
+            gl.Eq(self.stage, gl.Piecewise((gl.Min(2, gl.pre(self.stage) + 1), self.x > 1.0), (0, True))),
+            gl.Eq(self.lowered, gl.equals(self.stage, 1)),
+            gl.Eq(self.hasty, gl.Or(gl.holds(gl.pre(self.hasty)), excess > 0)),
+            gl.Eq(self.patient, gl.Or(gl.holds(gl.pre(self.patient)), gl.settled(excess) > 0)),
+        ]
+
+
+@pytest.mark.parametrize("method", ["ida", "rk", "taylor"])
+def test_what_is_decided_last_sees_no_passing_stage(method: str) -> None:
+    """It is set at its own event, when x reaches its limit, whatever other events passed through; not at the start, either."""
+    run = gl.compile(Stages()).simulate(6.0, samples=13, method=method)
+    assert run["hasty"].tolist() == (run.time > 1.0 - 1e-9).tolist()
+    assert run["patient"].tolist() == (run.time > 4.0 - 1e-9).tolist()
+    assert run["stage"].tolist() == (2.0 * (run.time > 1.0 - 1e-9)).tolist()
+    begun = gl.compile(Stages()).simulate(1.0, samples=2, method=method, start={"x": 2.0})
+    assert (begun["stage"][0], begun["hasty"][0], begun["patient"][0]) == (2.0, 1.0, 0.0)

@@ -101,7 +101,7 @@ def test_a_relation_is_strict_or_not_and_negated_or_not(condition: Any, expected
     relations = gl.compile(One()).translation.scene.relations
     assert relations is not None
     (phase,) = relations.event_iteration.event_functions
-    found = relation_of(phase.batch)
+    found = relation_of(phase.batch).strict, relation_of(phase.batch).negated
     for x in (0.0, 1.0, 2.0):
         g = (1.0 if found == expected else -1.0) * (x - 1.0)
         holds = phase.hold(np.array([g]))[0]

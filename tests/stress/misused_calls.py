@@ -453,6 +453,7 @@ def language() -> list[Call]:
         Call("Table of a variable", lambda events: gl.Table([0, 1], [0, 1])(x, events=events), lambda: {"events": True}),
         Call("connect signals", gl.connect, positional=lambda: [x, leaf.y]),
         Call("no_event", gl.no_event, lambda: {"expression": x > 1}),
+        Call("settled", gl.settled, lambda: {"expression": x}),
         Call("reinit", gl.reinit, lambda: {"state": x, "value": 1.0}),
         Call("connect", gl.connect, positional=lambda: [gp.Inertia(J=1.0).flange_a, gp.Inertia(J=1.0).flange_a]),
         Call("Connection", connected, lambda: {"ports": None}),

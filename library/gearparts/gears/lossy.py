@@ -11,7 +11,7 @@ import gearlib as gl
 from gearlib.errors import BindingError
 from gearparts.interfaces import Dissipative, Flange, MaybeHeated, TwoFlanges, TwoFlangesAndSupport
 from gearparts.rotational.backlash import ElastoBacklash
-from gearparts.rotational.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, excess, has_held, sign_while
+from gearparts.rotational.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, excess, sign_while
 from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, extremes, interpolated, piecewise_without_events, reaches
 
 if TYPE_CHECKING:
@@ -153,9 +153,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
         back = gl.Or(gl.equals(was, BACKWARD), gl.holds(self.start_backward))
         return [
             gl.Eq(self.moving, sign_while(1 - gl.pre(self.locked), self.w_a, gl.pre(self.moving), self.sa)),
-            gl.Eq(
-                self.was_stuck, gl.And(gl.equals(was, STUCK), has_held(self.locked, self.start_forward, self.start_backward))
-            ),
+            gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
             gl.Eq(self.start_forward, self._starts(1, self.sa, self.loss_forward, self.start_forward, self.start_backward)),
             gl.Eq(
                 self.start_backward, self._starts(-1, -self.sa, -self.loss_backward, self.start_backward, self.start_forward)
@@ -177,7 +175,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
         A gear that has started in the opposite direction locks first: until then its curve parameter is not a torque.
         """
         limit = limit * (1 - ROUNDING * gl.pre(starts))
-        pushed = self.was_stuck * (1 - starts_opposite) * excess(curve, limit, starts) > 0
+        pushed = gl.settled(self.was_stuck * (1 - starts_opposite) * excess(curve, limit, starts)) > 0
         return gl.Or(pushed, gl.And(gl.initial(), gl.equals(self.moving, sense)))
 
     def energies(self) -> gl.Energy:

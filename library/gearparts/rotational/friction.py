@@ -66,8 +66,8 @@ class Friction(SlidingSurfaces, Dissipative):
     mode = gl.Discrete("-1 backward, 0 stuck, 1 forward, 2 free, 3 unknown", start=UNKNOWN)
     moving = gl.Discrete("sign of the speed, 0 while locked or free")
     was_stuck = gl.Discrete("whether it was stuck before the event")
-    was_forward = gl.Discrete("whether it slid forward before the event")
-    was_backward = gl.Discrete("whether it slid backward before the event")
+    slid = gl.Discrete("direction in which it slid before the event, 0 where it did not")
+    turned = gl.Discrete("whether a reinit has reversed that direction")
     start_forward = gl.Discrete("starts to slide forward")
     start_backward = gl.Discrete("starts to slide backward")
     locked = gl.Discrete("no relative acceleration")
@@ -85,18 +85,11 @@ class Friction(SlidingSurfaces, Dissipative):
             ),
             gl.Eq(self.loss_power, self.tau * self.v),
             gl.Eq(self.moving, sign_while((1 - gl.pre(self.locked)) * (1 - self.free), self.v, gl.pre(self.moving), self.sa)),
-            gl.Eq(
-                self.was_stuck, gl.And(gl.equals(was, STUCK), has_held(self.locked, self.start_forward, self.start_backward))
-            ),
-            gl.Eq(self.was_forward, gl.equals(was, FORWARD)),
-            gl.Eq(self.was_backward, gl.equals(was, BACKWARD)),
-            gl.Eq(
-                self.start_forward, self._starts(1, self.sa, self.v, self.start_forward, self.start_backward, self.was_backward)
-            ),
-            gl.Eq(
-                self.start_backward,
-                self._starts(-1, -self.sa, -self.v, self.start_backward, self.start_forward, self.was_forward),
-            ),
+            gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
+            gl.Eq(self.slid, gl.Piecewise((was, gl.Or(gl.equals(was, FORWARD), gl.equals(was, BACKWARD))), (0, True))),
+            gl.Eq(self.turned, self.slid * self.v < -self.w_small),
+            gl.Eq(self.start_forward, self._starts(1, self.sa, self.start_forward, self.start_backward)),
+            gl.Eq(self.start_backward, self._starts(-1, -self.sa, self.start_backward, self.start_forward)),
             gl.Eq(self.locked, gl.And(gl.Not(is_free), gl.Not(forward), gl.Not(backward))),
             gl.Eq(self.contact, gl.Piecewise((0, is_free), (1, locked), (2, True))),
             gl.Eq(
@@ -113,8 +106,8 @@ class Friction(SlidingSurfaces, Dissipative):
     def energies(self) -> gl.Energy:
         return gl.Energy(heat=self.loss_power)
 
-    def _starts(self, sense: int, curve: Any, speed: Any, starts: Any, starts_opposite: Any, was_opposite: Any) -> Any:
-        """Whether sliding starts in a direction, with curve parameter and speed counted in that direction.
+    def _starts(self, sense: int, curve: Any, starts: Any, starts_opposite: Any) -> Any:
+        """Whether sliding starts in a direction, with the curve parameter counted in that direction.
 
         While stuck, the torque must exceed its limit, or the sliding torque if it had started already. One that has started in the
         opposite direction locks first: until then its curve parameter is not a torque, and two elements on one shaft would drive each
@@ -122,10 +115,10 @@ class Friction(SlidingSurfaces, Dissipative):
         """
         started = gl.pre(starts)
         limit = self.peak * self.tau0 * (1 - started) + (1 - ROUNDING) * self.tau0 * started
-        pushed = self.was_stuck * (1 - starts_opposite) * excess(curve, limit, starts)
-        pushed = pushed + was_opposite * (speed - self.w_small) > 0
+        pushed = gl.settled(self.was_stuck * (1 - starts_opposite) * excess(curve, limit, starts)) > 0
+        thrown = gl.And(gl.holds(self.turned), gl.equals(self.slid, -sense))
         engaged_now = gl.And(gl.equals(gl.pre(self.mode), FREE), gl.Not(gl.holds(self.free)))
-        return gl.Or(pushed, gl.And(gl.Or(gl.initial(), engaged_now), gl.equals(self.moving, sense)))
+        return gl.Or(pushed, thrown, gl.And(gl.Or(gl.initial(), engaged_now), gl.equals(self.moving, sense)))
 
 
 def excess(curve: Any, limit: Any, starts: Any) -> Any:
@@ -147,14 +140,6 @@ def sign_while(flag: Any, speed: Any, was: Any, acceleration: Any) -> Any:
         (-1, flag * speed < -least_speed(was * (was - 1) / 2, acceleration)),
         (0, True),
     )
-
-
-def has_held(locked: Any, *starts: Any) -> Any:
-    """Whether an element that is stuck was so before, rather than has just come to rest.
-
-    Others that stop at the same instant may still count as sliding then, so that its torque is not yet what it will be.
-    """
-    return gl.Or(*(gl.holds(gl.pre(flag)) for flag in (locked, *starts)))
 
 
 def least_speed(moved: Any, acceleration: Any) -> Any:
@@ -318,11 +303,11 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
             ),
             gl.Eq(self.tau, gl.Piecewise((self.sa, locked), (0, is_free), (self.level(self.w_rel), True))),
             gl.Eq(self.moving, (1 - gl.pre(self.locked)) * self.w_rel > least_speed(gl.pre(self.moving), self.sa)),
-            gl.Eq(self.was_stuck, gl.And(was_stuck, has_held(self.locked, self.start_forward))),
+            gl.Eq(self.was_stuck, was_stuck),
             gl.Eq(
                 self.start_forward,
                 gl.Or(
-                    self.was_stuck * excess(self.sa, limit, self.start_forward) > 0,
+                    gl.settled(self.was_stuck * excess(self.sa, limit, self.start_forward)) > 0,
                     gl.And(was_stuck, self.w_rel > self.w_small),
                     gl.And(gl.initial(), gl.holds(self.moving)),
                 ),

@@ -520,13 +520,7 @@ def test_modes_of_a_gear_after_an_event(lossy: gl.Component, was: int, starts: s
     ahead, back = was == 1 or starts == "start_forward", was == -1 or starts == "start_backward"
     assert right_side(lossy, "locked", **values) == (not ahead and not back)
     assert right_side(lossy, "mode", **values) == (1 if ahead and moving == 1 else -1 if back and moving == -1 else 0)
-    for held in (
-        {"pre_locked": 1},
-        {"pre_start_forward": 1},
-        {"pre_start_backward": 1},
-        {},
-    ):  # the last: it has just come to rest
-        assert right_side(lossy, "was_stuck", **values, **held) == (was == 0 and bool(held))
+    assert right_side(lossy, "was_stuck", **values) == (was == 0)
     for speed in (-1.0, 1e-12, 1.0):
         moves = 0 if speed == 1e-12 else speed
         assert [right_side(lossy, "moving", w_a=speed, pre_locked=held) for held in (0, 1)] == [moves, 0]

@@ -740,7 +740,6 @@ def test_level_and_release_of_a_brake(brake: gl.Component) -> None:
 def test_when_sliding_starts(brake: gl.Component, sense: int) -> None:
     """Beyond the break-away torque; once started, beyond the sliding torque; held by another element, without acceleration."""
     own, other = ("start_forward", "start_backward")[::sense]
-    was_other = "was_backward" if sense == 1 else "was_forward"
 
     def starts(torque: float, **state: float) -> bool:
         return bool(right_side(brake, own, **BRAKE, sa=sense * torque, **state))
@@ -754,8 +753,8 @@ def test_when_sliding_starts(brake: gl.Component, sense: int) -> None:
     assert not starts(5.0)
     assert not starts(-5.0, **stuck)
     assert not starts(5.0, **stuck, **{other: 1.0})
-    assert [starts(0.0, **{was_other: 1.0}, v=sense * v) for v in (99.0, 101.0)] == [False, True]
-    assert not starts(0.0, v=sense * 101.0)
+    thrown = [(turned, slid) for turned in (0, 1) for slid in (-1, 0, 1) if starts(0.0, turned=turned, slid=slid)]
+    assert thrown == [(1, -sense)]
     for moving, begins in ((sense, True), (-sense, False), (0, False)):
         assert starts(0.0, initial=1.0, moving=moving) == begins
         assert starts(0.0, pre_mode=FREE, moving=moving) == begins, "pressed just now"
@@ -773,15 +772,11 @@ def test_modes_after_an_event(brake: gl.Component, free: int, was: int, starts: 
     assert right_side(brake, "locked", **values) == (not free and not forward and not backward)
     slides = FORWARD if forward and moving == 1 else BACKWARD if backward and moving == -1 else STUCK
     assert right_side(brake, "mode", **values) == (FREE if free else slides)
-    for name, mode in (("was_forward", FORWARD), ("was_backward", BACKWARD)):
-        assert right_side(brake, name, **values) == (was == mode)
-    for held in (
-        {"pre_locked": 1},
-        {"pre_start_forward": 1},
-        {"pre_start_backward": 1},
-        {},
-    ):  # the last: it has just come to rest
-        assert right_side(brake, "was_stuck", **values, **held) == (was == STUCK and bool(held))
+    assert right_side(brake, "slid", **values) == (was if was in (FORWARD, BACKWARD) else 0)
+    assert right_side(brake, "was_stuck", **values) == (was == STUCK)
+    for v in (99.0, 101.0):
+        assert [right_side(brake, "turned", **BRAKE, slid=slid, v=-v) for slid in (1, -1, 0)] == [v > 100.0, 0, 0]
+        assert [right_side(brake, "turned", **BRAKE, slid=slid, v=v) for slid in (1, -1, 0)] == [0, v > 100.0, 0]
 
 
 @pytest.mark.parametrize(("was", "speed", "sign"), [
