@@ -1,0 +1,108 @@
+"""Friction elements that stop in one instant, against time stepping written by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import gearlib as gl
+import gearparts as gp
+
+Floats = NDArray[np.float64]
+SPEEDS = np.array([[1.0, 0.0], [-1.0, 1.0], [0.0, 1.0]])  # of the bearings' and the clutch's surfaces, from those of the bodies
+REST = 1e-9
+
+
+class Coupled(gl.Component):
+    """Two bodies on bearings with a clutch between them; a torque drives the first to and fro."""
+
+    tau = gl.Structural(8.0)
+    pulsation = gl.Structural(5.0)
+    J = gl.Structural((1.0, 1.0))
+    limits = gl.Structural((1.0, 1.0, 1.0))
+    peaks = gl.Structural((1.0, 1.0, 1.0))
+
+    def assemble(self) -> list[gl.Connection]:
+        self.torque = gp.Torque(tau=self.tau * gl.sin(self.pulsation * gl.time))
+        self.body = [gp.Inertia(J=J) for J in self.J]
+        self.clutch = gp.Clutch(fn_max=1.0, f_normalized=1.0, mu_pos=((0.0, self.limits[1]),), peak=self.peaks[1])
+        self.bearing = [gp.BearingFriction(tau_pos=((0.0, self.limits[k]),), peak=self.peaks[k]) for k in (0, 2)]
+        return [
+            gl.connect(self.torque.flange, self.body[0].flange_a),
+            gl.connect(self.body[0].flange_b, self.clutch.flange_a, self.bearing[0].flange_a),
+            gl.connect(self.clutch.flange_b, self.body[1].flange_a),
+            gl.connect(self.body[1].flange_b, self.bearing[1].flange_a),
+        ]
+
+
+def by_hand(
+    tau: float, pulsation: float, J: tuple[float, float], limits: Any, peaks: Any, t_end: float, dt: float
+) -> Floats:  # fmt: skip
+    """Speeds of the bodies at the ends of equal steps, shape (steps + 1, 2).
+
+    The direction of each element is 0 while it is stuck. Stuck ones share a torque so that the sum of its squares is least; one whose
+    share is beyond its limit slides, or stays at its sliding torque where others hold it.
+    """
+    limits, inertia = np.array(limits), np.array(J)
+    speed, direction, found = np.zeros(2), np.zeros(3), []
+
+    def solved(t: float) -> tuple[Floats, Floats]:
+        """Accelerations and torques."""
+        torques, stuck = limits * direction, SPEEDS[direction == 0]
+        free = (np.array([tau * np.sin(pulsation * t), 0.0]) - SPEEDS.T @ torques) / inertia
+        if len(stuck):
+            torques[direction == 0] = np.linalg.lstsq((stuck / inertia) @ stuck.T, stuck @ free, rcond=1e-10)[0]
+        return free - (SPEEDS.T @ np.where(direction == 0, torques, 0.0)) / inertia, torques
+
+    def overloaded(torques: Floats) -> NDArray[np.bool_]:
+        return np.asarray((direction == 0) & (np.abs(torques) > limits * peaks))
+
+    def decide(t: float) -> None:
+        for _ in range(20):
+            rates, torques = solved(t)
+            reverses = (np.abs(SPEEDS @ speed) < REST) & (direction * (SPEEDS @ rates) < -REST)
+            beyond = overloaded(torques)
+            if not (reverses | beyond).any():
+                return
+            direction[:] = np.where(reverses, 0, direction) if reverses.any() else np.where(beyond, np.sign(torques), direction)
+        raise AssertionError("no directions fit")
+
+    for k in range(round(t_end / dt) + 1):
+        found.append(speed.copy())
+        t, rest = k * dt, dt
+        decide(t)
+        while rest > 0.0:
+            early, late = 0.0, rest
+            while overloaded(solved(t + late)[1]).any() and late - early > 1e-9:
+                middle = (early + late) / 2
+                early, late = (early, middle) if overloaded(solved(t + middle)[1]).any() else (middle, late)
+            rates, _ = solved(t + late / 2)
+            slides, growth = direction * (SPEEDS @ speed), direction * (SPEEDS @ rates)
+            stops = np.where((slides > REST) & (growth < 0.0), slides / np.where(growth < 0.0, -growth, 1.0), np.inf)
+            step = min(late, float(stops.min()))
+            speed += step * rates
+            t, rest = t + step, rest - step
+            if rest > 0.0:
+                direction[np.abs(SPEEDS @ speed) < REST] = 0
+                decide(t)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("method", ["ida", "rk"])
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"tau": 10.4, "pulsation": 4.1, "J": (1.9, 1.1), "limits": (1.3, 3.3, 0.7), "peaks": (1.1, 1.2, 1.1)},
+        {"tau": 8.1, "pulsation": 6.3, "J": (1.2, 0.6), "limits": (2.5, 4.2, 2.0), "peaks": (1.1, 1.3, 1.2)},
+        {"tau": 7.7, "pulsation": 10.1, "J": (1.9, 0.7), "limits": (2.3, 3.7, 2.1), "peaks": (1.1, 1.0, 1.2)},
+        {"tau": 7.5, "pulsation": 10.6, "J": (0.4, 0.9), "limits": (0.3, 3.4, 0.7), "peaks": (1.2, 1.4, 1.0)},
+    ],
+)
+def test_what_stops_together_is_at_rest_before_anything_breaks_away(values: Any, method: str) -> None:
+    """A bearing that stops an instant before the other one loads a clutch that is stuck; it does not break away by that."""
+    expected = by_hand(**values, t_end=4.0, dt=1e-3)[::100]
+    run = gl.compile(Coupled(**values)).simulate(4.0, samples=len(expected), rtol=1e-9, method=method)
+    assert np.column_stack([run["body[0].w"], run["body[1].w"]]) == pytest.approx(expected, abs=2e-4)
