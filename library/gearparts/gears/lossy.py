@@ -64,6 +64,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
     start_forward = gl.Discrete("starts to turn forward")
     start_backward = gl.Discrete("starts to turn backward")
     locked = gl.Discrete("no acceleration")
+    drives = gl.Discrete("whether flange_a drives")
 
     def equations(self) -> list[gl.Eq]:
         rows = check_rows("LossyGear.loss_table", self.loss_table, 5)
@@ -102,6 +103,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
             *(gl.Eq(x, 0) for x in (*none, *never)),
             gl.Eq(self.sa, gl.der(self.w_a)),
             gl.Eq(self.tau_eta, self.flange_a.tau),
+            gl.Eq(self.drives, 1),
             gl.Eq(self.mode, FREE),
         ]
 
@@ -123,7 +125,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
         side_forward, side_backward = (
             _on_side_a(row, sense * self.w_a, ideal) for row, sense in zip(there, (1, -1), strict=True)
         )
-        drives = self.tau_eta >= 0  # also while locked: it starts with the side that drives then
+        drives = gl.holds(self.drives)  # also while locked: it starts with the side that drives then
         forward = gl.Piecewise((_a_drives(torque, 1, there[0]), drives), (_b_drives(torque, 1, there[0]), True))
         backward = gl.Piecewise((_b_drives(torque, -1, there[1]), drives), (_a_drives(torque, -1, there[1]), True))
         return [
@@ -152,6 +154,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
         ahead = gl.Or(gl.equals(was, FORWARD), gl.holds(self.start_forward))
         back = gl.Or(gl.equals(was, BACKWARD), gl.holds(self.start_backward))
         return [
+            gl.Eq(self.drives, gl.Piecewise((gl.pre(self.drives), self._is_held()), (1, self.tau_eta >= 0), (0, True))),
             gl.Eq(self.moving, sign_while(1 - gl.pre(self.locked), self.w_a, gl.pre(self.moving), self.sa)),
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
             gl.Eq(self.start_forward, self._starts(1, self.sa, self.loss_forward, self.start_forward, self.start_backward)),
@@ -168,6 +171,13 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
                 ),
             ),
         ]
+
+    def _is_held(self) -> Any:
+        """Whether it has started, but others hold it.
+
+        Its side of the loss stays there, which no motion confirms: what the others hold depends on it, and neither side might drive.
+        """
+        return gl.And(gl.Or(gl.holds(self.start_forward), gl.holds(self.start_backward)), gl.equals(gl.pre(self.mode), STUCK))
 
     def _starts(self, sense: int, curve: Any, limit: Any, starts: Any, starts_opposite: Any) -> Any:
         """Breakaway condition for one direction; multiplied by flags, since the comparison is meaningful only while the gear is stuck.

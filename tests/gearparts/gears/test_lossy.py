@@ -375,7 +375,12 @@ def test_losses_far_beyond_their_table_do_not_drive(sense: int) -> None:
             gear = LossyGear(ratio=2.0, loss_table=((0.0, *first), (2.0, *second)))
             by_one, by_other = (1 - far[0]) * torque + sense * far[2], (1 - 1 / far[1]) * torque + sense * far[3]
             for drives in (1.0, -1.0):
-                values = {"tau_eta": drives, "flange_a__tau": torque, "w_a": 4004.0 * sense, "pre_mode": float(sense)}
+                values = {
+                    "drives": float(drives > 0.0),
+                    "flange_a__tau": torque,
+                    "w_a": 4004.0 * sense,
+                    "pre_mode": float(sense),
+                }
                 assert right_side(gear, "tau_loss", **values) == pytest.approx(by_one if drives * sense > 0 else by_other)
 
 
@@ -405,11 +410,11 @@ def test_losses_in_each_state_are_those_of_the_docstring(lossy: gl.Component, w:
         values = {"flange_a__tau": torque, "sa": 7.0}
         for ahead in ({"start_forward": 1}, {"pre_mode": 1}):
             assert right_side(lossy, "tau_eta", w_a=w, **values, **ahead) == pytest.approx(torque - AT_A * size)
-            for drives, loss in ((1.0, by_a(torque, 1, size)), (0.0, by_a(torque, 1, size)), (-1.0, by_b(torque, 1, size))):
-                assert right_side(lossy, "tau_loss", w_a=w, tau_eta=drives, **values, **ahead) == pytest.approx(loss)
+            for drives, loss in ((1, by_a(torque, 1, size)), (0, by_b(torque, 1, size))):
+                assert right_side(lossy, "tau_loss", w_a=w, drives=drives, **values, **ahead) == pytest.approx(loss)
         assert right_side(lossy, "tau_eta", w_a=-w, **values) == pytest.approx(torque + AT_A * size)
-        for drives, loss in ((1.0, by_b(torque, -1, size)), (0.0, by_b(torque, -1, size)), (-1.0, by_a(torque, -1, size))):
-            assert right_side(lossy, "tau_loss", w_a=-w, tau_eta=drives, **values) == pytest.approx(loss)
+        for drives, loss in ((1, by_b(torque, -1, size)), (0, by_a(torque, -1, size))):
+            assert right_side(lossy, "tau_loss", w_a=-w, drives=drives, **values) == pytest.approx(loss)
         assert right_side(lossy, "tau_eta", w_a=w, locked=1, **values) == torque
         assert right_side(lossy, "tau_loss", w_a=w, locked=1, **values) == 7.0
     assert right_side(lossy, "der(w_a)", sa=7.0, tau_loss=3.0) == 7.0
@@ -526,6 +531,19 @@ def test_modes_of_a_gear_after_an_event(lossy: gl.Component, was: int, starts: s
         assert [right_side(lossy, "moving", w_a=speed, pre_locked=held) for held in (0, 1)] == [moves, 0]
 
 
+@pytest.mark.parametrize("starts", ["start_forward", "start_backward"])
+def test_the_side_that_drives_is_that_of_the_torque_unless_others_hold_a_gear_that_starts(
+    lossy: gl.Component, starts: str
+) -> None:
+    for tau_eta, side in ((1e-9, 1), (0.0, 1), (-1e-9, 0)):
+        for before in (0, 1):
+            values = {"tau_eta": tau_eta, "pre_drives": before}
+            for was in (1, -1, 2):
+                assert right_side(lossy, "drives", **values, **{starts: 1.0}, pre_mode=was) == side
+            assert right_side(lossy, "drives", **values) == side
+            assert right_side(lossy, "drives", **values, **{starts: 1.0}, pre_mode=0) == before
+
+
 def test_a_gear_without_losses_has_no_modes() -> None:
     ideal = LossyGear(ratio=2.0)
     for name in (
@@ -540,4 +558,5 @@ def test_a_gear_without_losses_has_no_modes() -> None:
     ):
         assert right_side(ideal, name, sa=3.0, w_a=4.0, flange_a__tau=5.0) == 0
     assert right_side(ideal, "mode") == 2
+    assert right_side(ideal, "drives") == 1
     assert right_side(ideal, "tau_eta", flange_a__tau=5.0) == 5.0

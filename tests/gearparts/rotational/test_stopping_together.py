@@ -106,3 +106,67 @@ def test_what_stops_together_is_at_rest_before_anything_breaks_away(values: Any,
     expected = by_hand(**values, t_end=4.0, dt=1e-3)[::100]
     run = gl.compile(Coupled(**values)).simulate(4.0, samples=len(expected), rtol=1e-9, method=method)
     assert np.column_stack([run["body[0].w"], run["body[1].w"]]) == pytest.approx(expected, abs=2e-4)
+
+
+class Geared(gl.Component):
+    """A body behind a clutch drives another one through a gear with losses; all have bearings."""
+
+    tau = gl.Structural(8.0)
+    pulsation = gl.Structural(5.0)
+    J = gl.Structural((1.0, 1.0))
+    losses = gl.Structural((0.6, 0.7, 0.0, 0.5))
+    ratio = gl.Structural(2.0)
+    clutch_limit = gl.Structural(1.0)
+    clutch_peak = gl.Structural(1.0)
+    limits = gl.Structural((1.0, 1.0, 1.0, 1.0, 1.0))
+    peaks = gl.Structural((1.0, 1.0, 1.0, 1.0, 1.0))
+
+    def assemble(self) -> list[gl.Connection]:
+        self.torque, self.first = gp.Torque(tau=self.tau * gl.sin(self.pulsation * gl.time)), gp.Inertia(J=0.5)
+        self.clutch = gp.Clutch(fn_max=1.0, f_normalized=1.0, mu_pos=((0.0, self.clutch_limit),), peak=self.clutch_peak)
+        self.body = [gp.Inertia(J=J) for J in self.J]
+        self.gear = gp.LossyGear(ratio=self.ratio, loss_table=((0.0, *self.losses),))
+        self.bearing = [
+            gp.BearingFriction(tau_pos=((0.0, limit),), peak=peak) for limit, peak in zip(self.limits, self.peaks, strict=True)
+        ]
+        on_first, *on_bodies = (bearing.flange_a for bearing in self.bearing)
+        return [
+            gl.connect(self.torque.flange, self.first.flange_a),
+            gl.connect(self.first.flange_b, self.clutch.flange_a, on_first),
+            gl.connect(self.clutch.flange_b, self.body[0].flange_a),
+            gl.connect(self.body[0].flange_b, self.gear.flange_a, *on_bodies[:2]),
+            gl.connect(self.gear.flange_b, self.body[1].flange_a),
+            gl.connect(self.body[1].flange_b, *on_bodies[2:]),
+        ]
+
+
+HELD = [
+    {"tau": 4.2, "pulsation": 10.5, "J": (1.6, 0.7), "losses": (0.7, 0.7, 0.3, 0.4), "ratio": 2.0, "clutch_limit": 1.7,
+     "clutch_peak": 1.4, "limits": (1.8, 0.4, 0.3, 1.7, 1.0), "peaks": (1.3, 1.4, 1.0, 1.2, 1.4)},
+    {"tau": 5.1, "pulsation": 3.0, "J": (0.9, 0.5), "losses": (0.5, 0.7, 0.5, 0.4), "ratio": 2.0, "clutch_limit": 3.5,
+     "clutch_peak": 1.3, "limits": (1.6, 1.6, 0.6, 1.2, 0.7), "peaks": (1.3, 1.1, 1.1, 1.1, 1.5)},
+    {"tau": 9.7, "pulsation": 4.0, "J": (0.6, 1.3), "losses": (0.5, 0.9, 0.4, 0.0), "ratio": 2.0, "clutch_limit": 3.9,
+     "clutch_peak": 1.0, "limits": (1.9, 1.4, 1.1, 1.3, 1.9), "peaks": (1.3, 1.5, 1.2, 1.4, 1.4)},
+    {"tau": 5.4, "pulsation": 6.9, "J": (0.3, 0.8), "losses": (0.5, 0.5, 0.1, 0.1), "ratio": -1.0, "clutch_limit": 3.5,
+     "clutch_peak": 1.3, "limits": (0.3, 0.8, 1.5, 0.3, 1.3), "peaks": (1.3, 1.1, 1.4, 1.4, 1.1)},
+    {"tau": 11.4, "pulsation": 3.7, "J": (1.9, 0.6), "losses": (0.7, 0.9, 0.2, 0.3), "ratio": 2.0, "clutch_limit": 2.0,
+     "clutch_peak": 1.2, "limits": (0.5, 0.5, 1.9, 2.0, 0.5), "peaks": (1.3, 1.1, 1.2, 1.3, 1.4)},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("values", HELD)
+def test_a_gear_that_others_hold_needs_no_side_that_drives(values: Any) -> None:
+    """Whichever side of its loss it is given, what follows might ask for the other one: such trains were refused."""
+    system = gl.compile(Geared(**values))
+    runs = [system.simulate(4.0, samples=401, rtol=1e-9, method=method) for method in ("ida", "rk")]
+    for name in ("first.w", "body[0].w", "body[1].w"):
+        assert runs[0][name] == pytest.approx(runs[1][name], abs=1e-6)
+    run, (eta_1, eta_2, b_1, b_2) = runs[0], values["losses"]
+    torque, loss = run["gear.flange_a.tau"], run["gear.tau_loss"]
+    forward = np.maximum((1 - eta_1) * torque + b_1, (1 - 1 / eta_2) * torque + b_2)
+    backward = np.minimum((1 - eta_1) * torque - b_1, (1 - 1 / eta_2) * torque - b_2)
+    assert (loss <= forward + 1e-8).all()
+    assert (loss >= backward - 1e-8).all()
+    assert np.abs(run["gear.w_a"]).max() < 1e-9
+    for k, (limit, peak) in enumerate(zip(values["limits"], values["peaks"], strict=True)):
+        assert (np.abs(run[f"bearing[{k}].tau"]) <= limit * peak * (1 + 1e-8)).all()
