@@ -167,7 +167,7 @@ class Driven(gl.Component):
 
 @pytest.mark.parametrize(("searched", "share"), [(False, 0.5), (True, 1 / 16)])
 def test_the_longest_step_is_a_share_of_the_shortest_period(searched: bool, share: float) -> None:
-    """A cube has a wave of three times the frequency, with the other one in a product the sum. Without what time drives, nothing limits the steps."""
+    """A cube has a wave of three times the frequency; in a product, rates add up. Without what time drives, nothing limits the steps."""
     for f in (0.01, 2.0, 70.0):
         model = Functions(Driven(searched=searched))
         model.begun(f=f)
