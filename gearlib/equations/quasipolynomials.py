@@ -24,6 +24,7 @@ Signal = dict[complex, list[complex]]
 MAX_DEGREE = 40  # of a polynomial factor: beyond it s**k/k! spans more orders of magnitude than a double, on any interval
 MAX_RATES = 200  # of one signal: sin(t)**n has n + 1 of them
 SAME_RATE = 8.0 * 2.0**-52  # rates that differ only by rounding are merged
+OPPOSITE = 64.0 * 2.0**-52  # a sum of rates that is less than this part of them is rounding, which powers and products gather
 
 
 class OutsideClassError(Exception):
@@ -70,8 +71,18 @@ def multiply(first: Signal, second: Signal) -> Signal:
                     product[i + j] += a * b
             if not any(p.imag for p in product):
                 product = [p.real for p in product]
-            total = add(total, {r1 + r2: product})
+            total = add(total, {complex(_sum_of(r1.real, r2.real), _sum_of(r1.imag, r2.imag)): product})
     return _checked(total)
+
+
+def _sum_of(a: float, b: float) -> float:
+    """The sum of two parts of rates; 0 where it is rounding: opposite rates make a constant, which is not half a slow sinusoid.
+
+    >>> _sum_of(0.1 + 0.2, -0.3), _sum_of(0.1, 0.2) > 0.3
+    (0.0, True)
+    """
+    total = a + b
+    return 0.0 if abs(total) <= OPPOSITE * max(abs(a), abs(b)) else total
 
 
 def value(signal: Signal, s: float) -> float:
@@ -188,10 +199,10 @@ def _power(expression: Any, origin: float, probe: float | None) -> Signal:
     if exponent.is_Integer and exponent > 0:
         if exponent > MAX_DEGREE:
             raise OutsideClassError(f"{expression} is a power above {MAX_DEGREE}")
-        signal = parse(base, origin, probe)
-        total = signal
-        for _ in range(int(exponent) - 1):
-            total = multiply(total, signal)
+        signal, total = parse(base, origin, probe), Signal({0j: [1.0]})
+        for digit in f"{int(exponent):b}":  # by squares, so that rounding of the rates does not add up
+            total = multiply(total, total)
+            total = multiply(total, signal) if digit == "1" else total
         return total
     if not base.free_symbols and _number(base) > 0.0:
         start, slope = _affine(exponent, expression, origin, probe)

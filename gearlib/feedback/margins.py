@@ -133,9 +133,11 @@ def margins(loop: Loop) -> Margins:
     dense = np.pad(np.ones(len(omega) - 2 * len(BEYOND), bool), len(BEYOND))[keep]
     omega, curve = omega[keep], curve[keep]
     size = np.abs(curve)
-    real = bool(np.median((np.abs(curve.imag) / np.maximum(size, 1e-300))[dense]) < 1e-11)
+    noise = loop.rounding(1j * omega) / np.maximum(size, 1e-300)
+    on_axis = np.median((np.abs(curve.imag) / np.maximum(size, 1e-300))[dense]) < 1e-11
+    real = bool(on_axis and (noise < 1.0).any())  # a curve that is zero has no direction
     phase = _phase_crossings(loop, omega, curve, real)
-    gain = [_gain_crossing(loop, w) for w in _unit_gain(loop, omega, size)]
+    gain = [_gain_crossing(loop, w) for w in _unit_gain(loop, omega, size, noise)]
     modulus, at = _nearest(loop, omega[dense], curve[dense])
     return Margins(tuple(phase), tuple(gain), modulus, at, real, loop.d)
 
@@ -147,13 +149,16 @@ def _gain_crossing(loop: Loop, omega: float) -> GainCrossing:
     return GainCrossing(omega, angle, float(np.deg2rad(angle % 360.0)) / omega)
 
 
-def _unit_gain(loop: Loop, omega: Floats, size: Floats) -> list[float]:
-    """Frequencies at which |L| crosses 1; if it is 1 everywhere (an all-pass), the one at which the curve is nearest to -1."""
+def _unit_gain(loop: Loop, omega: Floats, size: Floats, noise: Floats) -> list[float]:
+    """Frequencies at which |L| crosses 1; if it is 1 everywhere (an all-pass), the one at which the curve is nearest to -1.
+
+    ``noise`` is the rounding of |L| relative to it: where that is all that there is of the curve, it has no magnitude.
+    """
     level = np.log(np.maximum(size, 1e-300))
-    # elsewhere rounding decides the sign
-    clear = np.abs(level) > np.maximum(LEVEL, loop.rounding(1j * omega) / np.maximum(size, 1e-300))
+    clear = np.abs(level) > np.maximum(LEVEL, noise)  # elsewhere rounding decides the sign
     if not clear.any():
-        return [float(omega[np.argmin(np.abs(np.angle(-loop.response(1j * omega))))])]
+        omega = omega[noise < 1.0]
+        return [float(omega[np.argmin(np.abs(np.angle(-loop.response(1j * omega))))])] if len(omega) else []
     return roots(omega[clear], level[clear], lambda x: float(np.log(abs(loop.response(1j * x)))))
 
 

@@ -11,6 +11,7 @@ They have the signature of all native functions, ``int32 f(double t, double *x, 
     prepare    all of ``data`` that follows from the parameters
     begin      start values: ``x``
     next_time  when a condition of time switches next
+    longest_step  what time drives is not stepped over by one
 
 ``prepare`` and ``begin`` return 0, or the number of the failed check, counted from 1.
 """
@@ -23,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.fmi.exported_model import ExportedModel
-from gearlib.fmi.preparation import INVERT, Part, begin_body, next_time_body, preparation_body
+from gearlib.fmi.preparation import INVERT, Part, begin_body, longest_step_body, next_time_body, preparation_body
 from gearlib.native.events import roots_body, settle_body, update_body
 from gearlib.native.jacobian import Pattern, jacobian_body, pattern_of
 from gearlib.native.layout import Shared, lay_out
@@ -34,8 +35,8 @@ from gearlib.native.sparse_solve import SPARSE_SOLVE
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-RHS, OBSERVE, JAC, ROOTS, UPDATE, SETTLE, PREPARE, BEGIN, NEXT_TIME = range(9)
-NAMES = ("rhs", "observe", "jac", "roots", "update", "settle", "prepare", "begin", "next_time")
+RHS, OBSERVE, JAC, ROOTS, UPDATE, SETTLE, PREPARE, BEGIN, NEXT_TIME, LONGEST_STEP = range(10)
+NAMES = ("rhs", "observe", "jac", "roots", "update", "settle", "prepare", "begin", "next_time", "longest_step")
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +115,7 @@ def model_source(exported: ExportedModel) -> ModelSource:
     add(PREPARE, body)
     add(BEGIN, begin_body(exported, parts, shared.inputs, checks))
     add(NEXT_TIME, next_time_body(exported))
+    add(LONGEST_STEP, longest_step_body(exported))
 
     packed: list[Integers] = []
     bases, base = [], len(NAMES)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -13,13 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.equations.kernel import scalar_source
+from gearlib.equations.time_rates import time_rates
 from gearlib.fmi.exported_model import ExportedModel
 from gearlib.native.layout import Layout
 from gearlib.native.source import LONGEST, Body, loop
 from gearlib.program.interpret import labelled, owner_of
 from gearlib.program.program import Batch, Linear, Program
 from gearlib.reduce.coefficients import some
+from gearlib.run.methods.run import SEARCHED, SEEN
 from gearlib.run.start_values import ROUNDING
+from gearlib.run.time_switches import driven, rate_symbols
 
 Integers = NDArray[np.int64]
 NEVER = 1e300  # s: a time that is never reached
@@ -228,6 +232,26 @@ def next_time_body(exported: ExportedModel) -> Body:
                 ]  # fmt: skip
             body.lines += ["if y > later and y < values[0]:", "    values[0] = y"]
     return body
+
+
+def longest_step_body(exported: ExportedModel) -> Body:
+    """The body of ``longest_step``: that of a run which what time drives limits, `NEVER` where nothing does so; as `Run.longest_step`."""
+    relations = exported.relations
+    share = SEARCHED if relations is not None and len(relations.searched) else SEEN
+    body = Body()
+    body.lines += [f"values[0] = {NEVER!r}", "w = 0.0"]
+    for batch in driven(exported.observed, relations):
+        symbols = [symbol.name for symbol in rate_symbols(batch)]
+        for rate in map(scalar_source, time_rates(batch.kernel) or ()):
+            rows = [_filled(rate, dict(zip(symbols, row, strict=True))) for row in _places(batch.parameters)]
+            for text in dict.fromkeys(rows):
+                body.lines += [f"y = abs({text})", f"if y > w and y < {NEVER!r}:", "    w = y"]
+    body.lines += ["if w > 0.0:", f"    values[0] = {share * math.tau!r} / w"]
+    return body
+
+
+def _places(parameters: Integers) -> list[list[str]]:
+    return [[f"data[{p}]" for p in row] for row in parameters.tolist()]
 
 
 def _filled(text: str, table: dict[str, str]) -> str:

@@ -23,7 +23,11 @@ from gearlib.modelica.counterparts import Counterpart, home_of, standard_library
 from gearlib.modelica.lexer import KEYWORDS
 
 _ELEMENT = re.compile(r"(.*)\[(\d+)\]$")
-_TAKEN = KEYWORDS | {"Real", "Integer", "Boolean", "String", "time", "StateSelect"}
+_CALLED = {  # functions in written texts, which a variable of that name would hide
+    "pre", "sample", "reinit", "noEvent", "initial", "sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "atan2",
+    "sinh", "cosh", "tanh",
+}  # fmt: skip
+_TAKEN = KEYWORDS | {"Real", "Integer", "Boolean", "String", "time", "StateSelect"} | _CALLED
 
 
 @dataclass
@@ -75,8 +79,7 @@ class PackageText:
         return self.named[id(component)]
 
     def _written(self, component: Component, is_root: bool) -> str:
-        wanted = type(component).__name__
-        wanted = f"{wanted}_" if wanted in _TAKEN else wanted
+        wanted = safe_name(type(component).__name__)
         body, lifted = self.class_text(component).body(is_root)
         name = self._kept(wanted, lambda name: _class_text("model", name, type(component), body))
         self.lifted[name] = lifted
@@ -96,8 +99,10 @@ class PackageText:
         lines = []
         for variable, declared in connector.variables.items():
             flow = "flow " if isinstance(declared, Flow) else ""
-            lines.append(f"  {flow}Real {variable}{attributes_text({}, declared.unit)}{comment(declared.description)};")
-        return self._kept(kind.__name__, lambda name: _class_text("connector", name, kind, lines))
+            lines.append(
+                f"  {flow}Real {safe_name(variable)}{attributes_text({}, declared.unit)}{comment(declared.description)};"
+            )
+        return self._kept(safe_name(kind.__name__), lambda name: _class_text("connector", name, kind, lines))
 
     def counterpart(self, part: Component) -> tuple[str, Counterpart] | None:
         """The standard library's class for a part, if it is to be used and can express all given values."""
@@ -167,7 +172,7 @@ class ClassText:
         if first in self.parts:
             inner = self.package.class_text(self.parts[first]).naming(rest)
             return re.sub(r"(der\()*", rf"\g<0>{own}.", inner, count=1)
-        return f"{own}.{modelica_name(rest)}"
+        return ".".join([own, *map(safe_name, modelica_name(rest).split("."))])
 
     def text(self, value: Any) -> str:
         if isinstance(value, Tabulated):

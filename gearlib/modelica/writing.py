@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from typing import Any
 
 from gearlib.arguments import shown
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component, no_component
 from gearlib.language.interior import reads_parts
-from gearlib.modelica.class_writing import PackageText, comment, safe_name
+from gearlib.modelica.class_writing import PackageText, comment, free_name, safe_name
 from gearlib.modelica.flat_writing import FlatText
 
 _IDENTIFIER = re.compile(r"[A-Za-z_]\w*$", re.ASCII)
+_STRING_OR_NAME = re.compile(r'"(?:[^"\\]|\\.)*"|[^\W\d]\w*', re.DOTALL)
 
 
 @reads_parts
@@ -78,9 +80,36 @@ def to_modelica(component: Component, *, flat: bool = False, standard_library: b
         own = kind if name is None else name
         lines = FlatText(component).lines()
         body = "\n".join(line if line == "equation" else f"  {line}" for line in lines)
-        return f"model {own}{comment(type(component).__doc__)}\n{body}\nend {own};"
+        return _in_plain_letters(f"model {own}{comment(type(component).__doc__)}\n{body}\nend {own};")
     package = PackageText(standard_library)
     package.class_name(component, is_root=True)
     own = f"{kind}Package" if name is None else name
     classes: list[Any] = [f"  {line}" for text in package.texts.values() for line in text.splitlines()]
-    return "\n".join([f"package {own}", *classes, f"end {own};"])
+    return _in_plain_letters("\n".join([f"package {own}", *classes, f"end {own};"]))
+
+
+def _in_plain_letters(text: str) -> str:
+    """A Modelica text whose names have other letters than Modelica's, with names in their place that have not; strings stay.
+
+    >>> _in_plain_letters('Real \u03bc "friction \u03bc"; Real mu = 2 * \u03bc;')
+    'Real mu_2 "friction \u03bc"; Real mu = 2 * mu_2;'
+    """
+    if text.isascii():
+        return text
+    names = {name for name in _STRING_OR_NAME.findall(text) if not name.startswith('"')}
+    plain = {name: name for name in names if name.isascii()}
+    for name in sorted(names - plain.keys()):
+        plain[name] = free_name(safe_name("".join(map(_plain_letter, name))), {*plain.values()}.__contains__)
+    return _STRING_OR_NAME.sub(lambda m: plain.get(m[0], m[0]), text)
+
+
+def _plain_letter(sign: str) -> str:
+    """The letters a .. z of which one consists, or its name: ``a`` with dots is ``a``, the Greek letter ``mu``."""
+    if found := "".join(
+        part for part in unicodedata.normalize("NFKD", sign) if part.isascii() and (part.isalnum() or part == "_")
+    ):
+        return found
+    word = unicodedata.name(sign, "").rpartition(" ")[2]
+    if not (word.isascii() and word.isalpha()):
+        return f"u{ord(sign):x}"
+    return word.title() if sign.isupper() else word.lower()

@@ -71,7 +71,10 @@ class LaneCode:
             Of the linear blocks.
         """
         body = _LaneBody(self.program, parameters, inputs, solutions, self.kept, self.tables)
-        return np.stack([np.broadcast_to(n, parameters.shape[1:]) for n in body.numbers], axis=1)
+        found = np.empty((parameters.shape[1], len(body.numbers)))
+        for column, number in zip(found.T, body.numbers, strict=True):
+            column[:] = number
+        return found
 
 
 def lane_code(program: Program, n_parameters: int, tables: tuple[int, ...] = ()) -> LaneCode:

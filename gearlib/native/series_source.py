@@ -26,7 +26,7 @@ HIGHEST = 30  # order
 ROW = HIGHEST + 2  # numbers per row of the work space
 MOST_PRODUCTS = 120  # convolutions; more would make the code large
 MOST_COMPARED = 24  # differences whose coefficients are kept; a table has more
-INTEGER_POWERS = 8  # up to which a power is computed by multiplications
+INTEGER_POWERS = 64  # up to which a power is computed by multiplications: others divide by their base, which may be zero
 CONSTANTS = ("pi", "e", "inf", "nan")
 
 HEAD = "def series(t: float, c: floats, work: floats, data: floats, index: ints, order: int, size: int) -> int32:"

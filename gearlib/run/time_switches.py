@@ -182,16 +182,19 @@ def fastest_drive(program: Program, relations: Relations | None) -> FastestDrive
     varying: list[tuple[Callable[..., Any], NDArray[np.int64]]] = []
     for batch in driven(program, relations):
         rates = time_rates(batch.kernel)
-        if rates is None:
-            known = False
-            continue
-        symbols = [real_symbol(f"p{p}") for p in batch.kernel.parameters]
-        for rate in rates:
+        known &= rates is not None
+        symbols = rate_symbols(batch)
+        for rate in rates or ():
             if rate.is_number:
                 constant = max(constant, abs(float(rate)))
             else:
                 varying.append((array_function(symbols, rate), batch.parameters))
     return FastestDrive(known, constant, tuple(varying))
+
+
+def rate_symbols(batch: Batch) -> list[Any]:
+    """The symbols in the rates of a batch, one for each of its columns of parameters."""
+    return [real_symbol(f"p{p}") for p in batch.kernel.parameters]
 
 
 def driven(program: Program, relations: Relations | None) -> Iterable[Batch]:

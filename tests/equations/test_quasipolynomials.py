@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import math
 from typing import Any
 
 import numpy as np
@@ -213,3 +214,14 @@ def test_branches_need_a_probe_and_the_smooth_does_not(expression: Any) -> None:
     assert not is_refused(lambda: parse(expression, 0.0, 0.5))
     assert not is_refused(lambda: parse(3 * t + 1 - sympy.sin(t), 0.0, 0.5))
     assert is_refused(lambda: parse(expression, 0.0))
+
+
+@pytest.mark.parametrize("omega", [1.0, 3.7, 0.1, 100 * np.pi, 0.0473790230035046])
+def test_the_mean_of_powers_and_products_of_sinusoids_is_one_constant(omega: float) -> None:
+    """Opposite frequencies make the rate 0, however their sums are rounded: else half of the mean is a sinusoid of 1e-14 rad/s."""
+    for n in (2, 6, 7, 20, 26, 32, 40):
+        signal = parse(sympy.sin(omega * t) ** n, 0.0)
+        assert mean_value(signal) == pytest.approx(math.comb(n, n // 2) / 2**n if n % 2 == 0 else 0.0, abs=1e-13)
+        assert min((abs(rate) for rate in signal if rate), default=1.0) > 0.5 * omega
+    three = sympy.sin(0.1 * omega * t) * sympy.sin(0.2 * omega * t) * sympy.cos(0.3 * omega * t)
+    assert mean_value(parse(three, 0.0)) == pytest.approx(-0.25, rel=1e-12)

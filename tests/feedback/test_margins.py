@@ -510,3 +510,29 @@ def test_poles_at_rest_that_the_loop_does_not_see(hidden: list[list[float]], sho
     assert [(x.omega, x.gain_margin) for x in found.phase_crossings] == ([(0.0, pytest.approx(-1 / k))] if k < 0 else [])
     curve = k / (1j * np.geomspace(1e-6, 1e3, 200_001) + 1) ** 2
     assert found.modulus_margin == pytest.approx(float(np.abs(1 + np.append(curve, k)).min()), abs=1e-8)
+
+
+class Apart(gl.Component):
+    """A driven body, and one that nothing is connected to."""
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.body, self.damper, self.ground = gp.Torque(), gp.Inertia(J=1.0), gp.Damper(d=1.0), gp.Fixed()
+        self.other = gp.Inertia(J=2.0)
+        return [
+            gl.connect(self.torque.flange, self.body.flange_a, self.damper.flange_a),
+            gl.connect(self.damper.flange_b, self.ground.flange),
+        ]
+
+
+def test_a_loop_without_a_response_has_no_crossing() -> None:
+    """What does not reach the output can be multiplied, turned and delayed at will."""
+    report = gl.stability(gl.compile(Apart(), outputs=["body.w", "other.w"]), ("torque.tau", "other.w"))
+    assert report.loop is not None
+    found = report.loop.margins
+    assert found.gain_margin == found.phase_margin == found.delay_margin == np.inf
+    assert found.modulus_margin == 1.0
+    assert not found.real
+    assert "|L| is nowhere 1" in str(report)
+    slopes = report.sensitivity("body.J")
+    assert np.isnan([slopes.gain_margin, slopes.phase_margin, slopes.delay_margin]).all()
+    assert slopes.modulus_margin == 0.0

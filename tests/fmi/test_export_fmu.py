@@ -738,3 +738,38 @@ def test_what_comes_to_rest_just_at_a_limit_has_reached_it(version: str, kind: s
     path = gl.compile(RestsAtZero(), outputs=["x"]).export_fmu(tmp_path / "rests.fmu", version=version)
     found = fmpy.simulate_fmu(str(path), fmi_type=kind, stop_time=1.5, output_interval=0.1)["x"][-1]
     assert found == pytest.approx(1.5 + 0.45, abs=1e-5)
+
+
+class Pulsed(gl.Component):
+    """A rate of 1 while a sinusoid of time, with a small state beside it, is above a level; how often that is so."""
+
+    f, second = gl.Parameter("Hz", default=1.0), gl.Parameter("s", default=1.0)
+    x, small = gl.Variable("1", start=0.0), gl.Variable("1", start=0.0)
+    n = gl.Discrete("number of pulses")
+
+    def equations(self) -> list[Any]:
+        above = gl.sin(2 * gl.pi * self.f * gl.time) + self.small > 0.9
+        return [
+            gl.Eq(self.second * gl.der(self.small), -self.small),
+            gl.Eq(self.second * gl.der(self.x), gl.Piecewise((1.0, above), (0.0, True))),
+            gl.When(above, gl.Eq(self.n, gl.pre(self.n) + 1)),
+        ]
+
+
+@pytest.mark.parametrize("steps", [1, 8])
+def test_no_pulse_of_what_time_drives_is_stepped_over(steps: int, tmp_path: Path) -> None:
+    """By hand: each period has one, of 2 arccos(0.9) rad. The frequency is tuned, also between steps; the run is much longer."""
+    (tmp_path / "content").mkdir()
+    path = gl.compile(Pulsed(), outputs=["x", "n"]).export_fmu(tmp_path / "pulsed.fmu")
+    one = FmuInstance(path, tmp_path / "content")
+    one.set({"f": 7.0})
+    one.fmu.enterInitializationMode(tolerance=1e-6, startTime=0.0, stopTime=100.0)
+    one.fmu.exitInitializationMode()
+    one.go(4.0, steps)
+    assert one.get("n") == [28.0]
+    assert one.get("x") == pytest.approx([28 * np.arccos(0.9) / (np.pi * 7.0)], rel=1e-6)
+    one.set({"f": 50.0})
+    one.go(4.0, steps)
+    assert one.get("n") == [228.0]
+    assert one.get("x") == pytest.approx([np.arccos(0.9) / np.pi * (28 / 7.0 + 200 / 50.0)], rel=1e-6)
+    one.close()

@@ -12,12 +12,19 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.fmi.exported_model import exported_model
-from gearlib.fmi.model_source import BEGIN, NEXT_TIME, OBSERVE, PREPARE, RHS, ModelSource, model_source
+from gearlib.fmi.model_source import BEGIN, LONGEST_STEP, NEXT_TIME, OBSERVE, PREPARE, RHS, ModelSource, model_source
 from gearlib.fmi.preparation import INVERT
 from tests.fmi.test_preparation import Bound
 from tests.test_acceptance import RigidLoop
 
-FUNCTIONS = {RHS: "rhs", OBSERVE: "observe", PREPARE: "prepare", BEGIN: "begin", NEXT_TIME: "next_time"}
+FUNCTIONS = {
+    RHS: "rhs",
+    OBSERVE: "observe",
+    PREPARE: "prepare",
+    BEGIN: "begin",
+    NEXT_TIME: "next_time",
+    LONGEST_STEP: "longest_step",
+}
 
 
 class Functions:
@@ -29,7 +36,7 @@ class Functions:
         self.source: ModelSource = model_source(self.exported)
         self.data, self.x = self.source.data.tolist(), [np.nan] * max(len(self.exported.scene.states), 1)
         self.space: dict[str, Any] = {"parallel": range}
-        for name in ("sin", "cos", "exp", "sqrt", "floor"):
+        for name in ("sin", "cos", "exp", "sqrt", "floor", "pi"):
             self.space[name] = getattr(np, name)
         exec(f"from __future__ import annotations\n{self.source.text}", self.space)
 
@@ -143,3 +150,30 @@ def test_a_model_whose_equations_cannot_be_solved_says_which() -> None:
         number, _ = model.call(PREPARE)
         assert number > 0
         assert re.fullmatch(said, model.source.checks[number - 1]), model.source.checks[number - 1]
+
+
+class Driven(gl.Component):
+    """Two waves, of which the faster one is searched for events if there are any."""
+
+    f, second = gl.Parameter("Hz", default=2.0), gl.Parameter("s", default=1.0)
+    searched = gl.Structural(False)
+    x = gl.Variable("1", start=0.0)
+
+    def equations(self) -> Any:
+        wave = gl.sin(2 * gl.pi * self.f * gl.time)
+        pulse = gl.Piecewise((1, wave + self.x > 0.5), (0, True)) if self.searched else wave**3
+        return [gl.Eq(self.second * gl.der(self.x), gl.cos(5.0 * gl.time / self.second) + pulse)]
+
+
+@pytest.mark.parametrize(("searched", "share"), [(False, 0.5), (True, 1 / 16)])
+def test_the_longest_step_is_a_share_of_the_shortest_period(searched: bool, share: float) -> None:
+    """A cube has a wave of three times the frequency; in a product, rates add up. Without what time drives, nothing limits the steps."""
+    for f in (0.01, 2.0, 70.0):
+        model = Functions(Driven(searched=searched))
+        model.begun(f=f)
+        (_, (found, *_)) = model.call(LONGEST_STEP)
+        fastest = max(5.0, (1 if searched else 3) * 2 * np.pi * f)
+        assert share * 2 * np.pi / (fastest + 5.0) <= found <= share * 2 * np.pi / fastest * (1 + 1e-12)
+    still = Functions(Bound())
+    still.begun()
+    assert still.call(LONGEST_STEP)[1][0] == 1e300

@@ -562,3 +562,18 @@ def test_threads_wait_for_runs_that_take_many_calls(drive: gl.System, monkeypatc
         runs = drive.sweep(**given, threads=threads)
         assert runs.stats["lanes"] == 8
         assert runs["load.w"].tobytes() == expected["load.w"].tobytes()
+
+
+class Coasting(gl.Component):
+    """A body without a torque: its equations have no number at all."""
+
+    def assemble(self) -> list[Any]:
+        self.body = gp.Inertia(J=1.0)
+        return []
+
+
+@pytest.mark.parametrize("method", ["auto", "rk5"])
+def test_equations_without_a_number_are_integrated_side_by_side(method: str) -> None:
+    w = np.linspace(-3.0, 4.0, 9)
+    runs = gl.compile(Coasting(), outputs=["body.phi"]).sweep({"start(body.w)": w}, 2.0, samples=3, method=method)
+    assert runs["body.phi"] == pytest.approx(w[:, None] * [0.0, 1.0, 2.0], abs=1e-12)

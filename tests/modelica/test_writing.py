@@ -220,3 +220,70 @@ def test_blocks_have_the_defaults_that_modelica_has() -> None:
     assert "TransferFunction filter(b = {3.0}, u = ramp.y)" in text
     result = gl.simulate(gl.read_modelica(text, name="LeftOutPackage.LeftOut")(), 2.0, times=[0.5, 1.0, 2.0])
     assert result["filter.y"] == pytest.approx([1.5, 3.0, 3.0], abs=1e-12)
+
+
+class Pin(gl.Connector):
+    """Variables named like a keyword and a function of Modelica."""
+
+    end = gl.Potential("1")
+    log = gl.Flow("1")
+
+
+class Source(gl.Component):
+    """A connector named like a function."""
+
+    sqrt = Pin()
+    c = gl.Parameter("1", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.sqrt.end, self.c + 2 * self.sqrt.log)]
+
+
+class Größe(gl.Component):
+    """Names that Modelica's functions and keywords have, beside these functions; letters that it has not in names, only here: μ."""
+
+    sin = gl.Parameter("1", default=2.0)
+    end = gl.Parameter("1", default=1.0)
+    μ = gl.Parameter("1/s", "friction, μ", default=0.5)
+    mu = gl.Parameter("1/s", default=1.0)
+    exp = gl.Variable("1", start=1.0)
+    η = gl.Variable("1", start=0.2)
+    pre = gl.Discrete("counts", start=1.0)
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.exp), self.mu * gl.sin(self.sin * self.exp) - self.mu * self.end),
+            gl.Eq(gl.der(self.η), -self.μ * gl.exp(-self.η)),
+            gl.When(gl.time > 0.5, gl.Eq(self.pre, gl.pre(self.pre) + 1)),
+        ]
+
+
+class OddNames(gl.Component):
+    """Parts named like functions."""
+
+    pre = gl.Parameter("1", default=3.0)
+
+    def assemble(self) -> list[Any]:
+        self.exp = Größe(sin=self.pre, end=0.5, start={"exp": 0.3, "η": 0.7})
+        self.initial, self.log = Source(c=2.0), Source()
+        return [gl.connect(self.initial.sqrt, self.log.sqrt)]
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_names_that_modelica_does_not_have_get_others(mode: str) -> None:
+    """Two letters for one Greek letter where these are another name; an underscore behind what a function or a keyword has."""
+    text = gl.to_modelica(OddNames(), **MODES[mode])
+    assert pymoca.parser.parse(text, model_cache_folder=None) is not None
+    assert '"friction, μ"' in text
+    names = {
+        "exp.exp": "exp_.exp_", "exp.η": "exp_.eta", "exp.pre": "exp_.pre_", "exp.μ": "exp_.mu_2", "exp.mu": "exp_.mu",
+        "initial.sqrt.log": "initial_.sqrt_.log_", "log.sqrt.end": "log_.sqrt_.end_",
+    }  # fmt: skip
+    if mode == "flat":
+        names = {name: name.replace(".", "_").replace("η", "eta").replace("μ", "mu_2") for name in names}
+    own, back = (gl.simulate(c, 1.0, samples=5) for c in (OddNames(), gl.read_modelica(text)()))
+    for name, other in names.items():
+        if not name.endswith(("μ", "mu")):
+            assert back[other] == pytest.approx(own[name], rel=1e-12), name
+    given = {name: gl.compile(gl.read_modelica(text)()).parameters[name] for name in (names["exp.μ"], names["exp.mu"])}
+    assert list(given.values()) == [0.5, 1.0]

@@ -40,6 +40,6 @@ typedef struct {
 
 extern const Model model;
 
-extern ModelFunction rhs, observe, jac, roots, update, settle, prepare, begin, next_time;
+extern ModelFunction rhs, observe, jac, roots, update, settle, prepare, begin, next_time, longest_step;
 
 #endif

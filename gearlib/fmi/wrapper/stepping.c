@@ -126,8 +126,14 @@ static void get_ready(Instance *m) {
     r->order = m->tolerance >= 1e-6 ? 5 : 8;
     r->size = blocks(model.n_states);
     r->rtol = m->tolerance;
-    r->h_max = (model.n_indicators || model.driven || m->ask ? 0.01 : 0.1) * span;
     r->patience = -1;
+}
+
+/* A share of the run, and of the shortest period of what time drives, which parameters may have changed. */
+static void limit_steps(Instance *m) {
+    double longest;
+    longest_step(m->t, m->x, &longest, m->data, (int64_t *)model.index);
+    m->record.h_max = fmin((model.n_indicators || model.driven || m->ask ? 0.01 : 0.1) * (m->stop - m->start), longest);
 }
 
 static const char *event_name(int64_t root) { return root < 0 ? "time" : model.indicator_names[root]; }
@@ -192,6 +198,7 @@ int do_step(Instance *m, double from, double h) {
     r->span = fmin(m->stop - m->start, 1e3 * h); /* what rounding is taken for: the stop time may be any, for a run without an end */
     r->window = fmax(1e-9 * r->span, 2.2e-10 * fabs(to - r->origin));
     r->slack = 1e-16 * r->span;
+    limit_steps(m);
     if (m->extrapolates) {
         memcpy(m->bases, m->data + model.inputs_at, (size_t)model.all_inputs * sizeof(double));
         m->extrapolated_from = m->t;

@@ -82,9 +82,13 @@ class Run:
 
     @property
     def longest_expanded_step(self) -> float:
-        """The same for a method that expands sinusoids of time in series: they limit its steps only where events are searched for."""
+        """The same for a method that expands sinusoids of time in series, where no events are searched for: the shortest period.
+
+        Beside a zero of sin(w t)**6 all low coefficients vanish, and after half a period its value is the same again.
+        """
         if self.max_step is None and not self.scene.searched and self.driven and not self.follows_samples:
-            return math.inf
+            rate = self.scene.fastest_drive(self.numbers.parameters)
+            return math.tau / rate if rate else math.inf
         return self.longest_step
 
     @cached_property

@@ -358,3 +358,22 @@ def test_short_flights_far_from_zero_are_seen(height: float, method: str) -> Non
     assert r["h"][1] - height == pytest.approx(-0.02 * left + 4.5 * left**2, abs=1e-9)
     assert r["bounces"][2] in (224.0, 225.0)  # the last one is at the end
     assert r["h"].max() - height < 1e-9
+
+
+class Powered(gl.Component):
+    """The integral of a power of a sine."""
+
+    power = gl.Structural(6)
+    f, second = gl.Parameter("Hz", default=50.0), gl.Parameter("s", default=1.0)
+    x = gl.Variable("1", start=0.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.second * gl.der(self.x), gl.sin(2 * gl.pi * self.f * gl.time) ** self.power)]
+
+
+@pytest.mark.parametrize("power", [4, 6, 8, 20])
+@pytest.mark.parametrize("f", [1.0, 50.0])
+def test_powers_of_a_sine_are_seen_where_their_low_coefficients_vanish(power: int, f: float) -> None:
+    """At the start they are zero, and so is the right-hand side at the end of each second. The mean is binomial."""
+    r = gl.compile(Powered(power=power)).simulate(2.0, samples=3, method="taylor", parameters={"f": f}, rtol=1e-8)
+    assert r["x"] == pytest.approx(math.comb(power, power // 2) / 2**power * r.time, abs=1e-5)
