@@ -39,7 +39,7 @@ def flat_graph(structure: Structure) -> nx.Graph:
             orders.setdefault(v, []).append(order)
         for v, present in orders.items():
             variable = ("variable", v, 0)
-            highest = max(*present, graph.nodes[variable]["order"] if variable in graph else 0, 0)
+            highest = max(*present, graph.nodes[variable]["order"] if variable in graph else 0)
             graph.add_node(variable, bipartite=1, path=model.name(v), given=v in given, order=highest)
             graph.add_edge(equation, variable, orders=tuple(sorted(present)))
     return graph

@@ -89,7 +89,7 @@ def explained(model: FlatModel, balance: Imbalance) -> str:
     classes = [
         f"{', '.join([*paths[:MOST_NAMED], *(['...'] if len(paths) > MOST_NAMED else [])]) or 'the model'} ({tally.kind}) has {tally}."
         for paths, tally in unbalanced_classes(model)
-        if (tally.surplus > 0 and balance.surplus) or (tally.surplus < 0 and balance.deficit)
+        if (balance.surplus if tally.surplus > 0 else balance.deficit)
     ]
     causes = [*classes[:MOST_NAMED], *_given_twice(model, balance), *_loose_ends(model, balance, not classes)]
     text = list(causes)

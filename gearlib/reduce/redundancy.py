@@ -137,13 +137,13 @@ def balanced(
         undetermined = set(balance.undetermined).difference(closed)
         free = [v for v in candidates or () if v in undetermined]
         left = model.redundant - len(closed)  # one flow for each redundant equation, and no more
-        if balance.surplus or not left or not free:
+        closing = free[: min(balance.deficit, left)]
+        if balance.surplus or not closing:
             if balance.surplus == 0 and balance.deficit <= left and wanted & set(balance.undetermined):
                 raise BalanceError(_split(loops))
             from gearlib.reduce.imbalance import explained
 
             raise BalanceError(explained(model, balance))
-        closing = free[: min(balance.deficit, left)]
         closed += closing
         model = _zeroed(model, closing)
 

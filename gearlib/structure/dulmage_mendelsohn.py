@@ -101,14 +101,14 @@ def alternating_reach(graph: nx.Graph, partner: Mapping[Any, Any], start: Iterab
     start = list(start)
     side = {graph.nodes[node]["bipartite"] for node in start}
     paths: nx.DiGraph = nx.DiGraph()
-    paths.add_nodes_from(start)
+    paths.add_nodes_from(["start", *start])
     for node, other in graph.edges:
         here, there = (node, other) if graph.nodes[node]["bipartite"] in side else (other, node)
         paths.add_edge(here, there)
         if partner.get(there) == here:
             paths.add_edge(there, here)
     paths.add_edges_from(("start", node) for node in start)  # a single source
-    return set(nx.descendants(paths, "start")) if start else set()
+    return set(nx.descendants(paths, "start"))
 
 
 def matching_by_lists(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:

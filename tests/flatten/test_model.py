@@ -15,6 +15,7 @@ from gearlib.equations.kernel import differentiated
 from gearlib.errors import NameLookupError
 from gearlib.flatten.flatten import check_bounds, flatten, out_of_bounds
 from gearlib.flatten.model import FlatModel, ParameterTable, alphabetical
+from tests.stress.test_right_calls import given
 
 
 class Part(gl.Component):
@@ -74,29 +75,29 @@ def named(table: ParameterTable, values: Any) -> dict[str, float]:
     return {name: float(v) for name, v in zip(table.names, values, strict=True) if not name.startswith("start(")}
 
 
-@pytest.mark.parametrize("given", [{}, {"k": 2.0}, {"a": -1.0}, {"k": 3.0, "b": 7.0}, {"a": 0.5, "b": 1.0}])
-def test_what_follows_from_what_is_given_is_computed_again(model: FlatModel, given: dict[str, float]) -> None:
+@pytest.mark.parametrize("some", [{}, {"k": 2.0}, {"a": -1.0}, {"k": 3.0, "b": 7.0}, {"a": 0.5, "b": 1.0}])
+def test_what_follows_from_what_is_given_is_computed_again(model: FlatModel, some: dict[str, float]) -> None:
     table = model.parameters
-    numbers = {table.number(n if n == "k" else f"part[0].{n}"): value for n, value in given.items()}
-    assert named(table, table.evaluate(numbers)) == pytest.approx(by_hand(**given), rel=1e-15)
-    assert named(table, table.evaluate(numbers)) == pytest.approx(by_hand(**given), rel=1e-15), "also for the second time"
+    numbers = {table.number(n if n == "k" else f"part[0].{n}"): value for n, value in some.items()}
+    assert named(table, table.evaluate(numbers)) == pytest.approx(by_hand(**some), rel=1e-15)
+    assert named(table, table.evaluate(numbers)) == pytest.approx(by_hand(**some), rel=1e-15), "also for the second time"
     assert named(table, table.defaults) == pytest.approx(by_hand(), rel=1e-15), "the defaults are left as they were"
     many = table.evaluate_many({p: np.array([v, v + 1]) for p, v in numbers.items()}, 2)
     for run in range(2):
-        assert named(table, many[:, run]) == pytest.approx(by_hand(**{n: v + run for n, v in given.items()}), rel=1e-15)
+        assert named(table, many[:, run]) == pytest.approx(by_hand(**{n: v + run for n, v in some.items()}), rel=1e-15)
 
 
 def test_rates_of_what_follows_from_parameters(model: FlatModel) -> None:
     table = model.parameters
     seeds, held = [table.number("k"), table.number("part[1].a")], [table.number("part[0].b")]
-    for given in ([], held):
-        values = table.evaluate({p: 7.0 for p in given})
+    for known in ([], held):
+        values = table.evaluate({p: 7.0 for p in known})
         found = np.zeros((len(table.names), 2))
-        for p, seed, rate in table.derivatives(values, seeds, given):
+        for p, seed, rate in table.derivatives(values, seeds, known):
             found[p, seed] += rate
         for column, p in enumerate(seeds):
             h = 1e-6
-            up, down = (table.evaluate({**{q: 7.0 for q in given}, p: values[p] + s * h}) for s in (1, -1))
+            up, down = (table.evaluate({**{q: 7.0 for q in known}, p: values[p] + s * h}) for s in (1, -1))
             assert found[:, column] == pytest.approx((up - down) / (2 * h), rel=1e-8, abs=1e-8)
 
 
@@ -357,8 +358,8 @@ def test_variables_that_split_a_sum_have_names_but_no_declaration() -> None:
     """13 addends: two sums, of 7 and of 6 of them; their units are not known, as those of signals."""
     model = flatten(Star())
     assert model.n_variables == model.auxiliary + 1 == len(list(model.names())) + 1
-    assert model.name(model.auxiliary) == "flow_sum[0]"
-    assert model.declaration(model.auxiliary) is None
+    assert given(lambda: model.name(model.auxiliary)) == "flow_sum[0]"
+    assert given(lambda: model.declaration(model.auxiliary)) is None
     assert model.unit(model.auxiliary) == ""
     last = model.auxiliary - 1
     assert (model.name(last), model.unit(last)) == ("gain.u", "any")

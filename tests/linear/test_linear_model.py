@@ -13,6 +13,7 @@ import scipy.sparse as sparse
 import gearlib as gl
 from gearlib.errors import ArgumentError
 from gearlib.linear.linear_model import LinearModel, check_linear, full, is_sparse, label, matrices, signal_names, state_space
+from tests.stress.test_right_calls import given
 
 A, B, C, D = np.diag([-1.0, -2.0]), np.array([[1.0], [3.0]]), np.array([[1.0, 0.0], [0.5, 2.0]]), np.array([[0.0], [7.0]])
 NAMES = ("a.w", "b.w"), ("drive.tau",), ("a.w", "der(b.w)")
@@ -39,28 +40,27 @@ def test_a_state_space_has_the_matrices_and_names(form: Any) -> None:
 @pytest.mark.parametrize("outputs", [0, 1, 2])
 @pytest.mark.parametrize("states", [1, 2])
 def test_a_state_space_without_inputs(states: int, outputs: int) -> None:
-    found = state_space(
-        model(
-            A=A[:states, :states], B=np.zeros((states, 0)), C=C[:outputs, :states], D=np.zeros((outputs, 0)),
-            states=NAMES[0][:states], inputs=(), outputs=NAMES[2][:outputs],
-        )
+    without = model(
+        A=A[:states, :states], B=np.zeros((states, 0)), C=C[:outputs, :states], D=np.zeros((outputs, 0)),
+        states=NAMES[0][:states], inputs=(), outputs=NAMES[2][:outputs],
     )  # fmt: skip
+    found = given(lambda: state_space(without))
     assert (found.B.shape, found.D.shape, found.ninputs, found.input_labels) == ((states, 0), (outputs, 0), 0, [])
     assert found.A.tolist() == A[:states, :states].tolist()
     assert found.C.tolist() == C[:outputs, :states].tolist()
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("alike", "said"),
     [
         ({"outputs": ("a.w", "a_w")}, "the outputs a.w and a_w both become 'a_w' in python-control; sparse=True keeps paths"),
         ({"outputs": ("a.w", "a.w")}, "the output a.w is named twice"),
         ({"inputs": ("t.x", "t_x"), "B": np.ones((2, 2)), "D": np.ones((2, 2))}, "the inputs t.x and t_x both become 't_x'"),
     ],
 )
-def test_signals_of_one_name_are_refused(given: dict[str, Any], said: str) -> None:
+def test_signals_of_one_name_are_refused(alike: dict[str, Any], said: str) -> None:
     with pytest.raises(ArgumentError, match=f"^{said}"):
-        state_space(model(**given))
+        state_space(model(**alike))
 
 
 def test_what_is_no_linear_model_is_refused() -> None:

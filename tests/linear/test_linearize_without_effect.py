@@ -8,6 +8,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from tests.stress.test_right_calls import given
 
 
 class TwoApart(gl.Component):
@@ -37,7 +38,7 @@ def two(request: pytest.FixtureRequest) -> gl.System:
 
 
 def entries(system: gl.System, inputs: list[str], outputs: list[str]) -> list[Any]:
-    model = system.linearize(inputs, outputs, sparse=True)
+    model = given(lambda: system.linearize(inputs, outputs, sparse=True))
     return [(m.toarray() if hasattr(m, "toarray") else m).tolist() for m in (model.A, model.B, model.C, model.D)]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from gearlib.errors import ModelError
 from gearlib.flatten.flatten import flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.reduce.discontinuities import jumping, with_corners
+from tests.stress.test_right_calls import given
 
 
 class Silent(gl.Component):
@@ -57,7 +59,7 @@ def test_what_jumps_at_an_order_up_to_which_it_is_differentiated_has_events(
         e = equation_of(model, f"{part}.{law}")
         counts = [times if k == e else 0 for k in range(len(model.places))]
         own = model.groups[model.places[e][0]].template
-        found = with_corners(model, counts, model.parameters.defaults)
+        found = given(partial(with_corners, model, counts, model.parameters.defaults))
         assert len(found) == (count > 0)
         for before, after in found.items():
             assert before is own

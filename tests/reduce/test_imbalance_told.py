@@ -96,3 +96,17 @@ def test_of_two_inputs_the_one_in_an_equation_is_to_be_bound(bound: bool, given:
         f"{q}.tau is an input and {given}; if it is to obey Drive: q.tau = 3*sin(time), bind it: tau=... where {q} is made."
         in said
     )
+
+
+def test_that_torques_at_one_node_have_no_sum_is_not_said_of_one_of_them() -> None:
+    """The sum is the connection's, which no part has written: nothing but inputs is in it, and nothing determines the angle."""
+
+    class Torques(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.c = gp.Torque(), gp.Torque(), gp.Torque()
+            return [gl.connect(self.a.flange, self.b.flange, self.c.flange)]
+
+    said = told(Torques())
+    assert said.count("Nothing determines a.flange.phi") == 1
+    assert "over-determined: 1 equations for 0 variables, 1 too many. The equations: connection (sum of 3 flows)" in said
+    assert "is an input" not in said

@@ -125,16 +125,16 @@ def test_other_states_are_chosen_with_all_that_events_set(kicked: bool, states: 
 class Starting(gl.Component):
     """Equations that ask whether the run is being started, beside a mode that a variable decides."""
 
-    x, y, z = (gl.Variable("1", start=0.0) for _ in range(3))
+    x, y, z, u = (gl.Variable("1", start=0.0) for _ in range(4))
     far, first = gl.Discrete("decided by x"), gl.Discrete("set at the start")
 
     def equations(self) -> list[Any]:
         at_start = gl.Piecewise((1, gl.initial()), (2, True))
         return [
             gl.Eq(gl.der(self.x), at_start), gl.Eq(gl.der(self.y), gl.pre(self.first)), gl.Eq(gl.der(self.z), self.far),
-            gl.Eq(self.far, gl.Piecewise((1, self.x > 1), (0, True))),
+            gl.Eq(gl.der(self.u), gl.pre(self.far)), gl.Eq(self.far, gl.Piecewise((1, self.x > 1), (0, True))),
             gl.Eq(self.first, gl.Piecewise((1, gl.initial()), (gl.pre(self.first), True))),
-            gl.When(self.z > 2, gl.reinit(self.z, at_start)),
+            gl.When(self.z > 2, gl.reinit(self.z, at_start)), gl.When(self.z > 3, gl.reinit(self.u, gl.pre(self.far))),
         ]  # fmt: skip
 
 
@@ -147,14 +147,15 @@ def test_the_start_of_a_run_is_no_mode_that_variables_decide() -> None:
     found = structure_of(Several())
     model = found.model
     for part in ("one", "other", "third"):
-        node = {n: (int(model.representative[model.variable(f"{part}.{n}")]), 0) for n in "xyz"}
-        of = {n: next(e for e, row in enumerate(model.rows) if (node[n][0], 1) in row) for n in "xyz"}
-        assert [found.at_events.get(of[n], []) for n in "xyz"] == [[], [], [node["x"]]]
+        node = {n: (int(model.representative[model.variable(f"{part}.{n}")]), 0) for n in "xyzu"}
+        of = {n: next(e for e, row in enumerate(model.rows) if (node[n][0], 1) in row) for n in "xyzu"}
+        assert [found.at_events.get(of[n], []) for n in "xyzu"] == [[], [], [node["x"]], [node["x"]]]
         number = {n: model.discretes.index(f"{part}.{n}") for n in ("far", "first")}
         assert discrete_nodes(model, number["far"]) == [node["x"]]
         assert discrete_nodes(model, number["first"]) == []
         assert found.at_reinits[node["z"]] == [node["z"]]
-    assert len(found.at_reinits) == 3
+        assert found.at_reinits[node["u"]] == sorted([node["x"], node["z"], node["u"]])
+    assert len(found.at_reinits) == 6
 
 
 class Cam(gl.Component):
@@ -173,11 +174,11 @@ class Cam(gl.Component):
 
 
 def cams(order: tuple[str, ...]) -> gl.Component:
-    """A light follower, and heavy ones up and down, declared in an order."""
+    """Some of a light follower, and heavy ones up (two) and down, declared in an order."""
 
     class Cams(gl.Component):
         def assemble(self) -> list[Any]:
-            made = {"light": Cam(heavy=False), "up": Cam(), "down": Cam(down=True)}
+            made = {"light": Cam(heavy=False), "up": Cam(), "also": Cam(), "down": Cam(down=True)}
             for name in order:
                 setattr(self, name, made[name])
             return []
@@ -246,6 +247,23 @@ def test_derivatives_are_avoided_as_much_as_absolute_angles() -> None:
     for factor, states in ((3.0, {"b", "der(b)"}), (0.25, {"a", "b"})):
         found = structure_of(Scaled(factor=factor))
         assert named(found, found.states) == states
+
+
+@pytest.mark.parametrize("factor", [0.25, 4.0])
+def test_of_constant_ratios_what_the_others_follow_from_is_the_state(factor: float) -> None:
+    """Of a = factor b + t and c = factor b + 2 t, with the smaller coefficients and with the larger ones."""
+
+    class Geared(gl.Component):
+        a, b, c, f, g = (gl.Variable("1") for _ in range(5))
+        ratio = gl.Parameter("1", default=factor)
+
+        def equations(self) -> list[gl.Eq]:
+            laws = [gl.Eq(self.a, self.ratio * self.b + gl.time), gl.Eq(self.c, self.ratio * self.b + 2 * gl.time)]
+            rates = [gl.Eq(gl.der(self.a), self.f), gl.Eq(gl.der(self.b), self.f + self.g), gl.Eq(gl.der(self.c), -self.g)]
+            return [*laws, *rates]
+
+    found = structure_of(Geared())
+    assert named(found, found.states) == {"b"}
 
 
 def test_an_angle_that_is_the_first_variable_lends_its_kind_to_no_other() -> None:
@@ -328,7 +346,9 @@ def test_the_rate_of_a_cams_angle_is_a_state_before_a_preferred_speed_of_the_fol
     assert (found.model.name(s), sign) == ("drop", -1)
 
 
-@pytest.mark.parametrize("order", [("light", "up", "down"), ("up", "light", "down"), ("down", "light", "up")])
+@pytest.mark.parametrize(
+    "order", [("light", "up", "down"), ("up", "light", "down"), ("down", "light", "up"), ("down", "up", "also", "light")]
+)
 def test_each_differentiated_constraint_tells_for_itself_what_it_is_not_to_be_solved_for(order: tuple[str, ...]) -> None:
     """The angle of its own cam and that one's speed, if there is a follower that it can be solved for instead."""
     found = structure_of(cams(order))
@@ -337,5 +357,5 @@ def test_each_differentiated_constraint_tells_for_itself_what_it_is_not_to_be_so
     for e, row in enumerate(model.rows):
         once = replace(found.differentiation, counts=tuple(int(k == e) for k in range(len(model.rows))))
         held = {names[v] for v, _ in row}
-        cam = next((c for c in ("up", "down") if held == {f"{c}.s", f"{c}.phi"}), None)
+        cam = next((c for c in ("up", "also", "down") if held == {f"{c}.s", f"{c}.phi"}), None)
         assert {names[v] for v in awkward(model, once)} == ({f"{cam}.phi", f"{cam}.w"} if cam else set()), (order, held)

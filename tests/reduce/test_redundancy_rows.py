@@ -103,7 +103,9 @@ def test_equations_with_flows_rates_or_varying_coefficients_are_no_candidates() 
             return [gl.connect(self.twice.flange, self.wall.flange)]
 
     model = flatten(Model())
-    ((dropped, loop),) = found_in(model).items()
+    found = found_in(model)
+    assert len(found) == 1
+    ((dropped, loop),) = found.items()
     x, z = (int(model.representative[model.variable(f"twice.{n}")]) for n in "xz")
     assert dropped in loop
     assert [sorted(model.rows[e]) for e in loop] == [sorted([(x, 0), (z, 0)])] * 2
@@ -263,8 +265,9 @@ def test_flows_count_with_their_coefficients_where_these_are_known() -> None:
     of_gears = []
     for name in ("one", "two", "swash[0]", "swash[1]"):
         (a, one), (b, other) = flow(f"{name}.flange_a.tau"), flow(f"{name}.flange_b.tau")
-        (row,) = [row for row in rows if set(row) == {a, b}]
-        of_gears.append(row[a] * one / (row[b] * other))
+        own = [row for row in rows if set(row) == {a, b}]
+        assert len(own) == 1
+        of_gears.append(own[0][a] * one / (own[0][b] * other))
     assert of_gears[:2] == [2.0, 2.0]
     assert np.isfinite(of_gears).all()
     assert np.abs(of_gears).min() > 1e-3
@@ -272,3 +275,30 @@ def test_flows_count_with_their_coefficients_where_these_are_known() -> None:
     assert flow("drive.flange.tau")[0] in given
     assert not given & {v for row in rows for v in row}
     assert not [row for row in rows if set(row) in [{flow(f"swash[{k}].flange_a.tau")[0]} for k in (0, 1)]]
+
+
+@pytest.mark.parametrize("used", [0, 1])
+def test_a_power_that_is_used_tells_of_the_torque_in_it_and_a_meter_does_not(used: int) -> None:
+    class Metered(gl.Component):
+        flange, power = gp.Flange("shaft"), gl.Variable("W")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.power, self.flange.tau * gl.der(self.flange.phi))]
+
+    class Model(gl.Component):
+        x = gl.Variable("W", "half of it")
+
+        def assemble(self) -> list[Any]:
+            self.meter, self.body = [Metered(), Metered()], [gp.Inertia(J=1.0), gp.Inertia(J=1.0)]
+            return [gl.connect(meter.flange, body.flange_a) for meter, body in zip(self.meter, self.body, strict=True)]
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(2 * self.x, self.meter[used].power)]
+
+    model = flatten(Model())
+    parameters = model.parameters.defaults
+    torques = [int(model.representative[model.variable(f"meter[{k}].flange.tau")]) for k in (0, 1)]
+    rows = [set(row) for row in flow_rows(model, parameters, at_start(model, parameters))]
+    assert [rows.count({torque}) for torque in torques] == [2 if k == used else 1 for k in (0, 1)], (
+        "the body's, and the meter's"
+    )

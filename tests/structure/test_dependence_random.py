@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import networkx as nx
 import numpy as np
 
 from gearlib.structure.dependence import Dependence
 from gearlib.structure.incidence import Node
+from tests.stress.test_right_calls import given
 
 GIVEN = 90
 
@@ -87,12 +89,13 @@ def test_what_needs_equations_is_downstream_of_their_unknowns() -> None:
 
 
 def test_what_is_given_may_stay_in_a_derivative_without_its_rate() -> None:
-    """y = x floor(u), whose derivative is y' = x' floor(u); z = x u has z' = x' u + x u'."""
-    x, y, z, u = range(4)
+    """y = x floor(u), whose derivative is y' = x' floor(u); z = x u has z' = x' u + x u'; and w = x^2 has w' = 2 x x'."""
+    x, y, z, u, w = range(5)
     rows = {
         (0, 0): [(x, 1)], (0, 1): [(x, 2)], (1, 0): [(y, 0), (x, 0), (u, 0)], (1, 1): [(y, 1), (x, 1), (u, 0)],
         (2, 0): [(z, 0), (x, 0), (u, 0)], (2, 1): [(z, 1), (z, 0), (x, 1), (u, 0), (u, 1)],
+        (3, 0): [(w, 0), (x, 0)], (3, 1): [(w, 1), (x, 0), (x, 1)],
     }  # fmt: skip
-    solved: dict[Node, Node] = {(x, 1): (0, 0), (y, 0): (1, 0), (z, 0): (2, 0)}
+    solved: dict[Node, Node] = {(x, 1): (0, 0), (y, 0): (1, 0), (z, 0): (2, 0), (w, 0): (3, 0)}
     found = Dependence(((x, 0),), solved, lambda e, k: rows[e, k], frozenset({u}))
-    assert (found.computes((y, 1)), found.computes((z, 1))) == (True, False)
+    assert [given(partial(found.computes, (v, 1))) for v in (y, z, w)] == [True, False, True]
