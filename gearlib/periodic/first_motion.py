@@ -29,6 +29,9 @@ ROUNDING = 1e-12  # relative to the terms of a rate
 EXACT, REFINED = 1e-11, 1e-9  # last correction of Newton's method, in nominal values and relative to each vibration
 CANCELLED = 1e-9  # relative to the terms of its rate: a smaller vibration may be what rounding leaves of them
 IRREGULAR = 2 * np.pi * np.arange(16) / 16 + 0.1234567  # phases at which nothing is likely to switch
+BEGUN = np.append(1e-6, IRREGULAR)  # and one at which a step soon after the start has not come yet
+LATER = (1, 100, 10_000)  # periods after which forcing has to be the same, since a step may come at any time
+REPEATING = 1e-6  # of the swing: a smaller change in each period is none
 UNRELATED = 1.2345678  # ratio of frequencies at both of which a function of time of another frequency does not repeat
 SETTLE = 100  # periods of a run from which the initial solution is taken
 
@@ -249,7 +252,7 @@ def _refuse_memory(scene: Scene) -> None:
 
 def check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None:
     """Check that the rates vary over a period, and repeat after it."""
-    phase = IRREGULAR
+    phase = BEGUN
     x = means[:, None] + driven.growth[:, None] * phase
     once, slopes = driven.linear_rates(phase, x, driven.discrete(phase, x))
     names = driven.scene.state_names
@@ -257,28 +260,32 @@ def check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None:
         bad = names[int(np.flatnonzero(~np.isfinite(once).all(axis=1))[0])]
         raise ArgumentError(f"der({bad}) is not finite at the start values; give a guess of the means")
     addends = np.abs(slopes).max(axis=0) @ np.abs(x).max(axis=1)  # balanced forces leave rounding errors
-    x = x + 2 * np.pi * driven.growth[:, None]
-    again = driven.rates(phase + 2 * np.pi, x, driven.discrete(phase + 2 * np.pi, x))
     nominal = driven.scene.nominal
     swing, size = np.ptp(once, axis=1), np.abs(once).max(axis=1)
     varying = np.maximum(swing, 1e-9 * nominal * float((swing / nominal).max()) + 1e-300)
-    off = np.maximum(np.abs(again - once).max(axis=1) - ROUNDING * (addends + size), 0.0) / varying
-    if (off > 1e-6).any():
-        worst = names[int(np.argmax(off))]
-        raise ArgumentError(
-            f"der({worst}) does not repeat after 2 pi / {driven.omega:g} rad/s; "
-            + (
-                "name the parameter that is the forcing frequency (frequency=...), and make all functions of time repeat with it"
-                if frequency is None
-                else f"{frequency} was set to that frequency, and something varies with time otherwise: a frequency that does not follow "
-                f"from it, a ramp, or {frequency} counts in Hz and is not declared so"
-            )
-        )
+    for periods in LATER:
+        then = phase + 2 * np.pi * periods
+        moved = x + 2 * np.pi * periods * driven.growth[:, None]
+        again = driven.rates(then, moved, driven.discrete(then, moved))
+        rounding = ROUNDING * periods * (addends + size)
+        off = np.maximum(np.abs(again - once).max(axis=1) - rounding, 0.0) / varying
+        if (off > REPEATING * periods).any():
+            raise ArgumentError(_not_repeating(names[int(np.argmax(off))], driven.omega, frequency))
     if (swing <= 1e-12 * size).all():
         raise ArgumentError(
             "nothing varies over the period: bind an input to a function of the phase, give frequency=..., or, where the phase of a "
             "mesh excites the train, turning={'mesh.turned': 1.0}"
         )
+
+
+def _not_repeating(state: str, omega: float, frequency: str | None) -> str:
+    """Message about a state whose rate does not repeat with the forcing."""
+    return f"der({state}) does not repeat after 2 pi / {omega:g} rad/s; " + (
+        "name the parameter that is the forcing frequency (frequency=...), and make all functions of time repeat with it"
+        if frequency is None
+        else f"{frequency} was set to that frequency, and something varies with time otherwise: a frequency that does not follow "
+        f"from it, a ramp or a step, or {frequency} counts in Hz and is not declared so"
+    )
 
 
 def refuse_undetermined(balance: HarmonicEquations, z: Floats, omega: float) -> None:

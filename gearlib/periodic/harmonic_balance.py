@@ -11,7 +11,7 @@ import numpy as np
 from gearlib.arguments import by_name, name_list, one_name, real, shown, whole
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.periodic.continuation import Path, follow
-from gearlib.periodic.first_motion import IRREGULAR, UNRELATED, Forced, check_periodic
+from gearlib.periodic.first_motion import BEGUN, LATER, REPEATING, UNRELATED, Forced, check_periodic
 from gearlib.periodic.fourier_balance import HarmonicEquations
 from gearlib.periodic.harmonic_response import HarmonicBalance
 from gearlib.periodic.periods import Driven, Floats, fourier, moments, transform
@@ -251,21 +251,23 @@ def check_repeating(names: Sequence[str], driven: Driven, c: Floats, growth: Flo
     """Refuse outputs that do not repeat: that grow with the mesh phase or with an angle, or depend on time by themselves."""
 
     def values(turns: float, x: Floats) -> Floats:
-        phase = IRREGULAR + turns
-        x = x + turns * growth[:, None]
+        phase = BEGUN + turns
         return observed_values(driven, phase, x, driven.discrete(phase, x))[rows]
 
-    x = driven.states(IRREGULAR, c)
-    once, again = values(0.0, x), values(2 * np.pi, x)
-    shaken = values(0.0, x * (1 + 1e-12 * np.random.default_rng(1).uniform(-1, 1, x.shape)))  # by more than rounding
-    grown = np.abs(again - once).max(axis=1)
-    rounding = 1e-12 * np.abs(once).max(axis=1) + np.abs(shaken - once).max(axis=1)
-    bad = np.flatnonzero(grown > 1e-6 * np.ptp(once, axis=1) + rounding)
-    if len(bad):
-        growing = (again - once)[bad[0]]
-        if np.ptp(growing) <= 1e-6 * grown[bad[0]]:
-            raise ArgumentError(f"{names[bad[0]]} grows by {growing[0]:g} in each period; leave it out, or take its rate")
-        raise ArgumentError(
-            f"{names[bad[0]]} does not repeat after 2 pi / {driven.omega:g} rad/s, but differs by up to {grown[bad[0]]:g}: it depends on "
-            "time in another way than the forcing; leave it out"
-        )
+    x = driven.states(BEGUN, c)
+    once, by_rounding = values(0.0, x), 1 + 1e-12 * np.random.default_rng(1).uniform(-1, 1, x.shape)
+    for periods in LATER:
+        turns = 2 * np.pi * periods
+        moved = x + turns * growth[:, None]
+        again, shaken = values(turns, moved), values(turns, moved * by_rounding)  # by more than rounding
+        grown = np.abs(again - once).max(axis=1)
+        rounding = 1e-12 * np.abs(once).max(axis=1) + np.abs(shaken - again).max(axis=1)
+        bad = np.flatnonzero(grown > periods * (REPEATING * np.ptp(once, axis=1) + rounding))
+        if len(bad):
+            growing = (again - once)[bad[0]]
+            if periods == 1 and np.ptp(growing) <= 1e-6 * grown[bad[0]]:
+                raise ArgumentError(f"{names[bad[0]]} grows by {growing[0]:g} in each period; leave it out, or take its rate")
+            raise ArgumentError(
+                f"{names[bad[0]]} does not repeat after 2 pi / {driven.omega:g} rad/s, but differs by up to {grown[bad[0]]:g}: it depends "
+                "on time in another way than the forcing; leave it out"
+            )

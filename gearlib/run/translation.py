@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import by_name, real, shown
-from gearlib.errors import ArgumentError, LoopError, ModelError, NameLookupError, SingularError, nearest
+from gearlib.errors import ArgumentError, LoopError, ModelError, NameLookupError, SingularError, StartError, nearest
 from gearlib.flatten.flatten import check_bounds, flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.flatten.specialise import Special
@@ -557,7 +557,8 @@ class Translation:
             numbers = scene.prepared(parameters)
             refuse_programs(self.component, "a steady state")
             check_instants(self.structure, scene.states, "a steady state")
-            steady = search_steady(scene, numbers, begin, inputs, t)
+            with self._explaining_delays():
+                steady = search_steady(scene, numbers, begin, inputs, t)
             changes = None if seeds is None else steady_changes(scene, numbers, begin, inputs, t, steady, seeds)
             guess = variables_on_branch(scene, parameters, begin, inputs, t, steady)
             return Start(steady, guess, (), steady=True, changes=changes)
@@ -566,6 +567,20 @@ class Translation:
         numbers = scene.prepared(parameters)
         discrete = scene.discrete(numbers, np.array([t]), begin.states[:, None], inputs[:, None], discretes, begin.guess)
         return replace(begin, discrete=discrete[:, 0], given=discretes)
+
+    @contextmanager
+    def _explaining_delays(self) -> Iterator[None]:
+        """Say of a steady state that is not found that the outputs of delays are held in its search, which cannot see their effect."""
+        try:
+            yield
+        except StartError as why:
+            if not self.controllers:
+                raise
+            raise StartError(
+                f"no steady state was found while the outputs of {', '.join(delay.path for delay in self.controllers)} are held, as the "
+                "search does with delays: one that only delayed signals bring about is not seen. Run the train until it rests, and go "
+                f"on from that result, or put a gearparts.blocks.PadeDelay in their place. (While they are held, {why})"
+            ) from why
 
     def __reduce__(self) -> tuple[Any, ...]:
         recipe = packed((self.component, self.outputs))

@@ -86,6 +86,13 @@ def test_a_rate_that_hardly_varies_is_compared_with_those_that_do() -> None:
     assert check(wave(), wave(size=0.0, drift=1e-15), nominal=(1e-2, 1.0)) == ""
 
 
+@pytest.mark.parametrize("begin", [1e-5, 0.1, 1.0, 20.0, 1e3, 6e4])
+def test_a_step_at_any_time_is_no_forcing(begin: float) -> None:
+    """Before the first of the other phases that are looked at, and after many periods."""
+    assert check(lambda phase, x: np.cos(phase) + 0.1 * (phase >= begin)) == off("a")
+    assert check(lambda phase, x: np.cos(phase) + 0.1 * (phase >= begin - 1e5)) == ""
+
+
 def test_something_has_to_vary() -> None:
     """By more than rounding, in parts of its own size; all that is at rest does not."""
     assert check(lambda phase, x: 5.0) == check(lambda phase, x: 0.0) == STILL

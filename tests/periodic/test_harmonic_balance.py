@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import ArgumentError
 from gearlib.linear.operating_point import Point, slots_at
 from gearlib.periodic.harmonic_balance import samples_of_a_period
 from gearlib.program.derivative_plan import state_plan
@@ -641,6 +642,30 @@ def test_the_plot_names_what_it_shows(pair_response: gl.HarmonicBalance) -> None
     )
     table = pair_response.to_dataframe()
     assert table["mesh.q, harmonic 1"].to_numpy() == pytest.approx(pair_response.amplitude("mesh.q"))
+
+
+@pytest.mark.parametrize("begin", [0.05, 20.0, 1e4])
+def test_a_step_beside_the_forcing_is_refused_whenever_it_comes(begin: float) -> None:
+    """The motion behind it has another mean than the one before, which is no steady motion."""
+
+    class Stepped(gl.Component):
+        w = gl.Parameter("rad/s", default=1.0)
+
+        def assemble(self) -> list[gl.Connection]:
+            self.step = gp.blocks.Step(start_time=begin)
+            self.torque = gp.Torque(tau=gl.sin(self.w * gl.time) + self.step.y)
+            self.body, self.shaft, self.ground = gp.Inertia(J=1.0), gp.SpringDamper(c=4.0, d=0.6), gp.Fixed()
+            return [
+                gl.connect(self.torque.flange, self.body.flange_a),
+                gl.connect(self.body.flange_b, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.ground.flange),
+            ]
+
+    system, options = gl.compile(Stepped()), {"frequency": "w", "outputs": ["shaft.phi_rel"], "harmonics": 4}
+    with pytest.raises(ArgumentError, match=r"^der\(body\.w\) does not repeat .* varies with time otherwise: .* a step"):
+        gl.harmonic_balance(system, 0.7, 0.8, **options)
+    settled = gl.harmonic_balance(system, 0.7, 0.8, parameters={"step.start_time": -1.0}, **options)
+    assert settled.mean("shaft.phi_rel") == pytest.approx(np.full(len(settled), -0.25), rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -181,6 +181,16 @@ def test_a_period_has_more_samples_where_something_switches(kind: Any, samples: 
         (lambda phase, x: np.cos(x), 0.5, "y does not repeat after 2 pi / 2.5 rad/s, but differs by up to "),
         (lambda phase, x: np.cos(phase) + 1e-7 * phase, 0.0, ""),  # a millionth of the swing is rounding
         (lambda phase, x: np.cos(phase) + 1e-6 * phase, 0.0, "y "),
+        (
+            lambda phase, x: np.cos(phase) + (phase > 0.05),
+            0.0,
+            "y does not repeat after 2 pi / 2.5 rad/s, but differs by up to 1",
+        ),
+        (
+            lambda phase, x: np.cos(phase) + (phase > 3e4),
+            0.0,
+            "y does not repeat after 2 pi / 2.5 rad/s, but differs by up to 1",
+        ),
         (lambda phase, x: 1e6 + 1e-7 * phase, 0.0, ""),  # and a part in 1e12 of the size
         (lambda phase, x: 1e6 + 1e-6 * phase, 0.0, "y "),
         (lambda phase, x: 1e3 * (x - 1.0) + 5e-10 * phase / (2 * np.pi), 0.0, ""),  # what rounding of the states makes

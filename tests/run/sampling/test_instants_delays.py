@@ -70,6 +70,32 @@ def test_steady_states_and_starts_of_loops_through_several_delays(seed: int, lag
         assert run[f"late[{k}].y"] == pytest.approx(np.full(3, right), rel=1e-9)
 
 
+class Returned(gl.Component):
+    """An integrator is told what its shaft's speed was, or an approximation of that: w = 3 is a steady state."""
+
+    pade = gl.Structural(False)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.body, self.damper, self.ground = gp.Inertia(J=2.0), gp.Damper(d=5.0), gp.Fixed()
+        self.late = (B.PadeDelay if self.pade else B.FixedDelay)(delay_time=0.1, u=self.body.w)
+        self.controller = B.Integrator(u=3.0 - self.late.y)
+        self.torque = gp.Torque(tau=self.controller.y)
+        return [
+            gl.connect(self.torque.flange, self.body.flange_a, self.damper.flange_a),
+            gl.connect(self.damper.flange_b, self.ground.flange),
+        ]
+
+
+def test_a_steady_state_that_a_delay_brings_about_is_refused_with_the_reason() -> None:
+    """It exists, and so the reason is not that no speed had an effect; what the message advises finds it."""
+    system = gl.compile(Returned(), outputs=["body.w"])
+    with pytest.raises(StartError, match=r"^no steady state was found while the outputs of late are held, .* go on from that"):
+        system.simulate(1.0, samples=2, start="steady")
+    assert system.simulate(60.0, samples=2)["body.w"][-1] == pytest.approx(3.0, abs=1e-5)
+    approximated = gl.compile(Returned(pade=True), outputs=["body.w"])
+    assert approximated.simulate(1.0, samples=2, start="steady")["body.w"] == pytest.approx(np.full(2, 3.0), rel=1e-9)
+
+
 def echoes(t: Any, k: float, T: float, jumps: dict[float, float]) -> Any:
     """y after the constant 3 / (1 - k), with the shift set to other values at some times."""
 
