@@ -52,8 +52,8 @@ def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: 
     """
     body = looped(relations.program, layout, keep=False)  # the discrete state changes from one iteration to the next
     numbers = relations.searched
-    passes = _passes(body, relations, model, numbers)
-    iteration = relations.event_iteration
+    passes, iteration = _passes(body, relations, model, numbers), relations.event_iteration
+    ended = _ended(body, iteration, numbers, "result = max(result, 1)")
     for batch in iteration.reinits:
         loop(body, batch, "y = {value}\nif x[{target}] != y:\n    x[{target}] = y\n    result = 2")
     reinits = body.lines
@@ -84,7 +84,7 @@ def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: 
         "    for k in range(nd):",
         "        data[r + nr + nd + k] = data[r + nr + k]",
         *_started(model),
-        *_ended(iteration, "result = max(result, 1)"),
+        *ended,
         "if moved != 0:",
         "    return -1",
         *sides,
@@ -107,6 +107,7 @@ def settle_body(relations: Relations, layout: Layout, model: FlatModel) -> Body:
     """
     body = looped(relations.program, layout, forgiving=True, keep=False)
     passes = _passes(body, relations, model, None)
+    ended = _ended(body, relations.event_iteration, None)
     body.lines = [
         *passes,
         "    moved = 0",
@@ -117,18 +118,23 @@ def settle_body(relations: Relations, layout: Layout, model: FlatModel) -> Body:
         *_started(model),
         "    if changed != 0:",
         "        break",
-        *_ended(relations.event_iteration),
+        *ended,
     ]  # fmt: skip
     return body
 
 
-def _ended(iteration: EventIteration, *noted: str) -> list[str]:
-    """End the outer iterations where nothing has moved, with the relations that are decided last; statements where something has.
+def _ended(body: Body, iteration: EventIteration, numbers: Integers | None, *noted: str) -> list[str]:
+    """Lines that end the outer iterations where nothing has moved, with the relations that are decided last; statements where some has.
 
-    While these keep their values, ``last`` is 0; it is 1 where they are decided for the first time, then 2.
+    While these keep their values, ``last`` is 0; it is 1 where they are decided for the first time, then 2. Where they hold as they are,
+    no further pass is needed. Takes the lines of the body, and leaves it empty.
     """
     if not iteration.has_last:
         return ["    if moved == 0:", "        break", *(f"    {line}" for line in noted)]
+    for phase in iteration.passed:
+        if isinstance(phase, RelationsPhase) and phase.last:
+            _test(body, phase, numbers)
+    tests, body.lines = body.lines, []
     return [
         "    if moved == 0 and last != 0:",
         "        break",
@@ -136,7 +142,11 @@ def _ended(iteration: EventIteration, *noted: str) -> list[str]:
         "        last = 0",
         *(f"        {line}" for line in noted),
         "    else:",
-        "        moved, last, first = 1, first, 2",
+        "        last, first, changed = first, 2, 0",
+        *(f"        {line}" for line in tests),
+        "        if changed == 0:",
+        "            break",
+        "        moved = 1",
     ]
 
 
