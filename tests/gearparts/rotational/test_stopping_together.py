@@ -108,6 +108,22 @@ def test_what_stops_together_is_at_rest_before_anything_breaks_away(values: Any,
     assert np.column_stack([run["body[0].w"], run["body[1].w"]]) == pytest.approx(expected, abs=2e-4)
 
 
+@pytest.mark.stress
+@pytest.mark.parametrize("seed", range(100))
+def test_random_trains_stop_and_break_away_as_by_hand(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    values: dict[str, Any] = {
+        "tau": rng.uniform(3.0, 12.0), "pulsation": rng.uniform(2.0, 12.0), "J": tuple(rng.uniform(0.2, 2.0, 2)),
+        "limits": tuple(rng.uniform((0.2, 0.5, 0.2), (3.0, 5.0, 3.0))), "peaks": tuple(rng.uniform(1.0, 1.5, 3)),
+    }  # fmt: skip
+    expected = by_hand(**values, t_end=4.0, dt=1e-3)[::100]
+    system = gl.compile(Coupled(**values))
+    for method in ("ida", "rk"):
+        run = system.simulate(4.0, samples=len(expected), rtol=1e-9, method=method)
+        found = np.column_stack([run["body[0].w"], run["body[1].w"]])
+        assert found == pytest.approx(expected, abs=1e-3), method
+
+
 class Geared(gl.Component):
     """A body behind a clutch drives another one through a gear with losses; all have bearings."""
 
