@@ -75,7 +75,7 @@ def by_graph(n_equations: int, columns: Columns) -> Differentiation:
     orders: dict[int, int] = {}
     for row in current:
         _raise(orders, row)
-    most = n_equations * (1 + max(orders.values(), default=0))
+    most = (n_equations - 1) * max(orders.values(), default=0)
     while True:
         graph, variables = bipartite_graph([[v for v, order in row if order == orders[v]] for row in current])
         partner = nx.bipartite.hopcroft_karp_matching(graph, range(n_equations))
@@ -91,7 +91,8 @@ def _differentiate(
 ) -> None:
     """Differentiate some equations once more, as far as a nonsingular system may need it.
 
-    In one, an equation is differentiated no more often than along a chain of all equations, in each of which the order rises.
+    In one, an equation is differentiated no more often than along a chain of all equations, from each of which to the next the highest
+    order rises by the largest order that is written.
     """
     for e in equations:
         counts[e] += 1
@@ -115,7 +116,7 @@ def by_lists(n_equations: int, columns: Columns) -> Differentiation:
     orders: dict[int, int] = {}
     for row in current:
         _raise(orders, row)
-    most = n_equations * (1 + max(orders.values(), default=0))
+    most = (n_equations - 1) * max(orders.values(), default=0)
     owner: dict[int, int] = {}  # variable (at its highest order) -> equation
     for e in range(n_equations):
         while True:

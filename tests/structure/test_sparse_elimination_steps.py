@@ -145,3 +145,19 @@ def test_rows_of_the_dense_remainder_are_dependent_relative_to_its_largest(diffe
     """Where it is larger than 1: here all is left to it, since no pivot is large enough."""
     rows, columns = independent(sparse.csr_matrix([[1e3, 1e3], [1e3, 1e3 + difference]]), safe=1e9)
     assert (len(rows), len(columns)) == (rank, rank)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "sizes"),
+    [
+        ([[1e-20, 1e-28], [1.0, 0.0]], [1.0, 1.0]),
+        ([[1e20, 1e-8], [1.0, 0.0]], [1.0, 1e20]),
+        ([[1.0, 1e-8], [1.0, 0.0]], [1.0, 1.0]),
+    ],
+)
+def test_small_terms_of_known_sizes_are_scaled_whatever_the_units(matrix: list[list[float]], sizes: list[float]) -> None:
+    """The second unknown has a share of 1e-8 in the first equation; nothing else scales it."""
+    found = factorise(sparse.csr_matrix(matrix), np.array(sizes))
+    scaled = np.abs(np.array(matrix) * found.row[:, None] * found.column)
+    assert scaled.max(axis=0) == pytest.approx([1.0, 1.0], abs=0.5)
+    assert scaled.max(axis=1) == pytest.approx([1.0, 1.0], abs=0.5)
