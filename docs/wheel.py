@@ -34,7 +34,7 @@ MODULES = (
         for name in ("exported_model", "fmu_variables", "model_description", "model_source", "preparation", "terminals")
     ),
     *(f"linear/{name}" for name in ("linearized_program", "one_sided_slopes", "poles", "resolvent", "response_changes")),
-    *(f"periodic/{name}" for name in ("continuation", "floquet", "fourier_balance", "periods")),
+    *(f"periodic/{name}" for name in ("continuation", "first_motion", "floquet", "fourier_balance", "periods")),
     *(f"solvers/{name}" for name in ("alternation", "drive/driver", "drive/trace")),
     *(f"vibration/{name}" for name in ("eigenvalue_count", "lowest_eigenvalues", "mode_energies")),
     *(f"modelica/class_{name}" for name in ("building", "content", "writing")),
