@@ -32,9 +32,8 @@ def roots_body(relations: Relations, layout: Layout) -> Body:
     numbers = relations.searched
     for phase in relations.event_iteration.event_functions:
         relation = relation_of(phase.batch)
-        sign = (
-            "" if relation.strict != relation.negated else "-"
-        )  # positive where a strict relation holds, or a non-strict one fails
+        # positive where a strict relation holds, or a non-strict one fails
+        sign = "" if relation.strict != relation.negated else "-"
         part = replace(phase.batch, targets=np.searchsorted(numbers, phase.batch.targets))
         loop(body, part, f"values[{{target}}] = {sign}({{value}})")
     return body
@@ -147,6 +146,7 @@ def _ended(body: Body, iteration: EventIteration, numbers: Integers | None, *not
         "        if changed == 0:",
         "            break",
         "        moved = 1",
+        *(f"        {line}" for line in noted),
     ]
 
 

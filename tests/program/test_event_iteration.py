@@ -183,3 +183,23 @@ def test_what_is_decided_last_sees_no_passing_stage(method: str) -> None:
     assert run["stage"].tolist() == (2.0 * (run.time > 1.0 - 1e-9)).tolist()
     begun = gl.compile(Stages()).simulate(1.0, samples=2, method=method, start={"x": 2.0})
     assert (begun["stage"][0], begun["hasty"][0], begun["patient"][0]) == (2.0, 1.0, 0.0)
+
+
+class Bent(gl.Component):
+    """x rises twice as fast above 1, by a comparison that is decided last."""
+
+    x = gl.Variable("1", start=0.0)
+    unsettled = gl.Discrete("1")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), gl.Piecewise((2.0, gl.settled(self.x) > 1.0), (1.0, True))),
+            gl.Eq(self.unsettled, self.x > 2.0),
+        ]
+
+
+@pytest.mark.parametrize("method", ["ida", "rk", "taylor"])
+def test_what_is_decided_last_may_change_equations_without_any_discrete_variable(method: str) -> None:
+    run = gl.compile(Bent()).simulate(3.0, samples=13, method=method)
+    assert run["x"] == pytest.approx(np.maximum(run.time, 2.0 * run.time - 1.0), rel=1e-9)
+    assert run["unsettled"].tolist() == (run.time > 1.5 - 1e-12).tolist()
