@@ -116,8 +116,8 @@ def past_rounding(difference: Any, roots: Floats, given: Mapping[Any, Any], late
 
 
 def is_exact(difference: Any) -> bool:
-    """Whether rounding does not hide the sign of a difference: that of two symbols or numbers (Sterbenz)."""
-    return bool(difference.is_Add and len(difference.args) == 2 and all(map(_plain, difference.args)))
+    """Whether rounding does not hide the sign of a difference: that of two symbols or numbers (Sterbenz), or of one and 0."""
+    return _plain(difference) or bool(difference.is_Add and len(difference.args) == 2 and all(map(_plain, difference.args)))
 
 
 def _plain(term: Any) -> bool:

@@ -773,3 +773,22 @@ def test_no_pulse_of_what_time_drives_is_stepped_over(steps: int, tmp_path: Path
     assert one.get("n") == [228.0]
     assert one.get("x") == pytest.approx([np.arccos(0.9) / np.pi * (28 / 7.0 + 200 / 50.0)], rel=1e-6)
     one.close()
+
+
+class FromTheStart(gl.Component):
+    """x rises at 3 1/s after the time 0, and at 1 1/s up to there."""
+
+    x = gl.Variable("1", start=0.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), gl.Piecewise((3.0, gl.time > 0), (1.0, True)))]
+
+
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+def test_a_comparison_of_time_with_zero_is_one_without_rounding(kind: str, tmp_path: Path) -> None:
+    path = gl.compile(FromTheStart()).export_fmu(tmp_path / "start.fmu", stop_time=1.0)
+    for start, expected in ((0.0, 3.0), (-0.5, 2.0)):
+        found = fmpy.simulate_fmu(str(path), fmi_type=kind, start_time=start, stop_time=start + 1.0, output_interval=0.1)["x"][
+            -1
+        ]
+        assert found == pytest.approx(expected, rel=1e-6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import re
 import shutil
@@ -110,6 +111,7 @@ def test_instances_leave_nothing_behind(tmp_path: Path) -> None:
     path = gl.compile(gp.ZhouCui2022(tau_in=100.0)).export_fmu(tmp_path / "xp.fmu")
 
     def used() -> int:
+        gc.collect()
         return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
 
     def lives() -> None:
@@ -123,11 +125,11 @@ def test_instances_leave_nothing_behind(tmp_path: Path) -> None:
             one.close()
 
     (tmp_path / "content").mkdir()
-    lives()
-    before = used()
-    for _ in range(5):
+    sizes = []
+    for _ in range(12):
         lives()
-    assert used() - before < 4e6  # an instance takes some 30 kB, a thousandth of that by 500 would be seen
+        sizes.append(used())
+    assert min(sizes[8:]) - max(sizes[:4]) < 4e6  # an instance takes some 30 kB; the allocator's share of it comes and goes
 
 
 @pytest.mark.slow
@@ -143,6 +145,7 @@ def test_a_hundred_fmus_in_one_process(tmp_path: Path) -> None:
         return len(set(re.findall(rf"{re.escape(str(tmp_path))}\S+\.so", Path("/proc/self/maps").read_text())))
 
     def used() -> int:
+        gc.collect()
         return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
 
     sizes = []

@@ -146,7 +146,8 @@ def test_andrews_mechanism_with_few_samples(state: str, method: str, samples: in
     right = trajectory()(result.time)
     for k, name in enumerate(ANGLES):
         assert result[name] == pytest.approx(right[k], rel=1e-4, abs=1e-4), name
-    assert ("segments" in result.stats) == (state == "theta" and method == "ida")
+    if method == "rk" or state == "theta":  # IDA may change those that begin with beta, too
+        assert ("segments" in result.stats) == (method == "ida")
 
 
 @lru_cache
