@@ -243,15 +243,11 @@ def longest_step_body(exported: ExportedModel) -> Body:
     for batch in driven(exported.observed, relations):
         symbols = [symbol.name for symbol in rate_symbols(batch)]
         for rate in map(scalar_source, time_rates(batch.kernel) or ()):
-            rows = [_filled(rate, dict(zip(symbols, row, strict=True))) for row in _places(batch.parameters)]
-            for text in dict.fromkeys(rows):
+            tables = (dict(zip(symbols, (f"data[{p}]" for p in row), strict=True)) for row in batch.parameters.tolist())
+            for text in dict.fromkeys(_filled(rate, table) for table in tables):
                 body.lines += [f"y = abs({text})", f"if y > w and y < {NEVER!r}:", "    w = y"]
     body.lines += ["if w > 0.0:", f"    values[0] = {share * math.tau!r} / w"]
     return body
-
-
-def _places(parameters: Integers) -> list[list[str]]:
-    return [[f"data[{p}]" for p in row] for row in parameters.tolist()]
 
 
 def _filled(text: str, table: dict[str, str]) -> str:

@@ -46,20 +46,22 @@ class RelationsPhase:
         Whether they compare nothing but time, and take their right-hand limit.
     searched : bool
         Whether they are event functions: one whose root was located takes the side that it crossed to.
-    last : bool
-        Whether they keep their values until all else has settled (`gl.settled`).
     """
 
     batch: Batch
     on_time: bool
     searched: bool
-    last: bool
 
     @property
     def comparison(self) -> str:
         """The comparison with zero under which the relations hold."""
         relation = relation_of(self.batch)
         return f"{'<' if relation.negated else '>'}{'' if relation.strict else '='}"
+
+    @property
+    def last(self) -> bool:
+        """Whether they keep their values until all else has settled (`gl.settled`)."""
+        return relation_of(self.batch).last
 
     def hold(self, values: Floats) -> Floats:
         """1 where a relation holds, 0 where it does not."""
@@ -109,7 +111,7 @@ def event_iteration(
         kinds = np.isin(batch.targets, on_time), np.isin(batch.targets, searched)
         for kind in ((False, True), (True, True), (True, False)):
             if (rows := np.flatnonzero((kinds[0] == kind[0]) & (kinds[1] == kind[1]))).size:
-                passed.append(RelationsPhase(batch.take(rows), *kind, relation_of(batch).last))
+                passed.append(RelationsPhase(batch.take(rows), *kind))
     return EventIteration(tuple(passed), reinits)
 
 

@@ -492,7 +492,7 @@ def settle_once(
                 slots = evaluate(prepared, t, states, inputs, new, guess, forgiving)
             case DiscretesPhase(batch):
                 new[batch.targets] = batch_values(batch, t, slots, prepared.parameters, new)
-            case RelationsPhase(batch, on_time) if last or not phase.last:
+            case RelationsPhase(batch, on_time, _) if last or not phase.last:
                 values = batch_values(batch, right_hand(t) if on_time else t, slots, prepared.parameters, new)
                 new[batch.targets] = phase.hold(values)
     return new
