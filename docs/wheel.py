@@ -27,7 +27,11 @@ RUNS = tuple(f"run/{name}" for name in ("afterwards", "refusals", "sampling", "t
 PACKAGES = ("compiler", "drawing/scheme", "equations", "flatten", "native", "program", "reduce", "structure", *RUNS, *METHODS)
 MODULES = (
     *(f"statics/{name}" for name in ("closed_gaps", "load_sharing", "mesh_turn", "steady_motion")),
-    *(f"run/{name}" for name in ("linear_form", "methods/native_problem", "scene", "start_values", "steady", "translation")),
+    *(
+        f"run/{name}"
+        for name in ("linear_form", "methods/native_problem", "methods/run", "scene", "scene_form", "start_values")
+    ),
+    *("run/steady", "run/time_switches", "run/translation", "vibration/mode_matching"),
     *("drawing/arrangement", "drawing/layers", "many_runs/side_by_side", "many_runs/work"),
     *(
         f"fmi/{name}"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gearlib.equations.kernel import relation_kernel
 from gearlib.equations.template import Relation
-from gearlib.program.program import Batch
+from gearlib.program.program import Batch, Program
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -23,9 +23,17 @@ MOST_ITERATIONS = 100  # of a pass, and of all, after which the event iteration 
 _COMPARED = {">=": np.greater_equal, ">": np.greater, "<=": np.less_equal, "<": np.less}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class UnknownsPhase:
-    """Evaluate all slots of the program with the current discrete state."""
+    """Evaluate the slots of the program with the current discrete state.
+
+    Attributes
+    ----------
+    enough : tuple of Batch, optional
+        What the next phases read, where no equations need be solved together for it; None: all slots are needed.
+    """
+
+    enough: tuple[Batch, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -95,16 +103,21 @@ class EventIteration:
 
 
 def event_iteration(
+    program: Program,
     relations: tuple[Batch, ...],
     discretes: tuple[Batch, ...],
     reinits: tuple[Batch, ...],
     on_time: Integers,
     searched: Integers,
 ) -> EventIteration:
-    """Event iteration for some batches, with the relations that compare nothing but time, and those that are event functions."""
+    """Event iteration for some batches over the slots of a program.
+
+    ``on_time`` are the relations that compare nothing but time, ``searched`` those that are event functions.
+    """
     passed: list[UnknownsPhase | DiscretesPhase | RelationsPhase] = []
-    if any(batch.arguments.size for batch in discretes):
-        passed.append(UnknownsPhase())
+    read = {slot for batch in discretes for slot in batch.arguments.ravel().tolist()}
+    if read:
+        passed.append(UnknownsPhase(computed_alone(program, read)))
     passed += map(DiscretesPhase, discretes)  # first, so that an element that has just become stuck is tried as locked
     passed.append(UnknownsPhase())
     for batch in relations:
@@ -113,6 +126,19 @@ def event_iteration(
             if (rows := np.flatnonzero((kinds[0] == kind[0]) & (kinds[1] == kind[1]))).size:
                 passed.append(RelationsPhase(batch.take(rows), *kind))
     return EventIteration(tuple(passed), reinits)
+
+
+def computed_alone(program: Program, slots: set[int]) -> tuple[Batch, ...] | None:
+    """The equations that give some slots, in their order; None where some of them are solved together."""
+    needed, found = set(slots), []
+    for step in reversed(program.steps):
+        if not isinstance(step, Batch):
+            if not needed.isdisjoint(step.unknowns.tolist()):
+                return None
+        elif (rows := np.flatnonzero(np.isin(step.targets, list(needed)))).size:
+            found.append(step.take(rows))
+            needed.update(found[-1].arguments.ravel().tolist())
+    return tuple(reversed(found))
 
 
 def right_hand(t: Floats) -> Floats:

@@ -53,7 +53,7 @@ class Relations:
     @cached_property
     def event_iteration(self) -> EventIteration:
         """How the discrete state is determined at an event."""
-        return event_iteration(self.batches, self.discretes, self.reinits, self.used[self.of_time], self.searched)
+        return event_iteration(self.program, self.batches, self.discretes, self.reinits, self.used[self.of_time], self.searched)
 
 
 def relations_of(structure: Structure, program: Program, wanted: Sequence[int] = ()) -> Relations:

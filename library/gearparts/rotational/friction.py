@@ -36,17 +36,25 @@ def words(part: str) -> dict[float, str]:
 
 
 class SlidingSurfaces(gl.Component):
-    """Base of friction elements: sliding torque over speed, and release at zero normal force.
+    """Base of friction elements: curve parameter, sliding torque over speed, and release at zero normal force.
 
-    A derived class equates ``tau0`` and ``free``, and defines by ``level`` how the sliding torque depends on the speed.
+    A derived class equates ``tau0``, ``free`` and the transitions, and defines by ``level`` how the sliding torque depends on the speed.
     """
 
+    sa = gl.Variable("any", "curve parameter: torque while locked, acceleration otherwise")
     tau0 = gl.Variable("N.m", "sliding torque at zero speed")
     free = gl.Discrete("nothing presses the surfaces together")
+    was_stuck = gl.Discrete("whether it was stuck before the event")
+    start_forward = gl.Discrete("starts to slide forward")
+    locked = gl.Discrete("no relative acceleration")
 
     def level(self, speed: Any) -> Any:
         """Sliding torque at a positive speed."""
         raise NotImplementedError
+
+    def sense(self) -> Any:
+        """Direction in which it starts to slide, 0 where it does not."""
+        return self.start_forward
 
 
 class Friction(SlidingSurfaces, Dissipative):
@@ -59,18 +67,14 @@ class Friction(SlidingSurfaces, Dissipative):
     w_small = gl.Parameter(
         "rad/s", "speed that only a reinit can have reached against the direction of sliding", default=1e10, min=0
     )
-    sa = gl.Variable("any", "curve parameter: torque while locked, acceleration otherwise")
     v = gl.Variable("rad/s", "relative speed of the friction surfaces")
     tau = gl.Variable("N.m", "friction torque; acts against the motion when positive")
     contact = gl.Variable("1", "0 open, 1 stuck, 2 sliding")  # each kind of part declares its words
     mode = gl.Discrete("-1 backward, 0 stuck, 1 forward, 2 free, 3 unknown", start=UNKNOWN)
     moving = gl.Discrete("sign of the speed, 0 while locked or free")
-    was_stuck = gl.Discrete("whether it was stuck before the event")
     slid = gl.Discrete("direction in which it slid before the event, 0 where it did not")
     turned = gl.Discrete("whether a reinit has reversed that direction")
-    start_forward = gl.Discrete("starts to slide forward")
     start_backward = gl.Discrete("starts to slide backward")
-    locked = gl.Discrete("no relative acceleration")
 
     def equations(self) -> list[gl.Eq]:
         locked, is_free = gl.holds(self.locked), gl.holds(self.free)
@@ -105,6 +109,9 @@ class Friction(SlidingSurfaces, Dissipative):
 
     def energies(self) -> gl.Energy:
         return gl.Energy(heat=self.loss_power)
+
+    def sense(self) -> Any:
+        return self.start_forward - self.start_backward
 
     def _starts(self, sense: int, curve: Any, starts: Any, starts_opposite: Any) -> Any:
         """Whether sliding starts in a direction, with the curve parameter counted in that direction.
@@ -212,16 +219,23 @@ class BearingFriction(FrictionOnHousing):
 
 
 class Pressed(SlidingSurfaces):
-    """Base of brakes and clutches: friction proportional to a normal force."""
+    """Base of brakes and clutches: friction proportional to a normal force.
+
+    One that begins to slide, but is held by others, keeps its torque when it is pressed harder: a brake that is pressed on a shaft that
+    a bearing holds takes nothing of the load until the bearing lets go.
+    """
 
     mu_pos = gl.Structural(((0.0, 0.5),), "rows of speed (rad/s) and sliding friction coefficient")
     smoothness = gl.Structural("linear", "how the rows are interpolated", choices=SMOOTHNESS)
     cgeo = gl.Parameter("m", "geometry constant: torque per normal force and friction coefficient", default=1.0, min=0)
     fn_max = gl.Parameter("N", "largest normal force", min=0)
     f_normalized = gl.Input("1", "normal force over the largest one")
+    kept = gl.Discrete("sliding torque at which it began to slide")
+    is_held = gl.Discrete("began to slide, but is held by others, and has been pressed harder since")
 
     def level(self, speed: Any) -> Any:
-        return _sliding(self._rows(), speed, self.smoothness) * self.cgeo * self.fn_max * self.f_normalized
+        sliding = _sliding(self._rows(), speed, self.smoothness) * self.cgeo * self.fn_max * self.f_normalized
+        return gl.Piecewise((gl.no_event(gl.Min(self.kept, sliding)), gl.holds(self.is_held)), (sliding, True))
 
     def level_at_rest(self) -> Any:
         """Sliding torque at zero speed."""
@@ -234,6 +248,23 @@ class Pressed(SlidingSurfaces):
         return [
             gl.Eq(self.tau0, gl.Piecewise((0, gl.holds(self.free)), (self.level_at_rest(), True))),
             gl.Eq(self.free, self.f_normalized <= 0),
+            gl.Eq(
+                self.kept,
+                gl.Piecewise(
+                    (self.tau0, gl.holds(gl.pre(self.locked))),
+                    (BEYOND, gl.holds(gl.pre(self.is_held) * (1 - self.is_held))),
+                    (gl.pre(self.kept), True),
+                ),
+            ),
+            gl.Eq(
+                self.is_held,
+                gl.settled(
+                    self.was_stuck
+                    * self.sense() ** 2
+                    * ((self.tau0 - self.kept) * (1 - self.is_held) + (NO_ACCELERATION - self.sense() * self.sa) * self.is_held)
+                )
+                > 0,
+            ),
         ]
 
 
@@ -279,13 +310,9 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
     w_rel = gl.Variable("rad/s", "relative speed; flange_a cannot overtake flange_b", nominal=SLOW, min=0)
     peak = gl.Parameter("1", "break-away over sliding torque at zero speed", default=1.0, min=1)
     w_small = gl.Parameter("rad/s", "speed that only a reinit can have reached while stuck", default=1e10, min=0)
-    sa = gl.Variable("any", "curve parameter: torque while locked, acceleration otherwise")
     tau0_max = gl.Variable("N.m", "torque at which it breaks away")
     stuck = gl.Discrete("locked, or not yet sliding")
     moving = gl.Discrete("1 where flange_b overruns")
-    was_stuck = gl.Discrete("whether it was stuck before the event")
-    start_forward = gl.Discrete("starts to slide")
-    locked = gl.Discrete("no relative acceleration")
     forced = gl.Discrete("locked, but driven on by motions that are prescribed on both sides")
     contact = gl.Variable("1", "0 overruns without a torque, 1 stuck, 2 sliding", words=words("one-way clutch"))
 

@@ -17,7 +17,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError, SolverError
 from gearlib.flatten.flatten import flatten
-from gearparts.rotational.friction import BearingFriction, Brake, Clutch, words
+from gearparts.rotational.friction import BEYOND, BearingFriction, Brake, Clutch, words
 from gearparts.rotational.friction import OneWayClutch as OneWayClutchPart
 from gearparts.tables import at_zero, check_rows, extremes, interpolated
 from tests.gearparts import heat_losses_by_hand
@@ -762,6 +762,28 @@ def test_when_sliding_starts(brake: gl.Component, sense: int) -> None:
         assert not starts(0.0, pre_mode=STUCK, moving=moving)
 
 
+def test_what_is_held_keeps_its_torque_until_others_let_go(brake: gl.Component, freewheel: gl.Component) -> None:
+    for part, sense, own in ((brake, 1, "start_forward"), (brake, -1, "start_backward"), (freewheel, 1, "start_forward")):
+        started = {own: 1.0, "was_stuck": 1.0}
+        assert right_side(part, "kept", tau0=2.0, pre_locked=1.0, pre_kept=1.5) == 2.0
+        kept = [
+            right_side(part, "kept", tau0=2.0, pre_kept=1.5, pre_is_held=was, is_held=held) for was in (0, 1) for held in (0, 1)
+        ]
+        assert kept == [1.5, 1.5, BEYOND, 1.5], "no longer, once others have let go"
+        held = [right_side(part, "is_held", tau0=tau0, kept=2.0, **started) for tau0 in (1.9, 2.0, 2.1)]
+        assert held == [0, 0, 1], "only what is pressed harder"
+        for state in ({own: 1.0}, {"was_stuck": 1.0}):
+            assert not right_side(part, "is_held", tau0=2.1, kept=2.0, **state)
+        for tau0 in (1.9, 2.1):
+            values = {"is_held": 1.0, "tau0": tau0, "kept": 2.0, **started}
+            rates = [right_side(part, "is_held", sa=sense * rate, **values) for rate in (-1.0, 0.0, 0.9e-7, 1.1e-7)]
+            assert rates == [1, 1, 1, 0]
+        speed = "w_rel" if part is freewheel else "v"
+        for kept, taus in ((1.25, [2.0, 1.25]), (3.0, [2.0, 2.0])):
+            values = {**BRAKE, **started, "kept": kept, speed: 0.0}
+            assert [sense * right_side(part, "tau", is_held=held, **values) for held in (0, 1)] == taus
+
+
 @pytest.mark.parametrize("free", [0, 1])
 @pytest.mark.parametrize("was", [FREE, FORWARD, BACKWARD, STUCK])
 @pytest.mark.parametrize("starts", ["", "start_forward", "start_backward"])
@@ -986,6 +1008,50 @@ def test_stuck_elements_on_one_rigid_path_share_a_torque_in_any_order_of_declara
     for other in runs[1:]:
         assert other["body0.w"] == pytest.approx(w, abs=1e-6 * np.abs(w).max())
         assert np.array([other[f"f{k}.tau"] for k in range(len(limits))]) == pytest.approx(taus, abs=1e-6 * np.abs(taus).max())
+
+
+class PressedAtRest(gl.Component):
+    """A load on a body that a bearing holds; a brake, or a clutch or freewheel to a second body with a bearing, is pressed meanwhile."""
+
+    kind = gl.Structural("brake", choices=("brake", "clutch", "freewheel"))
+    first = gl.Structural(0)
+    sense = gl.Structural(1.0)
+
+    def assemble(self) -> list[gl.Connection]:
+        t = gl.time
+        load = gl.Piecewise((1.0, t < 3.0), (5.0 * t - 14.0, True))
+        pressed = {"fn_max": 10.0, "mu_pos": ((0.0, 1.0),), "f_normalized": gl.Piecewise((0, t < 1), (t - 1, t < 2), (1, True))}
+        parts = {
+            "part": lambda: {"brake": Brake, "clutch": Clutch, "freewheel": OneWayClutchPart}[self.kind](**pressed),
+            "bearing": lambda: BearingFriction(tau_pos=((0.0, 5.0),)),
+            "other": lambda: BearingFriction(tau_pos=((0.0, 20.0),)),
+        }
+        for name in list(parts)[:: -1 if self.first else 1]:
+            setattr(self, name, parts[name]())
+        self.torque, self.body, self.far = gp.Torque(tau=self.sense * load), gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+        behind, before = self.part.flange_a, self.part.flange_b
+        held = [] if self.kind == "brake" else [gl.connect(behind, self.far.flange_a, self.other.flange_a)]
+        alone = [gl.connect(self.far.flange_a, self.other.flange_a)] if self.kind == "brake" else []
+        return [gl.connect(self.torque.flange, self.body.flange_a, self.bearing.flange_a, before), *held, *alone]
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize(
+    ("kind", "sense"), [("brake", 1.0), ("brake", -1.0), ("clutch", 1.0), ("clutch", -1.0), ("freewheel", 1.0)]
+)
+def test_what_is_pressed_at_rest_takes_nothing_of_what_others_hold(kind: str, sense: float, first: int, method: str) -> None:
+    """Pressing changes no torque. The load breaks all away at the sum of their limits, and the body moves as by hand."""
+    r = gl.simulate(PressedAtRest(kind=kind, first=first, sense=sense), 6.5, samples=131, method=method, rtol=1e-9)
+    early = r.time < 3.75
+    load = np.where(r.time < 3.0, 1.0, 5.0 * r.time - 14.0)
+    assert r["part.tau"][early] == pytest.approx(0.0, abs=1e-9)
+    assert sense * r["bearing.tau"][early] == pytest.approx(load[early], rel=1e-9)
+    assert np.abs(r["body.w"][load < 15.0 - 1e-6]).max() < 1e-6
+    beyond = np.maximum(r.time - 5.8, 0.0)
+    assert sense * r["body.w"] == pytest.approx(2.5 * beyond**2, abs=1e-6)
+    held = sense * r["bearing.tau"] + np.abs(r["part.tau"])
+    assert held[load < 15.0] == pytest.approx(load[load < 15.0], rel=1e-9)
 
 
 class TwoClutches(gl.Component):
