@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -56,6 +56,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
     sa = gl.Variable("any", "curve parameter: loss while locked, acceleration otherwise")
     tau_loss = gl.Variable("N.m", "torque lost, at flange_a")
     tau_eta = gl.Variable("N.m", "torque that tells which side drives")
+    tau_driving = gl.Variable("N.m", "the same; where no torque passes through the mesh, what keeps the side")
     loss_forward = gl.Variable("N.m", "loss at which it starts to turn forward")
     loss_backward = gl.Variable("N.m", "loss at which it starts to turn backward")
     mode = gl.Discrete("-1 backward, 0 stuck, 1 forward, 2 free of losses", start=FREE)
@@ -103,6 +104,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
             *(gl.Eq(x, 0) for x in (*none, *never)),
             gl.Eq(self.sa, gl.der(self.w_a)),
             gl.Eq(self.tau_eta, self.flange_a.tau),
+            gl.Eq(self.tau_driving, self.tau_eta),
             gl.Eq(self.drives, 1),
             gl.Eq(self.mode, FREE),
         ]
@@ -120,7 +122,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
             [interpolated(rows, sense * self.w_a, column, self.smoothness, limits) for column, limits in LIMITS.items()]
             for sense in (1, -1)
         ]
-        ideal = _without_mesh_losses(rows, self.smoothness)
+        ideal = _where(lambda row: row[1] >= 1 and row[2] >= 1, 1.0, (1, 2), rows, self.smoothness)
         still = _on_side_a(at_rest, 0.0, [(-math.inf, math.inf)] if at_rest[0] == at_rest[1] == 1 else [])
         side_forward, side_backward = (
             _on_side_a(row, sense * self.w_a, ideal) for row, sense in zip(there, (1, -1), strict=True)
@@ -133,6 +135,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
                 self.tau_eta,
                 torque + gl.Piecewise((0, gl.holds(self.locked)), (-side_forward, ahead), (side_backward, True)),
             ),
+            gl.Eq(self.tau_driving, self._passing(rows)),
             gl.Eq(self.tau_loss, gl.Piecewise((self.sa, gl.holds(self.locked)), (forward, ahead), (backward, True))),
             gl.Eq(gl.der(self.w_a), gl.Piecewise((LAST * self.sa, gl.holds(self.locked)), (self.sa, True))),
             gl.Eq(
@@ -149,12 +152,25 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
             ),
         ]
 
+    def _passing(self, rows: Rows) -> Any:
+        """``tau_eta``; at speeds without bearing friction, what keeps the side where no power passes through the sliding mesh.
+
+        There both torques vanish together: behind an open gap one is 0 and the other is rounding, whose sign may change with the side.
+        """
+        kept = 1.0 * self.drives - 0.5
+        through = -self.ratio * self.flange_a.tau * self.flange_b.tau > 0
+        branches: list[tuple[Any, Any]] = [(self.tau_eta, gl.Or(gl.holds(self.locked), through))]
+        for low, high in _where(lambda row: row[3] <= 0 and row[4] <= 0, 0.0, (3, 4), rows, self.smoothness):
+            branches += [(self.tau_eta, abs(self.w_a) < low)] if low > -math.inf else []
+            branches.append((kept, abs(self.w_a) < high if high < math.inf else True))
+        return piecewise_without_events(*branches, (self.tau_eta, True))
+
     def _modes(self) -> list[gl.Eq]:
         was = gl.pre(self.mode)
         ahead = gl.Or(gl.equals(was, FORWARD), gl.holds(self.start_forward))
         back = gl.Or(gl.equals(was, BACKWARD), gl.holds(self.start_backward))
         return [
-            gl.Eq(self.drives, gl.Piecewise((gl.pre(self.drives), self._is_held()), (1, self.tau_eta >= 0), (0, True))),
+            gl.Eq(self.drives, gl.Piecewise((gl.pre(self.drives), self._is_held()), (1, self.tau_driving >= 0), (0, True))),
             gl.Eq(self.moving, sign_while(1 - gl.pre(self.locked), self.w_a, gl.pre(self.moving), self.sa)),
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
             gl.Eq(self.start_forward, self._starts(1, self.sa, self.loss_forward, self.start_forward, self.start_backward)),
@@ -220,19 +236,24 @@ def _on_side_a(row: list[Any], speed: Any, ideal: list[tuple[float, float]]) -> 
     return piecewise_without_events(*branches, *([] if branches and branches[-1][1] is True else [(part, True)]))
 
 
-def _without_mesh_losses(rows: Rows, smoothness: str) -> list[tuple[float, float]]:
-    """Intervals of speed in which both efficiencies are 1, in rising order; the first row holds below it, too."""
-    reached = max(reaches(rows, column, 1.0, smoothness) for column in (1, 2))
+def _where(
+    true: Callable[[Sequence[Any]], bool], limit: float, columns: tuple[int, int], rows: Rows, smoothness: str
+) -> list[tuple[float, float]]:
+    """Intervals of speed, in rising order, in which something is ``true`` of a row: that ``columns`` are at a limit of theirs.
+
+    The first row holds below it, too.
+    """
+    reached = max(reaches(rows, column, limit, smoothness) for column in columns)
     spans = [(left[0], right[0]) for left, right in pairwise(rows)] + ([(reached, math.inf)] if math.isfinite(reached) else [])
 
-    def is_ideal(speed: float) -> bool:
+    def is_true(speed: float) -> bool:
         shifted = tuple((row[0] - speed, *row[1:]) for row in rows)
-        return all(at_zero(shifted, column, smoothness) >= 1 for column in (1, 2))
+        return true([speed, *(at_zero(shifted, column, smoothness) for column in LIMITS)])
 
     return [
         (low if low > rows[0][0] else -math.inf, high)
         for low, high in spans
-        if all(is_ideal(low + share * min(high - low, 1.0)) for share in (0.25, 0.5, 0.75))
+        if all(is_true(low + share * min(high - low, 1.0)) for share in (0.25, 0.5, 0.75))
     ]
 
 
