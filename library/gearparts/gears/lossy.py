@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -56,7 +56,8 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
     sa = gl.Variable("any", "curve parameter: loss while locked, acceleration otherwise")
     tau_loss = gl.Variable("N.m", "torque lost, at flange_a")
     tau_eta = gl.Variable("N.m", "torque that tells which side drives")
-    tau_driving = gl.Variable("N.m", "the same; where no torque passes through the mesh, what keeps the side")
+    tau_out = gl.Variable("N.m", "torque passed on beyond that at which the sides change; it has the sign of tau_eta")
+    tau_driving = gl.Variable("N.m", "tau_eta, or what keeps the side where rounding decides its sign")
     loss_forward = gl.Variable("N.m", "loss at which it starts to turn forward")
     loss_backward = gl.Variable("N.m", "loss at which it starts to turn backward")
     mode = gl.Discrete("-1 backward, 0 stuck, 1 forward, 2 free of losses", start=FREE)
@@ -104,6 +105,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
             *(gl.Eq(x, 0) for x in (*none, *never)),
             gl.Eq(self.sa, gl.der(self.w_a)),
             gl.Eq(self.tau_eta, self.flange_a.tau),
+            gl.Eq(self.tau_out, self.tau_eta),
             gl.Eq(self.tau_driving, self.tau_eta),
             gl.Eq(self.drives, 1),
             gl.Eq(self.mode, FREE),
@@ -122,7 +124,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
             [interpolated(rows, sense * self.w_a, column, self.smoothness, limits) for column, limits in LIMITS.items()]
             for sense in (1, -1)
         ]
-        ideal = _where(lambda row: row[1] >= 1 and row[2] >= 1, 1.0, (1, 2), rows, self.smoothness)
+        ideal = _without_mesh_losses(rows, self.smoothness)
         still = _on_side_a(at_rest, 0.0, [(-math.inf, math.inf)] if at_rest[0] == at_rest[1] == 1 else [])
         side_forward, side_backward = (
             _on_side_a(row, sense * self.w_a, ideal) for row, sense in zip(there, (1, -1), strict=True)
@@ -130,12 +132,19 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
         drives = gl.holds(self.drives)  # also while locked: it starts with the side that drives then
         forward = gl.Piecewise((_a_drives(torque, 1, there[0]), drives), (_b_drives(torque, 1, there[0]), True))
         backward = gl.Piecewise((_b_drives(torque, -1, there[1]), drives), (_a_drives(torque, -1, there[1]), True))
+        change_forward, change_backward = (
+            row[0] * side - row[2] for row, side in zip(there, (side_forward, side_backward), strict=True)
+        )
         return [
+            gl.Eq(
+                self.tau_out,
+                gl.Piecewise((-change_forward, ahead), (change_backward, True)) - self.flange_b.tau / self.ratio,
+            ),
+            gl.Eq(self.tau_driving, self._telling(rows, ideal)),
             gl.Eq(
                 self.tau_eta,
                 torque + gl.Piecewise((0, gl.holds(self.locked)), (-side_forward, ahead), (side_backward, True)),
             ),
-            gl.Eq(self.tau_driving, self._passing(rows)),
             gl.Eq(self.tau_loss, gl.Piecewise((self.sa, gl.holds(self.locked)), (forward, ahead), (backward, True))),
             gl.Eq(gl.der(self.w_a), gl.Piecewise((LAST * self.sa, gl.holds(self.locked)), (self.sa, True))),
             gl.Eq(
@@ -152,18 +161,21 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
             ),
         ]
 
-    def _passing(self, rows: Rows) -> Any:
-        """``tau_eta``; at speeds without bearing friction, what keeps the side where no power passes through the sliding mesh.
+    def _telling(self, rows: Rows, ideal: list[tuple[float, float]]) -> Any:
+        """``tau_eta``, but what keeps the side where it differs in sign from ``tau_out``, which it does by rounding alone.
 
-        There both torques vanish together: behind an open gap one is 0 and the other is rounding, whose sign may change with the side.
+        Both vanish together, and stay so behind an open gap where the bearings load flange_a only, or not at all: one of the torques is
+        known there, and rounding of the other one may change its sign with the side. Without mesh losses (in the ``ideal`` intervals of
+        speed), at rest, and where flange_a cannot drive, ``tau_out`` tells nothing.
         """
+        if min(row[1] for row in rows) <= 0 or math.isfinite(reaches(rows, 1, 0.0, self.smoothness)):
+            return self.tau_eta
         kept = 1.0 * self.drives - 0.5
-        through = -self.ratio * self.flange_a.tau * self.flange_b.tau > 0
-        branches: list[tuple[Any, Any]] = [(self.tau_eta, gl.Or(gl.holds(self.locked), through))]
-        for low, high in _where(lambda row: row[3] <= 0 and row[4] <= 0, 0.0, (3, 4), rows, self.smoothness):
-            branches += [(self.tau_eta, abs(self.w_a) < low)] if low > -math.inf else []
-            branches.append((kept, abs(self.w_a) < high if high < math.inf else True))
-        return piecewise_without_events(*branches, (self.tau_eta, True))
+        branches: list[tuple[Any, Any]] = [(self.tau_eta, gl.Or(gl.holds(self.locked), self.tau_eta * self.tau_out > 0))]
+        for low, high in ideal:
+            branches += [(kept, abs(self.w_a) < low)] if low > -math.inf else []
+            branches.append((self.tau_eta, abs(self.w_a) < high if high < math.inf else True))
+        return piecewise_without_events(*branches, (kept, True))
 
     def _modes(self) -> list[gl.Eq]:
         was = gl.pre(self.mode)
@@ -236,24 +248,19 @@ def _on_side_a(row: list[Any], speed: Any, ideal: list[tuple[float, float]]) -> 
     return piecewise_without_events(*branches, *([] if branches and branches[-1][1] is True else [(part, True)]))
 
 
-def _where(
-    true: Callable[[Sequence[Any]], bool], limit: float, columns: tuple[int, int], rows: Rows, smoothness: str
-) -> list[tuple[float, float]]:
-    """Intervals of speed, in rising order, in which something is ``true`` of a row: that ``columns`` are at a limit of theirs.
-
-    The first row holds below it, too.
-    """
-    reached = max(reaches(rows, column, limit, smoothness) for column in columns)
+def _without_mesh_losses(rows: Rows, smoothness: str) -> list[tuple[float, float]]:
+    """Intervals of speed in which both efficiencies are 1, in rising order; the first row holds below it, too."""
+    reached = max(reaches(rows, column, 1.0, smoothness) for column in (1, 2))
     spans = [(left[0], right[0]) for left, right in pairwise(rows)] + ([(reached, math.inf)] if math.isfinite(reached) else [])
 
-    def is_true(speed: float) -> bool:
+    def is_ideal(speed: float) -> bool:
         shifted = tuple((row[0] - speed, *row[1:]) for row in rows)
-        return true([speed, *(at_zero(shifted, column, smoothness) for column in LIMITS)])
+        return all(at_zero(shifted, column, smoothness) >= 1 for column in (1, 2))
 
     return [
         (low if low > rows[0][0] else -math.inf, high)
         for low, high in spans
-        if all(is_true(low + share * min(high - low, 1.0)) for share in (0.25, 0.5, 0.75))
+        if all(is_ideal(low + share * min(high - low, 1.0)) for share in (0.25, 0.5, 0.75))
     ]
 
 
