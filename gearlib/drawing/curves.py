@@ -128,6 +128,8 @@ def spectrum(history: History, window: str = "hann", t_start: float | None = Non
     shape = get_window("boxcar" if window == "rectangular" else window, len(values))
     amplitudes: Floats = np.abs(np.fft.rfft((values - values.mean()) * shape)) * 2 / shape.sum()
     amplitudes[0] = abs(values.mean())
+    if len(values) % 2 == 0:  # the line of two samples per wave has no counterpart at a negative frequency
+        amplitudes[-1] /= 2
     return np.arange(len(amplitudes)) / (len(values) * float(steps.mean())), amplitudes
 
 

@@ -113,6 +113,16 @@ def test_amplitudes_of_tones_that_fit_the_interval(window: str) -> None:
     assert a_late[20] == pytest.approx(2.0, rel=1e-2)
 
 
+@pytest.mark.parametrize("window", ["hann", "flattop", "blackman", "rectangular"])
+def test_the_last_line_of_an_even_number_of_samples_is_not_doubled(window: str) -> None:
+    """Two samples a wave, 0.5 above and below the mean; of an odd number of samples no line is there."""
+    values = 3.0 + 0.5 * (-1.0) ** np.arange(400)
+    f, a = spectrum(History("x", "m", np.arange(400) / 100, values), window)
+    assert (f[-1], a[-1]) == pytest.approx((50.0, 0.5), rel=1e-9)
+    tone = 2 * np.cos(2 * np.pi * 200 * np.arange(401) / 401)  # the last line
+    assert spectrum(History("x", "m", np.arange(401) / 100, tone), "rectangular")[1][-1] == pytest.approx(2.0)
+
+
 def test_a_spectrum_needs_eight_even_samples() -> None:
     def of(times: object) -> History:
         return History("x", "m", np.asarray(times, float), np.arange(len(np.asarray(times)), dtype=float) ** 2)

@@ -56,6 +56,8 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
     sa = gl.Variable("any", "curve parameter: loss while locked, acceleration otherwise")
     tau_loss = gl.Variable("N.m", "torque lost, at flange_a")
     tau_eta = gl.Variable("N.m", "torque that tells which side drives")
+    tau_out = gl.Variable("N.m", "torque passed on beyond that at which the sides change; it has the sign of tau_eta")
+    tau_driving = gl.Variable("N.m", "tau_eta, or what keeps the side where rounding decides its sign")
     loss_forward = gl.Variable("N.m", "loss at which it starts to turn forward")
     loss_backward = gl.Variable("N.m", "loss at which it starts to turn backward")
     mode = gl.Discrete("-1 backward, 0 stuck, 1 forward, 2 free of losses", start=FREE)
@@ -103,6 +105,8 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
             *(gl.Eq(x, 0) for x in (*none, *never)),
             gl.Eq(self.sa, gl.der(self.w_a)),
             gl.Eq(self.tau_eta, self.flange_a.tau),
+            gl.Eq(self.tau_out, self.tau_eta),
+            gl.Eq(self.tau_driving, self.tau_eta),
             gl.Eq(self.drives, 1),
             gl.Eq(self.mode, FREE),
         ]
@@ -128,7 +132,15 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
         drives = gl.holds(self.drives)  # also while locked: it starts with the side that drives then
         forward = gl.Piecewise((_a_drives(torque, 1, there[0]), drives), (_b_drives(torque, 1, there[0]), True))
         backward = gl.Piecewise((_b_drives(torque, -1, there[1]), drives), (_a_drives(torque, -1, there[1]), True))
+        change_forward, change_backward = (
+            row[0] * side - row[2] for row, side in zip(there, (side_forward, side_backward), strict=True)
+        )
         return [
+            gl.Eq(
+                self.tau_out,
+                gl.Piecewise((-change_forward, ahead), (change_backward, True)) - self.flange_b.tau / self.ratio,
+            ),
+            gl.Eq(self.tau_driving, self._telling(rows, ideal)),
             gl.Eq(
                 self.tau_eta,
                 torque + gl.Piecewise((0, gl.holds(self.locked)), (-side_forward, ahead), (side_backward, True)),
@@ -149,12 +161,28 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
             ),
         ]
 
+    def _telling(self, rows: Rows, ideal: list[tuple[float, float]]) -> Any:
+        """``tau_eta``, but what keeps the side where it differs in sign from ``tau_out``, which it does by rounding alone.
+
+        Both vanish together, and stay so behind an open gap where the bearings load flange_a only, or not at all: one of the torques is
+        known there, and rounding of the other one may change its sign with the side. Without mesh losses (in the ``ideal`` intervals of
+        speed), at rest, and where flange_a cannot drive, ``tau_out`` tells nothing.
+        """
+        if min(row[1] for row in rows) <= 0 or math.isfinite(reaches(rows, 1, 0.0, self.smoothness)):
+            return self.tau_eta
+        kept = 1.0 * self.drives - 0.5
+        branches: list[tuple[Any, Any]] = [(self.tau_eta, gl.Or(gl.holds(self.locked), self.tau_eta * self.tau_out > 0))]
+        for low, high in ideal:
+            branches += [(kept, abs(self.w_a) < low)] if low > -math.inf else []
+            branches.append((self.tau_eta, abs(self.w_a) < high if high < math.inf else True))
+        return piecewise_without_events(*branches, (kept, True))
+
     def _modes(self) -> list[gl.Eq]:
         was = gl.pre(self.mode)
         ahead = gl.Or(gl.equals(was, FORWARD), gl.holds(self.start_forward))
         back = gl.Or(gl.equals(was, BACKWARD), gl.holds(self.start_backward))
         return [
-            gl.Eq(self.drives, gl.Piecewise((gl.pre(self.drives), self._is_held()), (1, self.tau_eta >= 0), (0, True))),
+            gl.Eq(self.drives, gl.Piecewise((gl.pre(self.drives), self._is_held()), (1, self.tau_driving >= 0), (0, True))),
             gl.Eq(self.moving, sign_while(1 - gl.pre(self.locked), self.w_a, gl.pre(self.moving), self.sa)),
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
             gl.Eq(self.start_forward, self._starts(1, self.sa, self.loss_forward, self.start_forward, self.start_backward)),

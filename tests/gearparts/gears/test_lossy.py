@@ -535,13 +535,76 @@ def test_modes_of_a_gear_after_an_event(lossy: gl.Component, was: int, starts: s
 def test_the_side_that_drives_is_that_of_the_torque_unless_others_hold_a_gear_that_starts(
     lossy: gl.Component, starts: str
 ) -> None:
-    for tau_eta, side in ((1e-9, 1), (0.0, 1), (-1e-9, 0)):
+    for torque, side in ((1e-9, 1), (0.0, 1), (-1e-9, 0)):
         for before in (0, 1):
-            values = {"tau_eta": tau_eta, "pre_drives": before}
+            values = {"tau_driving": torque, "pre_drives": before}
             for was in (1, -1, 2):
                 assert right_side(lossy, "drives", **values, **{starts: 1.0}, pre_mode=was) == side
             assert right_side(lossy, "drives", **values) == side
             assert right_side(lossy, "drives", **values, **{starts: 1.0}, pre_mode=0) == before
+
+
+def test_rounding_keeps_the_side_that_drives_but_at_rest_and_without_mesh_losses() -> None:
+    gear = LossyGear(ratio=2.0, loss_table=((0.0, 0.9, 0.8, 0.1, 0.2), (10.0, 1.0, 1.0, 0.1, 0.2), (20.0, 1.0, 1.0, 0.1, 0.2)))
+    for tau_eta, tau_out, told in ((3.0, 2.0, True), (-3.0, -2.0, True), (1e-17, 0.0, False), (1e-17, -1e-17, False)):
+        for drives, kept in ((0, -0.5), (1, 0.5)):
+            values = {"tau_eta": tau_eta, "tau_out": tau_out, "drives": drives}
+            for w, locked in ((-5.0, 0), (5.0, 0), (15.0, 0), (-15.0, 0), (0.0, 1)):
+                expected = tau_eta if told or locked or abs(w) > 10 else kept
+                assert right_side(gear, "tau_driving", **values, w_a=w, locked=locked) == expected
+    never = LossyGear(ratio=2.0, loss_table=((0.0, 0.0, 0.8, 0.1, 0.2),))
+    assert right_side(never, "tau_driving", tau_eta=1e-17, w_a=5.0) == 1e-17
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_torques_at_both_flanges_tell_one_side(lossy: gl.Component, sense: int) -> None:
+    """Forward ``out = eta1 (T - B_a)`` with flange_a driving, ``(T - B_a) / eta2`` otherwise; backward the other way round."""
+    ahead = {"pre_mode": 1} if sense > 0 else {}
+    for torque in (4.0, 0.1, -0.1, -3.0):
+        told = right_side(lossy, "tau_eta", flange_a__tau=torque, w_a=sense * 1e-9, **ahead)
+        by_flange_a = (told > 0) == (sense > 0)
+        loss = by_a(torque, sense) if by_flange_a else by_b(torque, sense)
+        values = {"flange_b__tau": -2.0 * (torque - loss), "ratio": 2.0, "w_a": sense * 1e-9}
+        assert right_side(lossy, "tau_out", **values, **ahead) == pytest.approx(told * (ETA_1 if by_flange_a else 1 / ETA_2))
+
+
+class Reversing(gl.Component):
+    """A gearbox with a bearing on its first shaft that a torque drives to and fro, through its gap, and a body behind it."""
+
+    bearing = gl.Structural(0.0)
+
+    def assemble(self) -> Any:
+        table = ((0.0, 0.9, 0.8, 0.9 * self.bearing, self.bearing / 0.8),)
+        self.torque, self.motor = gp.Torque(tau=10 * gl.sin(7 * gl.time + 3 / 11)), gp.Inertia(J=0.5, start={"w": 14.5})
+        self.box = Gearbox(ratio=-2.9, c=400.0, d=1.6, b=0.0145, loss_table=table, start={"phi_rel": 0.0})
+        self.load = gp.Inertia(J=1.4, start={"w": -5.0})
+        return [
+            gl.connect(self.torque.flange, self.motor.flange_a),
+            gl.connect(self.motor.flange_b, self.box.flange_a),
+            gl.connect(self.box.flange_b, self.load.flange_a),
+        ]
+
+
+@pytest.mark.parametrize("bearing", [0.0, 0.3])
+@pytest.mark.parametrize("method", ["rk5", "rk8", "ida"])
+def test_a_gearbox_goes_through_its_gap_while_nothing_loads_its_mesh(bearing: float, method: str) -> None:
+    times = np.linspace(0.0, 1.2, 61)
+    r = gl.compile(Reversing(bearing=bearing), outputs=["motor.w", "load.w", "box.phi_rel"]).simulate(
+        1.2, times=times, method=method, rtol=1e-8
+    )
+
+    def rate(t: float, x: np.ndarray) -> list[float]:
+        w_rel = x[1] + x[0] / 2.9
+        spring = 400.0 * math.copysign(max(abs(x[2]) - 0.0145 / 2, 0.0), x[2])
+        tau = max(0.0, spring + min(spring, 1.6 * w_rel)) if spring > 0 else min(0.0, spring + max(spring, 1.6 * w_rel))
+        lossless = tau / 2.9  # torque at the motor
+        loaded = lossless / 0.9 if lossless * x[0] > 0 else lossless * 0.8
+        return [(10 * math.sin(7 * t + 3 / 11) - bearing - loaded) / 0.5, -tau / 1.4, w_rel]
+
+    x = solve_ivp(rate, (0, 1.2), [14.5, -5.0, 0.0], "DOP853", times, rtol=1e-9, atol=1e-12, max_step=1e-3).y
+    assert r["box.phi_rel"].min() < -0.0145 / 2
+    assert r["box.phi_rel"].max() > 0.0145 / 2
+    agree(r, {"motor.w": x[0], "load.w": x[1], "box.phi_rel": x[2]}, 2e-5)
 
 
 def test_a_gear_without_losses_has_no_modes() -> None:

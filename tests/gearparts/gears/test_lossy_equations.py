@@ -34,7 +34,8 @@ def test_a_gear_turns_by_its_ratio_and_passes_on_what_is_not_lost(
         "loss_forward": loss, "loss_backward": 0.0 if lossless else (1 - 1 / 0.8) * 4.0 - 0.3,
     }  # fmt: skip
     modes = {"mode": 2.0} if lossless else {"mode": 1.0, "pre(mode)": 1.0, "moving": 1.0, "pre(moving)": 1.0}
-    modes["drives"] = 1.0
+    out = 4.0 if lossless else 0.9 * values["tau_eta"]  # T / eta2 or eta1 T, beyond its value where the sides change
+    modes |= {"drives": 1.0, "tau_driving": values["tau_eta"], "tau_out": out}
     found = misfits(gear, defaultdict(float, values | modes))
     assert found == []
     assert powers(gear, defaultdict(float, values)) == (0.0, 6.0 * loss, 0.0)
