@@ -147,7 +147,7 @@ def test_only_what_discrete_variables_read_is_evaluated_before_them(read: str, e
 
     class Sampled(gl.Component):
         x, y, z, a, b = (gl.Variable("1") for _ in range(5))
-        n, shifted = gl.Discrete("1"), gl.Discrete("1")
+        n, shifted, copied = (gl.Discrete("1") for _ in range(3))
         rate = gl.Parameter("1/s", default=1.0)
 
         def equations(self) -> list[Any]:
@@ -158,10 +158,11 @@ def test_only_what_discrete_variables_read_is_evaluated_before_them(read: str, e
                 gl.Eq(self.a, 0.5 * gl.sin(self.b)),
                 gl.Eq(self.b, 0.5 * gl.cos(self.a) + self.shifted),
                 gl.Eq(self.shifted, gl.time > 0.5),
+                gl.Eq(self.copied, self.x),
                 gl.When(gl.time >= 1.0, gl.Eq(self.n, getattr(self, read))),
             ]
 
-    system = gl.compile(Sampled(), outputs=["x", "y", "a", "b"])
+    system = gl.compile(Sampled(), outputs=["x", "y", "a", "b", "copied"])
     relations = system.translation.scene.relations
     assert relations is not None
     first = relations.event_iteration.passed[0]
