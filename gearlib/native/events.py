@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gearlib.flatten.model import FlatModel
 from gearlib.native.layout import EACH, Layout
-from gearlib.native.source import CLOSING, Body, given, loop, looped
+from gearlib.native.source import CLOSING, Body, loop, looped, states_and_inputs
 from gearlib.program.event_iteration import (
     MOST_ITERATIONS,
     DiscretesPhase,
@@ -161,8 +161,8 @@ def _passes(body: Body, relations: Relations, model: FlatModel, numbers: Integer
     for phase in iteration.passed:
         match phase:
             case UnknownsPhase():
-                body.lines += compute if phase.enough is None else given(relations.program)
-                for batch in phase.enough or ():
+                body.lines += compute if phase.batches is None else states_and_inputs(relations.program)
+                for batch in phase.batches or ():
                     loop(body, batch, "data[v + {target}] = {value}")
             case DiscretesPhase(batch):
                 loop(body, batch, "y = {value}\nif data[r + {target}] != y:\n    data[r + {target}] = y\n    changed = 1")

@@ -193,7 +193,7 @@ def _guard(divisor: str, numerator: str, value: str, quotient: str, place: str, 
 CLOSING = 6  # lines at the end of a looped body that store the derivatives
 
 
-def given(program: Program) -> list[str]:
+def states_and_inputs(program: Program) -> list[str]:
     """Lines that put the states and inputs into their slots."""
     inputs = ["for k in range(m):", "    data[v + n + k] = data[u + k]"] if program.inputs else []
     return ["for k in parallel(n):", "    data[v + k] = x[k]", *inputs]
@@ -213,7 +213,7 @@ def looped(program: Program, layout: Layout, guarded: bool = False, forgiving: b
     body.lines += [
         f"o = {sizes}",
         "v, r, u, n, m, w = index[o], index[o + 1], index[o + 2], index[o + 3], index[o + 4], index[o + 5]",
-        *given(program),
+        *states_and_inputs(program),
     ]
     pieces: list[Body] = []
     memory, blocks, matrices = layout.memory, zip(layout.solutions, layout.needed, strict=True), iter(layout.kept)

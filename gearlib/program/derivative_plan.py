@@ -23,7 +23,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.program.program import Batch, Linear, Newton, Program, Step
+from gearlib.program.program import Batch, Linear, Newton, Program, Step, slots_behind
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -197,7 +197,7 @@ def derivative_plan(
     for entry, k in enumerate(order[len(known) :], 1 + len(known)):
         slot = entering[k][0]
         added.setdefault(int(makers[slot]), []).append((int(rows_made[slot]), entry))
-    alive = _needed(program, slots) if wanted is not None else np.ones(program.n_slots, bool)
+    alive = slots_behind(program, slots, slopes=True) if wanted is not None else np.ones(program.n_slots, bool)
     steps: list[Sums | Solved] = []
     block = 0
     for number, step in enumerate(program.steps):
@@ -416,27 +416,6 @@ def _made_by(program: Program) -> tuple[Integers, Integers]:
         made = step.targets if isinstance(step, Batch) else step.unknowns
         makers[made], rows[made] = number, np.arange(len(made))
     return makers, rows
-
-
-def _needed(program: Program, wanted: Integers) -> NDArray[np.bool_]:
-    """The slots that some slots depend on, including themselves."""
-    alive = np.zeros(program.n_slots, bool)
-    alive[wanted] = True
-    for step in reversed(program.steps):
-        if isinstance(step, Batch):
-            _mark(alive, step, alive[step.targets])
-        elif alive[step.unknowns].any():
-            if isinstance(step, Linear):
-                alive[step.known] = True
-            else:
-                for batch in step.residuals:
-                    _mark(alive, batch, np.ones(len(batch), bool))
-    return alive
-
-
-def _mark(alive: NDArray[np.bool_], batch: Batch, use: NDArray[np.bool_]) -> None:
-    for a in batch.active:
-        alive[batch.arguments[use & (batch.argument_signs[:, a] != 0), a]] = True
 
 
 def _batches(steps: Iterable[Step]) -> Iterator[Batch]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gearlib.equations.kernel import relation_kernel
 from gearlib.equations.template import Relation
-from gearlib.program.program import Batch, Program
+from gearlib.program.program import Batch, Program, slots_behind
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -29,11 +29,11 @@ class UnknownsPhase:
 
     Attributes
     ----------
-    enough : tuple of Batch, optional
-        What the next phases read, where no equations need be solved together for it; None: all slots are needed.
+    batches : tuple of Batch, optional
+        What the discrete variables that follow read, with all that it is computed from; None: everything is evaluated.
     """
 
-    enough: tuple[Batch, ...] | None = None
+    batches: tuple[Batch, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,8 @@ def event_iteration(
     ``on_time`` are the relations that compare nothing but time, ``searched`` those that are event functions.
     """
     passed: list[UnknownsPhase | DiscretesPhase | RelationsPhase] = []
-    read = {slot for batch in discretes for slot in batch.arguments.ravel().tolist()}
-    if read:
+    read = np.concatenate([np.empty(0, np.int64), *(batch.arguments.ravel() for batch in discretes)])
+    if read.size:
         passed.append(UnknownsPhase(computed_alone(program, read)))
     passed += map(DiscretesPhase, discretes)  # first, so that an element that has just become stuck is tried as locked
     passed.append(UnknownsPhase())
@@ -128,17 +128,17 @@ def event_iteration(
     return EventIteration(tuple(passed), reinits)
 
 
-def computed_alone(program: Program, slots: set[int]) -> tuple[Batch, ...] | None:
+def computed_alone(program: Program, slots: Integers) -> tuple[Batch, ...] | None:
     """The equations that give some slots, in their order; None where some of them are solved together."""
-    needed, found = set(slots), []
-    for step in reversed(program.steps):
+    needed = slots_behind(program, slots)
+    found = []
+    for step in program.steps:
         if not isinstance(step, Batch):
-            if not needed.isdisjoint(step.unknowns.tolist()):
+            if needed[step.unknowns].any():
                 return None
-        elif (rows := np.flatnonzero(np.isin(step.targets, list(needed)))).size:
+        elif (rows := np.flatnonzero(needed[step.targets])).size:
             found.append(step.take(rows))
-            needed.update(found[-1].arguments.ravel().tolist())
-    return tuple(reversed(found))
+    return tuple(found)
 
 
 def right_hand(t: Floats) -> Floats:

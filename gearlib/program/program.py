@@ -329,3 +329,24 @@ class Program:
             not isinstance(s, Newton) and all(b.kernel.template.linear for b in ([s] if isinstance(s, Batch) else s.matrix))
             for s in self.steps
         )
+
+
+def slots_behind(program: Program, wanted: Integers, slopes: bool = False) -> NDArray[np.bool_]:
+    """The slots that some slots depend on, including themselves; ``slopes``: without those whose derivative is zero everywhere."""
+    found = np.zeros(program.n_slots, bool)
+    found[wanted] = True
+
+    def mark(batch: Batch, use: NDArray[np.bool_]) -> None:
+        for a in batch.active if slopes else range(batch.arguments.shape[1]):
+            found[batch.arguments[use & (batch.argument_signs[:, a] != 0), a]] = True
+
+    for step in reversed(program.steps):
+        if isinstance(step, Batch):
+            mark(step, found[step.targets])
+        elif found[step.unknowns].any():
+            if isinstance(step, Linear):
+                found[step.known] = True
+            else:
+                for batch in step.residuals:
+                    mark(batch, np.ones(len(batch), bool))
+    return found

@@ -168,7 +168,7 @@ def test_only_what_discrete_variables_read_is_evaluated_before_them(read: str, e
     first = relations.event_iteration.passed[0]
     assert isinstance(first, UnknownsPhase)
     slots = {slot: system.translation.scene.model.name(v) for (v, k), slot in relations.program.slots.items() if k == 0}
-    found = None if first.enough is None else [slots[target] for batch in first.enough for target in batch.targets.tolist()]
+    found = None if first.batches is None else [slots[target] for batch in first.batches for target in batch.targets.tolist()]
     assert found == equations
     run = {method: system.simulate(2.0, samples=21, rtol=1e-9, method=method) for method in ("ida", "rk")}
     together = 0.0

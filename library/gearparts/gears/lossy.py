@@ -170,12 +170,10 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
         """
         if min(row[1] for row in rows) <= 0 or math.isfinite(reaches(rows, 1, 0.0, self.smoothness)):
             return self.tau_eta
-        kept = 1.0 * self.drives - 0.5
-        branches: list[tuple[Any, Any]] = [(self.tau_eta, gl.Or(gl.holds(self.locked), self.tau_eta * self.tau_out > 0))]
-        for low, high in ideal:
-            branches += [(kept, abs(self.w_a) < low)] if low > -math.inf else []
-            branches.append((self.tau_eta, abs(self.w_a) < high if high < math.inf else True))
-        return piecewise_without_events(*branches, (kept, True))
+        told = gl.Or(gl.holds(self.locked), self.tau_eta * self.tau_out > 0)
+        return piecewise_without_events(
+            (self.tau_eta, told), *_by_speed(abs(self.w_a), ideal, self.tau_eta, 1.0 * self.drives - 0.5)
+        )
 
     def _modes(self) -> list[gl.Eq]:
         was = gl.pre(self.mode)
@@ -240,12 +238,17 @@ def _on_side_a(row: list[Any], speed: Any, ideal: list[tuple[float, float]]) -> 
 
     ``ideal``: the intervals of speed where they are.
     """
-    half, part = row[2] / 2, (row[2] - row[3]) / (row[0] - 1 / row[1] - SMALLEST)
+    part = (row[2] - row[3]) / (row[0] - 1 / row[1] - SMALLEST)
+    return piecewise_without_events(*_by_speed(speed, ideal, row[2] / 2, part))
+
+
+def _by_speed(speed: Any, intervals: list[tuple[float, float]], inside: Any, outside: Any) -> list[tuple[Any, Any]]:
+    """Branches of a piecewise expression that has one value inside of some intervals of speed, in rising order, and another outside."""
     branches: list[tuple[Any, Any]] = []
-    for low, high in ideal:
-        branches += [(part, speed < low)] if low > -math.inf else []
-        branches.append((half, speed < high if high < math.inf else True))
-    return piecewise_without_events(*branches, *([] if branches and branches[-1][1] is True else [(part, True)]))
+    for low, high in intervals:
+        branches += [(outside, speed < low)] if low > -math.inf else []
+        branches.append((inside, speed < high if high < math.inf else True))
+    return branches if branches and branches[-1][1] is True else [*branches, (outside, True)]
 
 
 def _without_mesh_losses(rows: Rows, smoothness: str) -> list[tuple[float, float]]:

@@ -25,7 +25,7 @@ NO_ACCELERATION = 1e-7  # rad/s2: rounding of that of an element that could slid
 # torque of a locked element is zero on a prescribed motion at rest, and beyond any limit on one that moves, so that the element slides.
 # Everywhere else it is below the rounding of the acceleration. Several locked elements on one rigid path share the torque by it.
 YIELD = 1e-27
-BEYOND = 1e15  # N.m: beyond any real shaft; only prescribed motions require it
+BEYOND = 1e15  # N.m: beyond any real shaft; only prescribed motions require it, and as a bound it is none
 AT_REST = 1e-11  # rad/s: below it, an element at rest has not begun to move; a solver's rounding has no meaningful sign
 LEFT = 1e-12  # rad/s and rad/s2: what rounding leaves of the speed and acceleration of an element that another one has stopped
 
@@ -230,7 +230,7 @@ class Pressed(SlidingSurfaces):
     cgeo = gl.Parameter("m", "geometry constant: torque per normal force and friction coefficient", default=1.0, min=0)
     fn_max = gl.Parameter("N", "largest normal force", min=0)
     f_normalized = gl.Input("1", "normal force over the largest one")
-    kept = gl.Discrete("sliding torque at which it began to slide")
+    kept = gl.Discrete("sliding torque at which it began to slide; beyond any once others have let go")
     is_held = gl.Discrete("began to slide, but is held by others, and has been pressed harder since")
 
     def level(self, speed: Any) -> Any:

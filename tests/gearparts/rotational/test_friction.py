@@ -1029,10 +1029,11 @@ class PressedAtRest(gl.Component):
         for name in list(parts)[:: -1 if self.first else 1]:
             setattr(self, name, parts[name]())
         self.torque, self.body, self.far = gp.Torque(tau=self.sense * load), gp.Inertia(J=1.0), gp.Inertia(J=1.0)
-        behind, before = self.part.flange_a, self.part.flange_b
-        held = [] if self.kind == "brake" else [gl.connect(behind, self.far.flange_a, self.other.flange_a)]
-        alone = [gl.connect(self.far.flange_a, self.other.flange_a)] if self.kind == "brake" else []
-        return [gl.connect(self.torque.flange, self.body.flange_a, self.bearing.flange_a, before), *held, *alone]
+        behind = [] if self.kind == "brake" else [self.part.flange_a]
+        return [
+            gl.connect(self.torque.flange, self.body.flange_a, self.bearing.flange_a, self.part.flange_b),
+            gl.connect(self.far.flange_a, self.other.flange_a, *behind),
+        ]
 
 
 @pytest.mark.parametrize("method", METHODS)
